@@ -1,0 +1,67 @@
+# The two commands a new user needs:  make demo   and   make test.
+# Everything runs from .venv, which sets itself up with the versions of constraints.txt.
+
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+VENV := .venv
+BIN := $(VENV)/bin
+ARGS ?=
+
+.PHONY: demo test check format bench docs constraints clean help
+
+help:
+	@echo 'make demo    set up and run the sample robot (no hardware needed); ARGS="--link fd" passes options on'
+	@echo 'make test    set up, check style, types and layering, run all tests'
+	@echo 'make check   style, types, layering only'
+	@echo 'make bench   print the tables of figures'
+	@echo 'make docs    build the documentation site into site/'
+
+# pip installs into the new environment from outside (pip >= 22.3), so that a Python without ensurepip will do.
+$(BIN)/python:
+	@test -n '$(PYTHON)' || { echo 'MsBOT needs Python 3.11 or newer; none was found. Install it, or call: make PYTHON=/path/to/python3'; exit 1; }
+	$(PYTHON) -m venv --without-pip $(VENV)
+
+INSTALL = $(PYTHON) -m pip --python $(BIN)/python install --quiet --disable-pip-version-check --constraint constraints.txt
+
+$(VENV)/.run: pyproject.toml constraints.txt | $(BIN)/python
+	$(INSTALL) --editable '.[master]'
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
+	$(INSTALL) --editable '.[master,can,postgres,dev]'
+	@touch $@ $(VENV)/.run
+
+$(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python
+	$(INSTALL) --editable '.[master,docs]'
+	@touch $@
+
+demo: $(VENV)/.run
+	@$(BIN)/msbot demo $(ARGS)
+
+check: $(VENV)/.dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: check
+	$(BIN)/python -m pytest -n auto $(ARGS)
+
+format: $(VENV)/.dev
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+bench: $(VENV)/.dev
+	$(BIN)/python bench/can.py
+	$(BIN)/python bench/path.py
+
+docs: $(VENV)/.docs
+	$(BIN)/zensical build --clean
+
+constraints: $(VENV)/.dev
+	$(PYTHON) -m pip --python $(BIN)/python install --quiet uv
+	$(BIN)/uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 --no-emit-index-url --no-header --no-annotate --quiet --upgrade -o constraints.txt
+	sed -i '1i # Exact versions the project is tested with; made by `make constraints`.' constraints.txt
+
+clean:
+	rm -rf $(VENV) site dist build .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,66 @@
+"""The one hook by which plug-and-play decides what a client may do; the agent itself knows no parts.
+
+The agent asks once per endpoint and remembers the answer until `Agent.recheck(client_key)` is called, so the gate
+is never on the way of a sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from msbot.link import Peer
+
+
+@dataclass(frozen=True, slots=True)
+class ClientInfo:
+    """Who is asking."""
+
+    key: int
+    """Client key of the XRCE session (never 0)."""
+    link: str
+    """Name of the link the client speaks on (`LinkInfo.name`)."""
+    peer: Peer
+    address: str
+    """The peer in words."""
+
+
+class Gate(Protocol):
+    """Who may join, write and read."""
+
+    def may_join(self, client: ClientInfo) -> bool:
+        """Whether a session may be opened; False answers STATUS_ERR_DENIED."""
+
+    def joined(self, client: ClientInfo) -> None:
+        """A session was opened or opened again (also from another address): earlier grants are void."""
+
+    def left(self, client: ClientInfo, reason: str) -> None:
+        """The session has ended; `reason` in words ("session deleted", "replaced", "silent", ...)."""
+
+    def may_write(self, client: ClientInfo, topic: str) -> bool:
+        """Whether samples of this client may enter the topic."""
+
+    def may_read(self, client: ClientInfo, topic: str) -> bool:
+        """Whether samples of the topic may go to this client."""
+
+
+class OpenGate:
+    """Lets everybody do everything: an agent without a blueprint."""
+
+    def may_join(self, client: ClientInfo) -> bool:  # noqa: ARG002 - the protocol's signature
+        """Always True."""
+        return True
+
+    def joined(self, client: ClientInfo) -> None:
+        """Nothing to remember."""
+
+    def left(self, client: ClientInfo, reason: str) -> None:
+        """Nothing to forget."""
+
+    def may_write(self, client: ClientInfo, topic: str) -> bool:  # noqa: ARG002 - the protocol's signature
+        """Always True."""
+        return True
+
+    def may_read(self, client: ClientInfo, topic: str) -> bool:  # noqa: ARG002 - the protocol's signature
+        """Always True."""
+        return True
