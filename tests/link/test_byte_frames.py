@@ -1,0 +1,84 @@
+"""Serial and TCP framing: known frames both ways, any chunks, any bytes, any damage."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msbot.link.byte_frames import SerialReceiver, TcpReceiver, crc16_arc, encode_serial, encode_tcp
+
+KNOWN = [
+    # source, destination, payload, frame; seen on the wire between genuine peers (the first is a ping)
+    (1, 0, "80000000020108 00000afffd02000000", "7e01001000 80000000020108 00000afffd02000000 cf12"),
+    (0, 0, "81017e0007010800007d00157e7d5e5d", "7e00001000 81017d5e000701080000 7d5d0015 7d5e7d5d5e5d befe"),
+    (0, 0, "313233343536373839", "7e00000900 313233343536373839 3dbb"),
+]
+
+
+@pytest.mark.parametrize(("source", "destination", "payload", "frame"), KNOWN)
+def test_known_serial_frames(source: int, destination: int, payload: str, frame: str) -> None:
+    assert encode_serial(bytes.fromhex(payload), source, destination) == bytes.fromhex(frame)
+    assert SerialReceiver(destination).receive(bytes.fromhex(frame)) == [(source, bytes.fromhex(payload))]
+
+
+def test_crc_check_value() -> None:
+    assert crc16_arc(b"123456789") == 0xBB3D
+
+
+packets = st.binary(min_size=1, max_size=300) | st.lists(
+    st.sampled_from([0x7E, 0x7D, 0x5E, 0x5D]), min_size=1, max_size=40
+).map(bytes)
+
+
+@given(st.lists(packets, max_size=5), st.integers(1, 7), st.binary(max_size=20))
+def test_serial_survives_any_chunks_and_leading_noise(sent: list[bytes], chunk: int, noise: bytes) -> None:
+    receiver = SerialReceiver(0)
+    stream = noise.replace(b"\x7e", b"") + b"".join(encode_serial(packet, 9, 0) for packet in sent)
+    got = [pair for i in range(0, len(stream), chunk) for pair in receiver.receive(stream[i : i + chunk])]
+    assert got == [(9, packet) for packet in sent]
+
+
+@given(st.binary(max_size=400))
+def test_serial_never_raises(data: bytes) -> None:
+    SerialReceiver(0).receive(data)
+
+
+@given(packets, st.data())
+def test_one_flipped_payload_bit_is_never_delivered_as_good(packet: bytes, data: st.DataObject) -> None:
+    frame = bytearray(encode_serial(packet, 1, 0))
+    at = data.draw(st.integers(5 * 8, len(frame) * 8 - 1))
+    frame[at // 8] ^= 1 << at % 8
+    after = encode_serial(b"next", 1, 0)
+    got = SerialReceiver(0).receive(bytes(frame) + after)
+    assert got in ([(1, b"next")], [])
+
+
+def test_frames_for_others_and_cut_frames_are_skipped_and_counted() -> None:
+    receiver = SerialReceiver(0)
+    cut = encode_serial(b"cut short", 1, 0)[:8]
+    assert receiver.receive(encode_serial(b"not you", 1, 5) + cut + encode_serial(b"you", 1, 0)) == [(1, b"you")]
+    assert receiver.dropped == {"for another address": 1, "frame cut short": 1}
+
+
+def test_too_long_for_the_receiver() -> None:
+    receiver = SerialReceiver(0, max_packet=4)
+    assert receiver.receive(encode_serial(b"12345", 1, 0)) == []
+    assert receiver.dropped == {"longer than the limit": 1}
+
+
+@pytest.mark.parametrize("size", [0, 65536])
+def test_serial_size_limits(size: int) -> None:
+    with pytest.raises(ValueError, match="1 to 65535"):
+        encode_serial(bytes(size), 0, 0)
+
+
+@given(st.lists(st.binary(max_size=50)), st.integers(1, 7))
+def test_tcp_survives_any_chunks_and_skips_empty_packets(sent: list[bytes], chunk: int) -> None:
+    receiver = TcpReceiver()
+    stream = b"".join(encode_tcp(packet) for packet in sent)
+    got = [packet for i in range(0, len(stream), chunk) for packet in receiver.receive(stream[i : i + chunk])]
+    assert got == [packet for packet in sent if packet]
+
+
+def test_tcp_size_limit() -> None:
+    with pytest.raises(ValueError, match="at most 65535"):
+        encode_tcp(bytes(65536))
