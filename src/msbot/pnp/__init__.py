@@ -1,0 +1,44 @@
+"""Plug-and-play: who may join the robot, who is in which slot, who is alive, and who may use which topic."""
+
+from msbot.pnp.parts import (
+    FAST_TIMING,
+    THESIS_TIMING,
+    Binding,
+    Claim,
+    Configuration,
+    Evidence,
+    MemoryStore,
+    PartEvent,
+    PartInfo,
+    PartState,
+    PartStore,
+    PartType,
+    Refusal,
+    Slot,
+    Timing,
+    Verdict,
+)
+from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
+
+__all__ = [
+    "FAST_TIMING",
+    "PROFILE_PERIOD_S",
+    "PROFILE_TOPIC",
+    "PROFILE_TYPE",
+    "THESIS_TIMING",
+    "Binding",
+    "Claim",
+    "Configuration",
+    "Evidence",
+    "MemoryStore",
+    "PartEvent",
+    "PartInfo",
+    "PartState",
+    "PartStore",
+    "PartType",
+    "Profile",
+    "Refusal",
+    "Slot",
+    "Timing",
+    "Verdict",
+]
