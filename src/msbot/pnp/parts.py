@@ -97,8 +97,8 @@ class Timing:
             raise ConfigError(f"late after {self.late_after_beats} beat periods: must be more than 1")
         if self.shortest_detection_s < self.late_s:
             raise ConfigError(
-                f"life {self.life} x tick {self.tick_s} s: a part could be delisted {self.shortest_detection_s} s after "
-                f"a beat, but its next beat may take {self.late_s} s; use a longer tick or a higher life"
+                f"life {self.life} x tick {self.tick_s} s: a part could be delisted {self.shortest_detection_s} s "
+                f"after a beat, but its next beat may take {self.late_s} s; use a longer tick or a higher life"
             )
 
     @property

@@ -1,0 +1,146 @@
+"""Who may use which topic: the agent's gate, decided by the inventory (thesis 3.10.3, R45, R48, R52, R57).
+
+===========================  ============================================================================
+who                          may
+===========================  ============================================================================
+anybody                      open a session; read the profile; ask the inventory and read its answers
+a registered part            besides: write and read the topics of its slot's bindings, by direction
+the robot's own services     everything; they are the clients of the in-process link, and nobody else is
+===========================  ============================================================================
+
+Topics that the blueprint declares free are open to all. Everything else is neither accepted nor delivered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import Protocol
+
+from msbot.pnp import compat
+from msbot.pnp.inventory import Inventory
+from msbot.pnp.profile import PROFILE_TOPIC
+
+INVENTORY_SERVICE = "msbot_inventory"
+INVENTORY_REQUEST_TOPIC = "msbot_inventory_Request"
+INVENTORY_REPLY_TOPIC = "msbot_inventory_Reply"
+
+TRUSTED_LINK = "inproc"
+"""Name of the link that the robot's own services speak on."""
+
+GOODBYE = "session deleted"
+"""The agent's words for a session that its client ended; every other reason means that it vanished."""
+
+_MAX_PLUGS = 1024
+
+
+class Client(Protocol):
+    """What access needs to know about a client; `msbot.agent.ClientInfo` has it."""
+
+    @property
+    def key(self) -> int:
+        """Client key of the session."""
+
+    @property
+    def link(self) -> str:
+        """Name of the link it speaks on."""
+
+    @property
+    def peer(self) -> Hashable:
+        """The peer, as the link knows it."""
+
+    @property
+    def address(self) -> str:
+        """The peer in words."""
+
+
+class Access:
+    """Implements `msbot.agent.Gate` for one robot.
+
+    Args:
+        inventory: knows who is registered.
+        clock: the present time in seconds, the inventory's clock.
+        free_topics: topics that everybody may write and read.
+        trusted_link: name of the link of the robot's own services.
+    """
+
+    recheck: Callable[[int], None] | None
+    """Called with a client's key when its topics may have changed; the agent's `recheck`."""
+
+    def __init__(
+        self,
+        inventory: Inventory,
+        *,
+        clock: Callable[[], float],
+        free_topics: frozenset[str] = frozenset(),
+        trusted_link: str = TRUSTED_LINK,
+    ) -> None:
+        self.recheck = None
+        self.denied: dict[str, int] = {}
+        """Sessions that were refused, by reason in words."""
+        self._inventory = inventory
+        self._clock = clock
+        self._trusted_link = trusted_link
+        self._writable = free_topics | {INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC}
+        self._readable = free_topics | {INVENTORY_REPLY_TOPIC, compat.REPLY_TOPIC}
+        self._links: dict[int, str] = {}
+        """Client key -> the link its session is open on."""
+        self._plugs: dict[tuple[str, Hashable], float] = {}
+        """Peers that a link has seen come and that have no session yet -> when."""
+        inventory.on_rights(self._rights_changed)
+
+    def may_join(self, client: Client) -> bool:
+        """Whether the client may open a session: not with a key that is in use on another link."""
+        if self._links.get(client.key, client.link) == client.link:
+            return True
+        self._deny("client key in use on another link")
+        return False
+
+    def joined(self, client: Client) -> None:
+        """A session was opened, or opened again: the client's rights are void until it has registered."""
+        self._links[client.key] = client.link
+        plugged_in_at = self._plugs.pop((client.link, client.peer), None)
+        self._inventory.client_joined(
+            client.key, client.address, self._clock(), quiet=self._is_trusted(client), plugged_in_at=plugged_in_at
+        )
+
+    def left(self, client: Client, reason: str) -> None:
+        """The session has ended."""
+        self._links.pop(client.key, None)
+        self._inventory.client_left(client.key, reason, self._clock(), politely=reason == GOODBYE)
+
+    def may_write(self, client: Client, topic: str) -> bool:
+        """Whether samples of this client may enter the topic."""
+        if self._is_trusted(client) or topic in self._writable:
+            return True
+        return self._is_bound(client.key, topic, publishes=True)
+
+    def may_read(self, client: Client, topic: str) -> bool:
+        """Whether samples of the topic may go to this client; asking for the profile begins step 1."""
+        if self._is_trusted(client) or topic in self._readable:
+            return True
+        if topic == PROFILE_TOPIC:
+            self._inventory.profile_asked(client.key, self._clock())
+            return True
+        return self._is_bound(client.key, topic, publishes=False)
+
+    def peer_joined(self, link: str, peer: Hashable, now: float) -> None:
+        """A link has seen a peer come: its way to `active` is measured from here."""
+        if len(self._plugs) >= _MAX_PLUGS:
+            del self._plugs[next(iter(self._plugs))]
+        self._plugs[link, peer] = now
+
+    def _is_trusted(self, client: Client) -> bool:
+        return client.link == self._trusted_link
+
+    def _is_bound(self, key: int, topic: str, *, publishes: bool) -> bool:
+        configuration = self._inventory.configuration_of(key)
+        if configuration is None or topic == PROFILE_TOPIC:
+            return False
+        return any(binding.topic == topic and binding.publishes is publishes for binding in configuration.bindings)
+
+    def _rights_changed(self, key: int) -> None:
+        if self.recheck is not None:
+            self.recheck(key)
+
+    def _deny(self, reason: str) -> None:
+        self.denied[reason] = self.denied.get(reason, 0) + 1

@@ -1,0 +1,133 @@
+"""The inventory's bookkeeping: sessions, parts, leases and holders of slots, each found by index."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from random import Random
+
+from msbot.pnp.parts import Timing
+from msbot.pnp.record import Record
+
+
+class Session:
+    """One client's session with the agent."""
+
+    __slots__ = ("address", "key", "plugged_in_at", "record")
+
+    def __init__(self, key: int, address: str, plugged_in_at: float) -> None:
+        self.key = key
+        self.address = address
+        self.plugged_in_at = plugged_in_at
+        self.record: Record | None = None
+        """The part that speaks through it, if any is known."""
+
+
+class Book:
+    """Who is there; keeps its indexes true, decides nothing.
+
+    Args:
+        random: source of the leases; must be unguessable in a real robot.
+        timing: the robot's periods.
+        keep_ended: parts that are gone and still shown; the oldest is forgotten first.
+    """
+
+    def __init__(self, random: Random, timing: Timing, *, keep_ended: int) -> None:
+        self._random = random
+        self._timing = timing
+        self._keep_ended = keep_ended
+        self.sessions: dict[int, Session] = {}
+        """By client key."""
+        self.records: dict[Record, None] = {}
+        """All parts that are shown, in order of appearance."""
+        self.holders: dict[str, Record] = {}
+        """By slot name: who holds it."""
+        self._by_lease: dict[int, Record] = {}
+        self._by_identity: dict[bytes, Record] = {}
+        self._ended: dict[Record, None] = {}
+
+    def open_record(self, session: Session) -> Record:
+        """Begin a record for the part behind a session."""
+        record = Record(session.key, session.address, self._timing, session.plugged_in_at)
+        session.record = record
+        self.records[record] = None
+        return record
+
+    def identify(self, record: Record, identity: bytes) -> None:
+        """Note who a part says it is; the record that had this identity and has ended is continued by it."""
+        old = self._by_identity.get(identity)
+        if record.identity and record.identity != identity and self._by_identity.get(record.identity) is record:
+            del self._by_identity[record.identity]
+        record.identity = identity
+        if old is record:
+            return
+        if old is not None and old.state is not None and old.state.is_over:
+            record.succeed(old)
+            self.forget(old)
+        self._by_identity[identity] = record
+
+    def rival(self, record: Record, identity: bytes) -> Record | None:
+        """Another record of the same identity that holds a slot, or None."""
+        other = self._by_identity.get(identity)
+        return other if other is not None and other is not record and other.holds_slot else None
+
+    def grant(self, record: Record, slot: str) -> None:
+        """Give a part a slot and a new lease."""
+        self.holders[slot] = record
+        record.slot, record.holds_slot = slot, True
+        self.void_lease(record)
+        while record.lease == 0 or record.lease in self._by_lease:
+            record.lease = self._random.getrandbits(32)
+        self._by_lease[record.lease] = record
+
+    def void_lease(self, record: Record) -> None:
+        """End a part's lease."""
+        self._by_lease.pop(record.lease, None)
+        record.lease = 0
+
+    def vacate(self, record: Record) -> str | None:
+        """End a part's lease and hold on its slot; returns the slot that is free now."""
+        self.void_lease(record)
+        record.configuration = None
+        if not record.holds_slot or record.slot is None:
+            return None
+        record.holds_slot = False
+        del self.holders[record.slot]
+        return record.slot
+
+    def by_lease(self, lease: int, client_key: int) -> Record | None:
+        """The part with that lease, if it speaks through that session."""
+        record = self._by_lease.get(lease)
+        return record if record is not None and record.client_key == client_key else None
+
+    def detach(self, record: Record) -> None:
+        """Part a record from its session; a part that never said who it is is forgotten, others stay shown."""
+        session = self.sessions.get(record.client_key)
+        if session is not None and session.record is record:
+            session.record = None
+        if not record.identity:
+            self.forget(record)
+            return
+        self._ended[record] = None
+        if len(self._ended) > self._keep_ended:
+            self.forget(next(iter(self._ended)))
+
+    def forget(self, record: Record) -> None:
+        """Show a part no more."""
+        session = self.sessions.get(record.client_key)
+        if session is not None and session.record is record:
+            session.record = None
+        self._ended.pop(record, None)
+        self.records.pop(record, None)
+        if self._by_identity.get(record.identity) is record:
+            del self._by_identity[record.identity]
+
+    def find(self, word: str) -> Iterator[Record]:
+        """Parts that a person may mean by a word: name, slot, number, UID, address or client key."""
+        wanted = word.casefold()
+        for record in self.records:
+            claim = record.claim
+            names = [record.name, record.address, record.slot or "", f"{record.client_key:08x}"]
+            if claim is not None:
+                names += [claim.part_number, claim.local_name, claim.uid.hex()]
+            if wanted in (name.casefold() for name in names):
+                yield record

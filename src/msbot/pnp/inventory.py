@@ -1,0 +1,262 @@
+"""The health inventory: which part sits in which slot and how it is (thesis 3.10.3, 3.12.1.1, 3.12.1.2). Pure.
+
+Theory of operation. The agent's gate tells which sessions there are; a session is `new` until it asks for the
+profile or claims, which makes it `checking`. A claim is matched against the library and the slots (`claims`,
+`matching`); if a slot is found, the part gets a lease and is `active` from the moment the verdict exists. Beats
+carry the lease and keep the life status up; silence first makes the part `late`, then `lost`. A session that is
+opened again voids the lease at once, but the slot stays held until the life status has run out, so that nobody
+slips in while a part reconnects.
+
+Everything is told by values: verdicts to the asker, events to the subscribers and the journal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from random import Random
+
+from msbot.pnp.book import Book, Session
+from msbot.pnp.claims import PENDING, Claims
+from msbot.pnp.ledger import Ledger
+from msbot.pnp.matching import Matcher
+from msbot.pnp.parts import (
+    THESIS_TIMING,
+    Claim,
+    Configuration,
+    PartEvent,
+    PartInfo,
+    PartState,
+    PartStore,
+    Timing,
+    Verdict,
+)
+from msbot.pnp.record import Record
+
+STANDBY_SILENCE_S = 6.0
+"""A part that stands by and claims no more for that long, or for the longest detection time, is gone."""
+
+
+class Inventory:
+    """The parts of one robot (see the module's docstring).
+
+    Args:
+        store: library, slots, configurations and journal.
+        random: source of the leases; `random.SystemRandom()` in a real robot.
+        now: the present time; ticks count from here.
+        timing: the robot's periods.
+        keep_ended: parts that are gone and still shown.
+
+    Raises:
+        RegistryError: the slots cannot be read.
+    """
+
+    def __init__(
+        self, store: PartStore, *, random: Random, now: float, timing: Timing = THESIS_TIMING, keep_ended: int = 256
+    ) -> None:
+        self.timing = timing
+        self.dropped: dict[str, int] = {}
+        """Messages without effect, by reason in words."""
+        self._store = store
+        self._matcher = Matcher(store)
+        self._book = Book(random, timing, keep_ended=keep_ended)
+        self._ledger = Ledger(store, self._book, self._matcher)
+        self._claims = Claims(store, self._book, self._matcher, self._ledger, timing)
+        self._tick_at = now + timing.tick_s
+        self._watch_at = now + timing.beat_s / 2
+
+    # What is told
+
+    def on_event(self, handler: Callable[[PartEvent], None]) -> None:
+        """Call the handler with every change of a part, after it is complete."""
+        self._ledger.event_handlers.append(handler)
+
+    def on_rights(self, handler: Callable[[int], None]) -> None:
+        """Call the handler with the key of every client whose topics may have changed."""
+        self._ledger.rights_handlers.append(handler)
+
+    def view(self, now: float) -> list[PartInfo]:
+        """All parts that are there or were there lately, in order of appearance."""
+        return [record.info(now) for record in self._book.records]
+
+    def why(self, part: str, now: float) -> list[str]:
+        """In sentences: how the part stands and which rules led there; by name, slot, number, UID, address or key."""
+        lines = [line for record in self._book.find(part) for line in record.sentences(now)]
+        if lines:
+            return lines
+        names = ", ".join(dict.fromkeys(record.name for record in self._book.records)) or "none yet"
+        return [f"No part is known as {part!r}. Parts seen: {names}."]
+
+    def configuration_of(self, client_key: int) -> Configuration | None:
+        """The configuration of the registered part behind a session, or None: what it may use."""
+        session = self._book.sessions.get(client_key)
+        if session is None or session.record is None or not session.record.is_registered:
+            return None
+        return session.record.configuration
+
+    # Sessions
+
+    def client_joined(
+        self, key: int, address: str, now: float, *, quiet: bool = False, plugged_in_at: float | None = None
+    ) -> None:
+        """A session was opened, or opened again: earlier rights are void, both steps start anew.
+
+        Args:
+            key: the client's key.
+            address: the peer in words.
+            now: the present time.
+            quiet: do not show it as a part before it claims (the robot's own services).
+            plugged_in_at: when the link saw the peer come; None = the session is the first sign.
+        """
+        start = now if plugged_in_at is None else plugged_in_at
+        session = self._book.sessions.get(key)
+        if session is None:
+            session = self._book.sessions[key] = Session(key, address, start)
+        else:
+            session.address, session.plugged_in_at = address, start
+        if session.record is not None:
+            self._reopen(session, session.record, now)
+        elif not quiet:
+            self._ledger.appear(session, now)
+        self._ledger.publish()
+
+    def client_left(self, key: int, reason: str, now: float, *, politely: bool) -> None:
+        """A session has ended: goodbye (`politely`), or seen to vanish; `reason` in words."""
+        session = self._book.sessions.pop(key, None)
+        if session is None or session.record is None:
+            return
+        record = session.record
+        if record.state is not None and not record.state.is_over:
+            lost = not politely and (record.holds_slot or record.state is PartState.STANDBY)
+            self._ledger.retire(
+                record, PartState.LOST if lost else PartState.LEFT, now, reason, (("session ended", reason),)
+            )
+        self._book.detach(record)
+        self._ledger.publish()
+
+    def profile_asked(self, key: int, now: float) -> None:
+        """A client has asked to read the profile: step 1 has begun."""
+        session = self._book.sessions.get(key)
+        if session is not None and session.record is not None and session.record.state is PartState.NEW:
+            self._ledger.move(session.record, PartState.CHECKING, now, "reads the robot's profile (step 1)")
+            self._ledger.publish()
+
+    # Parts
+
+    def claim(self, claim: Claim, client_key: int, now: float) -> Verdict:
+        """Decide on a claim (step 2); the part is active when this returns a lease."""
+        session = self._book.sessions.get(client_key)
+        if session is None:
+            self._drop("claim of a client without a session")
+            return PENDING
+        verdict = self._claims.claim(session, claim, now)
+        self._ledger.publish()
+        return verdict
+
+    def beat(self, lease: int, client_key: int, now: float) -> int:
+        """Take a beat; returns the configuration's version, or 0: the lease is unknown, claim again."""
+        record = self._book.by_lease(lease, client_key)
+        if record is None or record.configuration is None:
+            self._drop("beat with an unknown lease")
+            self._note_return(client_key, now)
+            return 0
+        version = record.configuration.version
+        self._claims.sign_of_life(record, now, is_beat=True)
+        self._ledger.publish()
+        return version
+
+    def configuration_request(self, lease: int, client_key: int) -> Configuration | None:
+        """The configuration of the part with that lease, or None: the lease is unknown, nothing is answered."""
+        record = self._book.by_lease(lease, client_key)
+        if record is None:
+            self._drop("request for a configuration with an unknown lease")
+            return None
+        return record.configuration
+
+    # What people change
+
+    def configuration_changed(self, slot: str) -> None:
+        """Read a slot's configuration again; its part fetches it after its next beat.
+
+        Raises:
+            RegistryError: it cannot be read.
+        """
+        record = self._book.holders.get(slot)
+        if record is not None and record.is_registered:
+            record.configuration = self._store.configuration(slot)
+            self._ledger.rights_changed(record)
+            self._ledger.publish()
+
+    def reload(self, now: float) -> None:
+        """Read the slots again; a part whose slot is no more is delisted.
+
+        Raises:
+            RegistryError: they cannot be read.
+        """
+        self._matcher.reload(frozenset(self._book.holders))
+        for slot, record in list(self._book.holders.items()):
+            if not self._matcher.has(slot):
+                self._ledger.retire(record, PartState.LOST, now, f"the robot has no slot {slot} any more")
+        self._ledger.publish()
+
+    # Time
+
+    def timer(self) -> float:
+        """When `handle_timer` wants to be called next."""
+        return min(self._tick_at, self._watch_at)
+
+    def handle_timer(self, now: float) -> None:
+        """Do what is due: show late parts, count life down.
+
+        When this process was held up, only one tick is made up for: the beats of that time wait in some queue, and
+        nobody may be delisted for our own delay.
+        """
+        if now >= self._watch_at:
+            self._watch_at = now + self.timing.beat_s / 2
+            self._watch(now)
+        if now >= self._tick_at:
+            self._tick_at += self.timing.tick_s
+            if self._tick_at <= now:
+                self._tick_at = now + self.timing.tick_s
+            self._tick(now)
+        self._ledger.publish()
+
+    def _watch(self, now: float) -> None:
+        patience = max(STANDBY_SILENCE_S, self.timing.longest_detection_s)
+        for record in list(self._book.records):
+            if record.state is PartState.ACTIVE and record.life.is_late(now):
+                self._late(record, now)
+            elif record.state is PartState.STANDBY and now - record.heard_at > patience:
+                self._ledger.retire(record, PartState.LOST, now, f"claimed no more for {now - record.heard_at:.1f} s")
+
+    def _tick(self, now: float) -> None:
+        for record in list(self._book.holders.values()):
+            if not record.life.tick():
+                continue
+            if record.state is PartState.ACTIVE:
+                self._late(record, now)
+            silence = f"no beat for {record.life.silence_s(now):.1f} s"
+            rule = f"{self.timing.life} ticks of {self.timing.tick_s:g} s without a beat"
+            self._ledger.retire(record, PartState.LOST, now, f"{silence}: life status 0", ((rule, silence),))
+
+    def _late(self, record: Record, now: float) -> None:
+        silence = f"no beat for {record.life.silence_s(now):.1f} s"
+        rule = f"a beat every {self.timing.beat_s:g} s, late after {self.timing.late_s:g} s"
+        self._ledger.move(record, PartState.LATE, now, silence, ((rule, silence),))
+
+    # Helpers
+
+    def _reopen(self, session: Session, record: Record, now: float) -> None:
+        self._book.void_lease(record)
+        record.address, record.plugged_in_at, record.contest = session.address, session.plugged_in_at, None
+        if record.state not in (PartState.NEW, PartState.CHECKING):
+            self._ledger.move(record, PartState.CHECKING, now, "opened its session again: both steps from the start")
+
+    def _note_return(self, client_key: int, now: float) -> None:
+        """A delisted part is back on its open session: its way to `active` begins here."""
+        session = self._book.sessions.get(client_key)
+        record = None if session is None else session.record
+        if record is not None and record.plugged_in_at is None:
+            record.plugged_in_at = now
+
+    def _drop(self, reason: str) -> None:
+        self.dropped[reason] = self.dropped.get(reason, 0) + 1

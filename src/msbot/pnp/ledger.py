@@ -1,0 +1,73 @@
+"""Every change of a part's state: made here, journalled here, and told from here."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+from msbot.pnp.book import Book, Session
+from msbot.pnp.matching import Matcher
+from msbot.pnp.parts import Evidence, PartEvent, PartState, PartStore
+from msbot.pnp.record import Record
+
+
+class Ledger:
+    """Moves parts from state to state and tells it, after everything is consistent.
+
+    Args:
+        store: gets every event at once.
+        book: sessions, parts, holders.
+        matcher: learns which slots become free.
+    """
+
+    def __init__(self, store: PartStore, book: Book, matcher: Matcher) -> None:
+        self._store = store
+        self._book = book
+        self._matcher = matcher
+        self._events: deque[PartEvent] = deque()
+        self._changed: deque[int] = deque()
+        self.event_handlers: list[Callable[[PartEvent], None]] = []
+        self.rights_handlers: list[Callable[[int], None]] = []
+
+    def appear(self, session: Session, now: float) -> Record:
+        """A part is there: nothing is known but its session."""
+        record = self._book.open_record(session)
+        self.move(record, PartState.NEW, now, f"a session was opened from {session.address}")
+        return record
+
+    def move(self, record: Record, to: PartState, now: float, reason: str, evidence: Evidence = ()) -> None:
+        """Change a part's state; everything else about it must be up to date already."""
+        was_registered = record.is_registered
+        event = record.move(to, now, reason, evidence)
+        self._store.journal(event)
+        self._events.append(event)
+        if was_registered != record.is_registered:
+            self.rights_changed(record)
+
+    def vacate(self, record: Record) -> None:
+        """End a part's lease and hold on its slot."""
+        slot = self._book.vacate(record)
+        if slot is not None:
+            self._matcher.release(slot)
+
+    def retire(self, record: Record, to: PartState, now: float, reason: str, evidence: Evidence = ()) -> None:
+        """Delist a part."""
+        self.vacate(record)
+        record.life.stop()
+        record.plugged_in_at = record.contest = None
+        self.move(record, to, now, reason, evidence)
+
+    def rights_changed(self, record: Record) -> None:
+        """Note that the topics a part may use have changed."""
+        self._changed.append(record.client_key)
+
+    def publish(self) -> None:
+        """Tell everything that has happened; rights first. Handlers may call the inventory again."""
+        while self._changed:
+            key = self._changed.popleft()
+            for tell in self.rights_handlers:
+                tell(key)
+        while self._events:
+            event = self._events.popleft()
+            for handler in self.event_handlers:
+                handler(event)

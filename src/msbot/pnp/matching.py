@@ -1,0 +1,191 @@
+"""Auto-matching: which slot a claim gets, by index and never by scan (thesis 5.4.2, R80, R83).
+
+The rules, in this order; every one that is tried leaves a line of evidence, so that `msbot why` can tell the chain:
+
+1. The claim can be read at all.
+2. The part number is in the library.
+3. Neither the part nor its number is blocked.
+4. The robot has slots for this number: exactly this one, then those its type is compatible with.
+5. The same UID as before gets its old slot.
+6. Exactly one free slot fits: that one.
+7. Several fit: the local name decides.
+8. Otherwise the part stands by.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from msbot.errors import RegistryError
+from msbot.pnp.parts import MAX_TEXT, Claim, Evidence, PartState, PartStore, PartType, Refusal, Slot
+
+UID_BYTES = 8
+NO_UID = bytes(UID_BYTES)
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """What the rules say about one claim."""
+
+    outcome: PartState
+    """ACTIVE (a slot is found), STANDBY or REFUSED."""
+    reason: str
+    evidence: Evidence
+    slot: Slot | None = None
+    refusal: Refusal | None = None
+
+
+class Matcher:
+    """Finds slots for claims; keeps the index of the free ones.
+
+    Args:
+        store: the library and the slots.
+
+    Raises:
+        RegistryError: the slots cannot be read.
+    """
+
+    def __init__(self, store: PartStore) -> None:
+        self._store = store
+        self._by_name: dict[str, Slot] = {}
+        self._by_number: dict[str, dict[str, Slot]] = {}
+        self._free: dict[str, dict[str, Slot]] = {}
+        """Part number -> slot name -> slot, free ones only."""
+        self._wanted: dict[tuple[str, str], Slot] = {}
+        """(part number, local name) -> the slot it asks for."""
+        self.reload(frozenset())
+
+    def reload(self, taken: frozenset[str]) -> None:
+        """Read the slots again; `taken` are the names of those that are held."""
+        slots = self._store.slots()
+        self._by_name = {slot.name: slot for slot in slots}
+        self._by_number, self._free = {}, {}
+        for slot in slots:
+            self._by_number.setdefault(slot.part_number, {})[slot.name] = slot
+            if slot.name not in taken:
+                self.release(slot.name)
+        self._wanted = {(slot.part_number, slot.wanted_name): slot for slot in slots}
+
+    def has(self, slot: str) -> bool:
+        """Whether the robot has a slot of that name."""
+        return slot in self._by_name
+
+    def take(self, slot: str) -> None:
+        """Note that a slot is held from now on."""
+        self._free.get(self._by_name[slot].part_number, {}).pop(slot, None)
+
+    def release(self, slot: str) -> None:
+        """Note that a slot is free again; a slot that exists no more is forgotten."""
+        known = self._by_name.get(slot)
+        if known is not None:
+            self._free.setdefault(known.part_number, {})[slot] = known
+
+    def match(self, claim: Claim) -> Match:
+        """Try the rules on a claim; never raises."""
+        fault = _fault_of(claim)
+        if fault is not None:
+            return _refused(Refusal.BAD_CLAIM, fault, (("readable", fault),))
+        try:
+            return self._match(claim)
+        except RegistryError as error:
+            return _refused(Refusal.NOT_READY, f"{Refusal.NOT_READY.words}: {error}", (("registry", str(error)),))
+
+    def _match(self, claim: Claim) -> Match:
+        number, uid = claim.part_number, claim.uid
+        evidence: list[tuple[str, str]] = [("claim", _describe(claim))]
+        part_type = self._store.part_type(number)
+        if part_type is None:
+            return _refuse(evidence, Refusal.UNKNOWN_PART, f"part number {number} is not in the library")
+        evidence.append(("library", f"{number} is a {part_type.name}".rstrip()))
+        blocked = self._store.blocked(uid, number)
+        if blocked is not None:
+            return _refuse(evidence, Refusal.BLOCKED, f"blocked: {blocked}")
+        evidence.append(("blocked", "no"))
+        tiers = self._tiers(part_type)
+        if not tiers:
+            return _refuse(
+                evidence,
+                Refusal.WRONG_ROBOT,
+                f"{number} ({part_type.name}) is known, but this robot has no slot for it",
+            )
+        evidence.append(("slots", _list_slots(self._by_number, tiers)))
+        old = self._old_slot(uid, tiers, evidence)
+        if old is not None:
+            return _found(evidence, old, f"same UID as before: back in its slot {old.name}")
+        return self._among_free(claim, tiers, evidence)
+
+    def _tiers(self, part_type: PartType) -> list[str]:
+        """Part numbers whose slots fit, the best first."""
+        numbers = dict.fromkeys((part_type.number, *part_type.compatible_with))
+        return [number for number in numbers if number in self._by_number]
+
+    def _old_slot(self, uid: bytes, tiers: list[str], evidence: list[tuple[str, str]]) -> Slot | None:
+        name = self._store.remembered_slot(uid) if uid else None
+        if name is None:
+            evidence.append(("same UID as before", "never seen here" if uid else "the part has no UID"))
+            return None
+        slot = self._by_name.get(name)
+        if slot is None or slot.part_number not in tiers:
+            evidence.append(("same UID as before", f"was in slot {name}, which does not take this number now"))
+            return None
+        if name not in self._free.get(slot.part_number, {}):
+            evidence.append(("same UID as before", f"was in slot {name}, which is held by another part"))
+            return None
+        return slot
+
+    def _among_free(self, claim: Claim, tiers: list[str], evidence: list[tuple[str, str]]) -> Match:
+        free = next((self._free[number] for number in tiers if self._free.get(number)), None)
+        if free is None:
+            return _stand_by(evidence, "every fitting slot is taken")
+        if len(free) == 1:
+            slot = next(iter(free.values()))
+            return _found(evidence, slot, f"slot {slot.name} is the one free slot that fits")
+        number = next(iter(free.values())).part_number
+        wanted = self._wanted.get((number, claim.local_name))
+        if wanted is not None and wanted.name in free:
+            return _found(evidence, wanted, f"{len(free)} free slots fit; local name {claim.local_name!r} decides")
+        return _stand_by(
+            evidence,
+            f"{len(free)} free slots fit and local name {claim.local_name!r} names none of them: a person must say",
+        )
+
+
+def _fault_of(claim: Claim) -> str | None:
+    """What is wrong with a claim in itself, or None."""
+    if not claim.part_number:
+        return "the claim has no part number"
+    if len(claim.part_number) > MAX_TEXT or len(claim.local_name) > MAX_TEXT:
+        return f"a text of the claim is longer than {MAX_TEXT} characters"
+    if not (claim.part_number + claim.local_name).isprintable():
+        return "a text of the claim holds control characters"
+    if len(claim.uid) not in (0, UID_BYTES):
+        return f"the UID has {len(claim.uid)} octets instead of {UID_BYTES}"
+    return None
+
+
+def _describe(claim: Claim) -> str:
+    uid = f"UID {claim.uid.hex()}" if claim.uid else "no UID"
+    return f"part number {claim.part_number}, local name {claim.local_name!r}, {uid}"
+
+
+def _list_slots(by_number: dict[str, dict[str, Slot]], tiers: list[str], limit: int = 8) -> str:
+    names = [name for number in tiers for name, _ in zip(by_number[number], range(limit), strict=False)]
+    count = sum(len(by_number[number]) for number in tiers)
+    more = f" and {count - limit} more" if count > limit else ""
+    return ", ".join(names[:limit]) + more
+
+
+def _refused(refusal: Refusal, reason: str, evidence: Evidence) -> Match:
+    return Match(PartState.REFUSED, reason, evidence, refusal=refusal)
+
+
+def _refuse(evidence: list[tuple[str, str]], refusal: Refusal, reason: str) -> Match:
+    return _refused(refusal, reason, (*evidence, (refusal.name.lower().replace("_", " "), reason)))
+
+
+def _found(evidence: list[tuple[str, str]], slot: Slot, reason: str) -> Match:
+    return Match(PartState.ACTIVE, reason, (*evidence, ("slot", reason)), slot=slot)
+
+
+def _stand_by(evidence: list[tuple[str, str]], reason: str) -> Match:
+    return Match(PartState.STANDBY, reason, (*evidence, ("slot", reason)), refusal=Refusal.NO_SLOT)
