@@ -1,0 +1,194 @@
+"""Plug-and-play on the wire: the profile of step 1 and the inventory service of step 2.
+
+One service carries everything a part and the inventory say to each other; what a request or a reply is follows from
+its length, which keeps a beat at 4 octets (one classic CAN frame with header compression):
+
+====================  ===================================  ==============
+from the part         answer of the inventory              octets
+====================  ===================================  ==============
+`Claim`               `Verdict`, or none to a stranger     28 or more, 12
+`Beat`                `BeatReply`                          4, 4
+`ConfigurationRequest`  `Configuration`                    8, 20 or more
+====================  ===================================  ==============
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Annotated
+
+from msbot.part.message import Message
+from msbot.part.wire_types import AtMost, Octets, uint8, uint16, uint32
+
+PROFILE_TOPIC = "msbot_masterTopic"
+PROFILE_TYPE = "msbot_master"
+PROFILE_PERIOD_S = 5.0
+"""The master repeats the profile that often (thesis 3.12.1)."""
+
+INVENTORY_SERVICE = "msbot_inventory"
+INVENTORY_REQUEST_TOPIC = "msbot_inventory_Request"
+INVENTORY_REPLY_TOPIC = "msbot_inventory_Reply"
+INVENTORY_REQUEST_TYPE = "msbot_inventory_request"
+INVENTORY_REPLY_TYPE = "msbot_inventory_reply"
+
+UID_OCTETS = 8
+TEXT_OCTETS = 254
+"""Longest text of the profile and of a claim: the original's `char[255]` with its NUL."""
+
+Text = Annotated[str, AtMost(TEXT_OCTETS)]
+
+
+class ProfileMessage(Message):
+    """Step 1: what the master publishes about the robot; the thesis gives the fields meaning by position."""
+
+    type_name = PROFILE_TYPE
+
+    index: uint32
+    """Count of publications, from 1."""
+    message: Text
+    """Robot name, `MSBOT_MASTER`."""
+    name: Text
+    """Version, `MSBOT_V1`."""
+    id: Text
+    """Serial number, `X100Y100Z100`."""
+    dof: Text
+    """Release date, `8-4-2021`."""
+    make: Text
+    """Manufacturer, `MASSEY_ENGINEERING_DEP`."""
+
+
+class Claim(Message):
+    """Step 2: a part asks for its place."""
+
+    part_number: Text
+    local_name: Text
+    uid: Annotated[bytes, Octets(UID_OCTETS)]
+    """Identifies the piece of hardware."""
+    session_nonce: uint32
+    """Drawn anew at each start of the part, so that two devices with one UID are told apart."""
+
+
+class Verdict(Message):
+    """The answer to a claim."""
+
+    lease: uint32
+    """The number to show with every beat; 0 = refused."""
+    configuration_version: uint32
+    beat_period_ms: uint16
+    reason: uint8 = 0
+    """`Refusal` if refused and the robot explains refusals, else 0."""
+    reserved: uint8 = 0
+
+
+class Beat(Message):
+    """A part says that it is alive."""
+
+    lease: uint32
+
+
+class BeatReply(Message):
+    """The answer to a beat."""
+
+    configuration_version: uint32
+    """The part's current one; 0 = the lease is unknown: claim again."""
+
+
+class ConfigurationRequest(Message):
+    """A part asks for its configuration."""
+
+    lease: uint32
+    have_version: uint32
+    """The version it works with, 0 = none yet."""
+
+
+class Direction(IntEnum):
+    """Which way the samples of a bound port go, seen from the part."""
+
+    PUBLISH = 0
+    SUBSCRIBE = 1
+
+
+class PortBinding(Message):
+    """One port of the part tied to one topic of the robot."""
+
+    port: Text
+    topic: Text
+    topic_type: Text
+    direction: uint8
+    """`Direction`."""
+    reliable: uint8
+    """1 = reliable stream, 0 = best effort."""
+
+
+class Setting(Message):
+    """One parameter of the part, as text; the part knows its type."""
+
+    name: str
+    value: str
+
+
+class Configuration(Message):
+    """The answer to a configuration request: what this part does in this robot."""
+
+    version: uint32
+    slot: Text
+    bindings: list[PortBinding]
+    settings: list[Setting]
+
+
+class Refusal(IntEnum):
+    """Why a claim was refused."""
+
+    UNKNOWN_PART = 1
+    BLOCKED = 2
+    DUPLICATE = 3
+    NO_SLOT = 4
+    WRONG_ROBOT = 5
+    BAD_CLAIM = 6
+    NOT_READY = 7
+
+    @property
+    def words(self) -> str:
+        """The reason as a person says it."""
+        return _REFUSALS[self]
+
+
+_REFUSALS = {
+    Refusal.UNKNOWN_PART: "unknown part number: no part of this kind is in the robot's blueprint",
+    Refusal.BLOCKED: "blocked by an administrator",
+    Refusal.DUPLICATE: "another active part has the same UID",
+    Refusal.NO_SLOT: "no free slot: the part stands by as a spare",
+    Refusal.WRONG_ROBOT: "the part was made for another robot",
+    Refusal.BAD_CLAIM: "the claim makes no sense",
+    Refusal.NOT_READY: "the inventory is not ready yet",
+}
+
+_BEAT_OCTETS = 4
+_CONFIGURATION_REQUEST_OCTETS = 8
+_VERDICT_OCTETS = 12
+
+
+def decode_request(payload: bytes) -> Beat | ConfigurationRequest | Claim:
+    """What a part asks of the inventory, told apart by length.
+
+    Raises:
+        RemoteProtocolError: it is none of the three.
+    """
+    if len(payload) == _BEAT_OCTETS:
+        return Beat.decode(payload)
+    if len(payload) == _CONFIGURATION_REQUEST_OCTETS:
+        return ConfigurationRequest.decode(payload)
+    return Claim.decode(payload)
+
+
+def decode_reply(payload: bytes) -> BeatReply | Verdict | Configuration:
+    """What the inventory answers, told apart by length.
+
+    Raises:
+        RemoteProtocolError: it is none of the three.
+    """
+    if len(payload) == _BEAT_OCTETS:
+        return BeatReply.decode(payload)
+    if len(payload) == _VERDICT_OCTETS:
+        return Verdict.decode(payload)
+    return Configuration.decode(payload)
