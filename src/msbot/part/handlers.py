@@ -1,0 +1,136 @@
+"""A student's functions: checked when they are handed over, guarded when they are called.
+
+A mistake in a handler must neither end the part nor flood the screen: it is reported once with file and line, and
+counted.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import logging
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+
+from msbot.errors import ConfigError
+
+_log = logging.getLogger("msbot.part")
+
+SLOW_S = 0.5
+"""A handler that takes longer is reported: while it runs, the part cannot beat."""
+MAX_REPORTS = 100
+"""Different errors that are reported; more are only counted."""
+
+_PACKAGE = str(Path(__file__).parents[1])
+
+
+def check_handler(function: Callable[..., object], arguments: str = "") -> str:
+    """Refuse what cannot be a handler; returns its name for messages.
+
+    Args:
+        function: the handler.
+        arguments: the name of its one argument, "" = none.
+
+    Raises:
+        ConfigError: it is not a plain function, or takes other arguments.
+    """
+    name = getattr(function, "__name__", repr(function))
+    if not callable(function):
+        raise ConfigError(f"a handler must be a function, not {function!r}")
+    if inspect.iscoroutinefunction(function):
+        raise ConfigError(f"{name} is an `async def`: a handler must be a plain function (`def {name}(...)`)")
+    try:
+        inspect.signature(function).bind(*([None] if arguments else []))
+    except TypeError:
+        takes = f"one argument, the {arguments}" if arguments else "no arguments"
+        raise ConfigError(f"{name} must take {takes}: write `def {name}({arguments})`") from None
+    except ValueError:
+        _log.debug("%s has no signature to check", name)
+    return name
+
+
+class Guard:
+    """Calls handlers and keeps their errors away from the part."""
+
+    def __init__(self, mistake: Callable[[ConfigError], None]) -> None:
+        """Make a guard.
+
+        Args:
+            mistake: gets a ConfigError raised by a handler: a mistake that must be mended in the program.
+        """
+        self.errors = 0
+        """Calls that ended with an error."""
+        self._mistake = mistake
+        self._reported: set[tuple[str, str]] = set()
+
+    def call(self, function: Callable[..., object], *arguments: object) -> None:
+        """Call a handler; reports each kind of error at each line once."""
+        clock = asyncio.get_running_loop().time
+        began_at = clock()
+        try:
+            function(*arguments)
+        except Exception as error:
+            self._failed(function, error)
+        took_s = clock() - began_at
+        if took_s > SLOW_S:
+            self.report(
+                _name(function), f"took {took_s:.1f} s, and the part cannot beat meanwhile: keep it below {SLOW_S} s"
+            )
+
+    def report(self, where: str, what: str) -> None:
+        """Say something once."""
+        key = (where, what.partition(":")[0])
+        if key not in self._reported and len(self._reported) < MAX_REPORTS:
+            self._reported.add(key)
+            _log.error("%s: %s", where, what)
+
+    def _failed(self, function: Callable[..., object], error: Exception) -> None:
+        self.errors += 1
+        where = _place(error) or _name(function)
+        if isinstance(error, ConfigError):
+            self._mistake(ConfigError(f"{where}: {error}"))
+            return
+        self.report(where, f"{type(error).__name__}: {error} (said once, counted from now on)")
+        _log.debug("the whole story", exc_info=error)
+
+
+class Every:
+    """Calls a handler periodically, on a grid that does not drift; late calls are skipped, not made up for."""
+
+    def __init__(self, period_s: float, function: Callable[[], object]) -> None:
+        self.period_s = period_s
+        self.function = function
+        self._timer: asyncio.TimerHandle | None = None
+
+    def start(self, guard: Guard) -> None:
+        """Call it in the next turn of the loop, and then every period."""
+        self.stop()
+        loop = asyncio.get_running_loop()
+        self._arm(loop, loop.time(), guard)
+
+    def stop(self) -> None:
+        """Call it no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _arm(self, loop: asyncio.AbstractEventLoop, due_at: float, guard: Guard) -> None:
+        self._timer = loop.call_at(due_at, self._due, loop, due_at, guard)
+
+    def _due(self, loop: asyncio.AbstractEventLoop, due_at: float, guard: Guard) -> None:
+        behind = max(0.0, loop.time() - due_at)
+        self._arm(loop, due_at + (behind // self.period_s + 1) * self.period_s, guard)
+        guard.call(self.function)
+
+
+def _name(function: Callable[..., object]) -> str:
+    return getattr(function, "__name__", repr(function))
+
+
+def _place(error: Exception) -> str | None:
+    """The innermost line of the student's own code: `my_part.py:12 in measure`."""
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        if not frame.filename.startswith(_PACKAGE):
+            return f"{Path(frame.filename).name}:{frame.lineno} in {frame.name}"
+    return None
