@@ -1,0 +1,116 @@
+"""Everything wrong with the files people write, gathered and told in one go.
+
+A reader does not stop at the first mistake: it adds a problem, goes on with a harmless value, and raises at the end.
+Each problem says where it is (file, line, path of the key), what is wrong, and what would be right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from msbot.errors import ConfigError
+
+MOST_LISTED = 12
+"""So many known words are listed when none is near."""
+
+KeyPath = tuple[str | int, ...]
+"""The way to a value: table names, keys, and positions in lists (counted from 0, as Python does)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where in which file something is."""
+
+    file: str
+    line: int | None = None
+    """Counted from 1; None when the mistake has no line (a missing file)."""
+    path: KeyPath = ()
+
+    def __str__(self) -> str:
+        """For example `robot.toml, line 12, slot[1].part`."""
+        parts = [self.file]
+        if self.line is not None:
+            parts.append(f"line {self.line}")
+        if self.path:
+            parts.append(path_words(self.path))
+        return ", ".join(parts)
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One mistake: where it is, and a sentence with the remedy."""
+
+    place: Place
+    sentence: str
+
+    def __str__(self) -> str:
+        """`place: sentence`."""
+        return f"{self.place}: {self.sentence}"
+
+
+class Problems:
+    """A list of mistakes that becomes one `ConfigError`."""
+
+    def __init__(self) -> None:
+        self.found: list[Problem] = []
+
+    def add(self, place: Place, sentence: str) -> None:
+        """Note one mistake."""
+        self.found.append(Problem(place, sentence))
+
+    def raise_if_any(self) -> None:
+        """Raise everything found so far, in the order of the files' lines.
+
+        Raises:
+            ConfigError: something was found; its text names every problem.
+        """
+        if not self.found:
+            return
+        ordered = sorted(self.found, key=lambda problem: (problem.place.file, problem.place.line or 0))
+        if len(ordered) == 1:
+            raise ConfigError(str(ordered[0]))
+        lines = [f"{len(ordered)} problems were found:", *(f"  {problem}" for problem in ordered)]
+        raise ConfigError("\n".join(lines))
+
+
+def path_words(path: KeyPath) -> str:
+    """A path as it is written for people, for example `slot[1].settings.period_s`."""
+    words = ""
+    for step in path:
+        if isinstance(step, int):
+            words += f"[{step}]"
+        else:
+            words += f".{step}" if words else step
+    return words
+
+
+def quoted(words: Iterable[str], joint: str = ", ") -> str:
+    """The words in quotes, joined."""
+    return joint.join(f'"{word}"' for word in words)
+
+
+def nearest(word: str, known: Iterable[str], limit: int = 3) -> list[str]:
+    """The known words that look most like `word`, best first; capitals do not matter."""
+    by_folded: dict[str, list[str]] = {}
+    for candidate in known:
+        by_folded.setdefault(candidate.casefold(), []).append(candidate)
+    folded = get_close_matches(word.casefold(), by_folded, n=limit, cutoff=0.6)
+    return [candidate for key in folded for candidate in by_folded[key]][:limit]
+
+
+def suggestion(word: str, known: Sequence[str], *, none_known: str) -> str:
+    """What would be right instead of `word`: the nearest known words, else a list of them.
+
+    Args:
+        word: what was written.
+        known: what could have been written.
+        none_known: the remedy when nothing at all is known.
+    """
+    if not known:
+        return none_known
+    if near := nearest(word, known):
+        return f"did you mean {quoted(near, ' or ')}?"
+    listed = quoted(known[:MOST_LISTED])
+    return f"known: {listed}" + (", ..." if len(known) > MOST_LISTED else "")
