@@ -105,3 +105,31 @@ class Link(Protocol):
         Raises:
             LinkDown: it cannot be opened or has gone for good; the text names the remedy.
         """
+
+
+# The links stand below because they need the words above.
+from msbot.link.address import open_link  # noqa: E402
+from msbot.link.faults import LossyLink  # noqa: E402
+from msbot.link.inproc import InprocEnd, InprocHub, inproc_pair  # noqa: E402
+from msbot.link.udp import UdpClientLink, UdpServerLink  # noqa: E402
+from msbot.link.virtual_time import VirtualTimeLoop, run_virtual  # noqa: E402
+
+__all__ = [
+    "InprocEnd",
+    "InprocHub",
+    "Link",
+    "LinkCounters",
+    "LinkInfo",
+    "LossyLink",
+    "PacketHandler",
+    "Peer",
+    "Signal",
+    "SignalHandler",
+    "Tap",
+    "UdpClientLink",
+    "UdpServerLink",
+    "VirtualTimeLoop",
+    "inproc_pair",
+    "open_link",
+    "run_virtual",
+]

@@ -1,0 +1,282 @@
+"""UDP over IPv4 and IPv6: one datagram is one packet (DDS-XRCE over UDP, seen on the wire with eProsima's agent).
+
+The sockets are served by the event loop's reader call-backs and drained in one call; asyncio's datagram transport
+would cost five times as much per packet.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import socket
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable
+
+from msbot.errors import LinkDown, LinkFull
+from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
+from msbot.link.handlers import ignore_packet, ignore_room, ignore_signal
+
+UDP_MTU = 65507
+"""Largest payload of a datagram over IPv4; DDS-XRCE clients announce much less."""
+
+QUEUE_PACKETS = 512
+"""Packets that may wait for the kernel; with more, `send` raises LinkFull."""
+
+DRAIN_PACKETS = 256
+"""Datagrams taken in one call-back before timers and other links have their turn."""
+
+RECEIVE_BUFFER_BYTES = 1 << 20
+"""Asked of the kernel for bursts; it gives less where `net.core.rmem_max` is smaller."""
+
+NOBODY_LISTENS = "nobody listens at the peer's port"
+
+_PASSING = {
+    errno.ECONNREFUSED: NOBODY_LISTENS,
+    errno.EHOSTUNREACH: "the peer's host cannot be reached",
+    errno.ENETUNREACH: "the peer's network cannot be reached",
+    errno.ENETDOWN: "the network interface is down",
+    errno.EMSGSIZE: "longer than a datagram may be",
+    errno.EPERM: "forbidden by the firewall",
+    errno.EACCES: "forbidden: a broadcast address",
+    errno.ENOBUFS: "the network interface's queue is full",
+}
+"""Errors of one datagram or one peer, in words; they say nothing about the socket."""
+
+_Address = tuple[str, int] | tuple[str, int, int, int] | tuple[int, bytes]
+"""What `getaddrinfo` gives and `bind` takes."""
+
+
+class _UdpLink(ABC):
+    """What server and client have in common."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.info = LinkInfo(f"udp:{_joined(host, port)}", UDP_MTU)
+        self.counters = LinkCounters()
+        self.tap: Tap | None = None
+        self.remote: Peer | None = None
+        self._host = host
+        self._port = port
+        self._socket: socket.socket | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._ended: asyncio.Future[None] | None = None
+        self._queue: deque[tuple[bytes, Peer]] = deque()
+        self._was_full = False
+        self._packet_handler: PacketHandler = ignore_packet
+        self._signal_handler: SignalHandler = ignore_signal
+        self._room_handler: Callable[[Peer | None], None] = ignore_room
+
+    @property
+    def port(self) -> int:
+        """The port of this side while the link is open (useful after asking for port 0), else 0."""
+        return int(self._socket.getsockname()[1]) if self._socket is not None else 0
+
+    def on_packet(self, handler: PacketHandler) -> None:
+        """Set the one handler for incoming packets."""
+        self._packet_handler = handler
+
+    def on_signal(self, handler: SignalHandler) -> None:
+        """Set the one handler for signals; UDP knows LINK_UP and LINK_DOWN only."""
+        self._signal_handler = handler
+
+    def on_room(self, handler: Callable[[Peer | None], None]) -> None:
+        """Set the one handler that is called when a full queue has been emptied."""
+        self._room_handler = handler
+
+    def has_room(self, peer: Peer) -> bool:  # noqa: ARG002 - one queue serves all peers
+        """Whether `send` would be taken now."""
+        return self._socket is not None and len(self._queue) < QUEUE_PACKETS
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        """Send at once if the kernel takes it, else queue.
+
+        Raises:
+            LinkFull: the queue is full.
+            LinkDown: the link is not open.
+        """
+        if self._socket is None or self._loop is None:
+            raise LinkDown(f"{self.info.name} is not open: start its run() first")
+        if not self._queue:
+            if self._hand_over(self._socket, packet, peer):
+                return
+            self._loop.add_writer(self._socket, self._send_queued, self._socket, self._loop)
+        elif len(self._queue) >= QUEUE_PACKETS:
+            raise LinkFull(f"{self.info.name}: {QUEUE_PACKETS} packets wait for the network")
+        self._queue.append((packet, peer))
+        self._was_full = len(self._queue) >= QUEUE_PACKETS
+
+    def describe(self, peer: Peer) -> str:
+        """The peer's address, `127.0.0.1:40123` or `[::1]:40123`."""
+        match peer:
+            case (str() as host, int() as port, *_):
+                return _joined(host, port)
+        return str(peer)
+
+    async def run(self) -> None:
+        """Open the socket and serve it until cancelled; it may run again afterwards.
+
+        Raises:
+            LinkDown: the socket cannot be opened or fails for good; the text names the remedy.
+        """
+        loop = asyncio.get_running_loop()
+        opened = await self._open(loop)
+        self._loop, self._socket, self._ended = loop, opened, loop.create_future()
+        loop.add_reader(opened, self._drain, opened, loop)
+        self._signal_handler(Signal.LINK_UP, None, "opened", loop.time())
+        try:
+            await self._ended
+        finally:
+            loop.remove_reader(opened)
+            loop.remove_writer(opened)
+            opened.close()
+            self._loop, self._socket, self._ended = None, None, None
+            for _ in range(len(self._queue)):
+                self.counters.drop("the link was closed before the network took it")
+            self._queue.clear()
+            self._signal_handler(Signal.LINK_DOWN, None, "closed", loop.time())
+
+    async def _open(self, loop: asyncio.AbstractEventLoop) -> socket.socket:
+        try:
+            found = await loop.getaddrinfo(self._host, self._port, type=socket.SOCK_DGRAM)
+        except socket.gaierror as error:
+            words = (
+                f"{self.info.name}: no such host as {self._host!r} ({error.strerror}): check the name or give a number"
+            )
+            raise LinkDown(words) from error
+        family, kind, protocol, _, address = found[0]
+        try:
+            opened = socket.socket(family, kind, protocol)
+        except OSError as error:
+            raise LinkDown(self._why_not(error)) from error
+        try:
+            opened.setblocking(False)
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+            self._take_address(opened, address)
+        except OSError as error:
+            opened.close()
+            raise LinkDown(self._why_not(error)) from error
+        return opened
+
+    @abstractmethod
+    def _take_address(self, opened: socket.socket, address: _Address) -> None:
+        """Bind or connect the new socket."""
+
+    @abstractmethod
+    def _transmit(self, opened: socket.socket, packet: bytes, peer: Peer) -> None:
+        """Give one packet to the kernel."""
+
+    @abstractmethod
+    def _why_not(self, error: OSError) -> str:
+        """Why the socket cannot be opened, and what to do."""
+
+    def _drain(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
+        counters = self.counters
+        for _ in range(DRAIN_PACKETS):
+            try:
+                packet, peer = opened.recvfrom(UDP_MTU)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                if not self._tolerate(error):
+                    return
+                continue
+            now = loop.time()
+            counters.packets_in += 1
+            counters.bytes_in += len(packet)
+            if self.remote is not None:
+                peer = self.remote
+            if self.tap is not None:
+                self.tap(now, "in", peer, packet)
+            self._packet_handler(packet, peer, now)
+
+    def _tolerate(self, error: OSError) -> bool:
+        """Count an error that passes; end `run` on any other."""
+        if reason := _PASSING.get(error.errno or 0):
+            self.counters.drop(reason)
+            return True
+        if self._ended is not None and not self._ended.done():
+            self._ended.set_exception(LinkDown(f"{self.info.name} failed: {error.strerror}: start it again"))
+        return False
+
+    def _hand_over(self, opened: socket.socket, packet: bytes, peer: Peer) -> bool:
+        """Whether the packet is off our hands: the kernel took it, or refused it for good."""
+        try:
+            self._transmit(opened, packet, peer)
+        except BlockingIOError:
+            return False
+        except OSError as error:
+            self._tolerate(error)
+            return True
+        self.counters.packets_out += 1
+        self.counters.bytes_out += len(packet)
+        if self.tap is not None and self._loop is not None:
+            self.tap(self._loop.time(), "out", peer, packet)
+        return True
+
+    def _send_queued(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
+        while self._queue:
+            if not self._hand_over(opened, *self._queue[0]):
+                return
+            self._queue.popleft()
+        loop.remove_writer(opened)
+        if self._was_full:
+            self._was_full = False
+            self._room_handler(None)
+
+
+class UdpServerLink(_UdpLink):
+    """One socket for many peers; a peer is its socket address. Satisfies `Link`.
+
+    Args:
+        host: address or name to listen at; `0.0.0.0` for every IPv4 interface, `::` for IPv6 too.
+        port: 1 to 65535, or 0 for any free one (see `port`).
+    """
+
+    def _take_address(self, opened: socket.socket, address: _Address) -> None:
+        opened.bind(address)
+
+    def _transmit(self, opened: socket.socket, packet: bytes, peer: Peer) -> None:
+        opened.sendto(packet, peer)  # type: ignore[call-overload]  # peers are what recvfrom gave
+
+    def _why_not(self, error: OSError) -> str:
+        remedies = {
+            errno.EADDRINUSE: f"another program listens there: end it (`ss -ulnp sport = :{self._port}` names it) "
+            "or choose another port",
+            errno.EACCES: "ports below 1024 belong to the system: choose a higher one",
+            errno.EADDRNOTAVAIL: f"no interface of this machine has the address {self._host}: "
+            "use 127.0.0.1, or 0.0.0.0 for all (`ip address` shows them)",
+            errno.EAFNOSUPPORT: "this machine has no IPv6: use an IPv4 address",
+        }
+        return f"cannot listen at {self.info.name}: {remedies.get(error.errno or 0, os.strerror(error.errno or 0))}"
+
+
+class UdpClientLink(_UdpLink):
+    """A socket that speaks with one server, its `remote`. Satisfies `Link`."""
+
+    def __init__(self, host: str, port: int) -> None:
+        super().__init__(host, port)
+        self.remote = (host, port)
+
+    def _take_address(self, opened: socket.socket, address: _Address) -> None:
+        opened.connect(address)
+
+    def _transmit(self, opened: socket.socket, packet: bytes, peer: Peer) -> None:  # noqa: ARG002 - there is only one
+        try:
+            opened.send(packet)
+        except ConnectionRefusedError:
+            # The kernel reports the loss of an earlier packet here and has not sent this one.
+            self.counters.drop(NOBODY_LISTENS)
+            opened.send(packet)
+
+    def _why_not(self, error: OSError) -> str:
+        remedies = {
+            errno.ENETUNREACH: "no way to that network: check the cable, the wireless network and `ip route`",
+            errno.EAFNOSUPPORT: "this machine has no IPv6: use an IPv4 address",
+            errno.EACCES: "that is a broadcast address: give the address of one machine",
+        }
+        return f"cannot reach {self.info.name}: {remedies.get(error.errno or 0, os.strerror(error.errno or 0))}"
+
+
+def _joined(host: str, port: int) -> str:
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
