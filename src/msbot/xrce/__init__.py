@@ -4,6 +4,17 @@ Times are handed in as `now` in seconds of the caller's monotonic clock; octets 
 """
 
 from msbot.xrce.cdr import CdrReader, CdrWriter
+from msbot.xrce.definitions import (
+    Definition,
+    ParticipantDef,
+    PublisherDef,
+    ReaderDef,
+    ReplierDef,
+    RequesterDef,
+    SubscriberDef,
+    TopicDef,
+    WriterDef,
+)
 from msbot.xrce.ids import (
     COOKIE,
     FIRST_REQUEST,
@@ -59,6 +70,20 @@ from msbot.xrce.messages import (
     encode_message,
     iter_submessages,
 )
+from msbot.xrce.objects import parse_variant
+from msbot.xrce.references import References
+from msbot.xrce.variants import (
+    RELIABLE_QOS,
+    EndpointQos,
+    participant_variant,
+    publisher_variant,
+    reader_variant,
+    replier_variant,
+    requester_variant,
+    subscriber_variant,
+    topic_variant,
+    writer_variant,
+)
 
 __all__ = [
     "COOKIE",
@@ -67,6 +92,7 @@ __all__ = [
     "OBJECT_CLIENT",
     "OBJECT_INVALID",
     "OBJECT_SESSION",
+    "RELIABLE_QOS",
     "REQUEST_DISCOVERY",
     "REQUEST_LOGIN",
     "REQUEST_LOGOUT",
@@ -86,8 +112,10 @@ __all__ = [
     "Create",
     "CreateClient",
     "Data",
+    "Definition",
     "Delete",
     "DeliveryControl",
+    "EndpointQos",
     "Format",
     "Fragment",
     "GetInfo",
@@ -98,20 +126,38 @@ __all__ = [
     "LocatorFormat",
     "ObjectKind",
     "ObjectVariant",
+    "ParticipantDef",
+    "PublisherDef",
     "ReadData",
+    "ReaderDef",
+    "References",
+    "ReplierDef",
+    "RequesterDef",
     "Reset",
     "Status",
     "StatusAgent",
     "StatusReply",
     "Submessage",
     "SubmessageId",
+    "SubscriberDef",
     "Timestamp",
     "TimestampReply",
+    "TopicDef",
     "WriteData",
+    "WriterDef",
     "decode_header",
     "encode_message",
     "iter_submessages",
     "kind_of",
     "make_object_id",
+    "parse_variant",
+    "participant_variant",
+    "publisher_variant",
+    "reader_variant",
+    "replier_variant",
+    "requester_variant",
     "status_words",
+    "subscriber_variant",
+    "topic_variant",
+    "writer_variant",
 ]

@@ -25,7 +25,7 @@ class CdrWriter:
 
     __slots__ = ("_buffer", "_structs")
 
-    def __init__(self, little_endian: bool = True) -> None:  # noqa: FBT001, FBT002 - one flag, said where it is called
+    def __init__(self, little_endian: bool = True) -> None:
         self._buffer = bytearray()
         self._structs = _LITTLE if little_endian else _BIG
 
@@ -74,7 +74,7 @@ class CdrWriter:
         """Write a float of 64 bits."""
         self._number("d", 8, value)
 
-    def boolean(self, value: bool) -> None:  # noqa: FBT001 - the value that is written
+    def boolean(self, value: bool) -> None:
         """Write a boolean: one octet, 0 or 1."""
         self._buffer.append(1 if value else 0)
 

@@ -13,18 +13,16 @@ from typing import ClassVar, Self
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.xrce.cdr import CdrReader, CdrWriter
 from msbot.xrce.ids import SubmessageId
-from msbot.xrce.session_messages import LITTLE_ENDIAN, frame, need
+from msbot.xrce.submessage import LITTLE_ENDIAN, MAX_LENGTH, frame
 
 FORMAT_MASK = 0x0E
 FORMAT_NAMES = {0x00: "DATA", 0x02: "SAMPLE", 0x08: "DATA_SEQ", 0x0A: "SAMPLE_SEQ", 0x0E: "PACKED_SAMPLES"}
 
-MAX_PAYLOAD = 0xFFFF - 4
+MAX_PAYLOAD = MAX_LENGTH - 4
 """Largest sample in octets whose length can be told in a submessage header."""
 
 _IDS = struct.Struct(">HH")
 _DATA = struct.Struct("<BBHBBBB")
-_CONTROL = (struct.Struct(">4H"), struct.Struct("<4H"))
-_CONTROL_LENGTH = 16
 
 
 @dataclass(slots=True)
@@ -41,7 +39,7 @@ class WriteData:
         """The whole submessage; above 65531 octets its length is 0, then it must be the last of its message."""
         length = len(self.payload) + 4
         # eProsima's way to exceed 64 KiB: length 0 means "to the end of the message" (seen on the wire).
-        return _head(self.ID, length if length <= 0xFFFF else 0, self.request_id, self.object_id) + self.payload
+        return _head(self.ID, length if length <= MAX_LENGTH else 0, self.request_id, self.object_id) + self.payload
 
     @classmethod
     def decode(cls, packet: bytes, start: int, end: int, flags: int) -> Self:
@@ -74,7 +72,7 @@ class Data:
             LocalProtocolError: more than 65531 octets.
         """
         length = len(self.payload) + 4
-        if length > 0xFFFF:
+        if length > MAX_LENGTH:
             raise LocalProtocolError(f"a DATA carries at most {MAX_PAYLOAD} octets, not {len(self.payload)}")
         return _head(self.ID, length, self.request_id, self.object_id) + self.payload
 

@@ -30,6 +30,7 @@ from msbot.xrce.session_messages import (
     TimestampReply,
 )
 from msbot.xrce.stream_messages import Acknack, Fragment, Heartbeat, Reset
+from msbot.xrce.submessage import HEADER_SIZE
 
 __all__ = [
     "Acknack",
@@ -80,8 +81,6 @@ Submessage: TypeAlias = (
 
 _HEADER = struct.Struct("<BBH")
 _SUBMESSAGE = struct.Struct("<BBH")
-
-SUBMESSAGE_HEADER_SIZE = 4
 
 _Decode: TypeAlias = Callable[[bytes, int, int, int], Submessage]
 _DECODERS: dict[int, _Decode] = {
@@ -149,9 +148,9 @@ def iter_submessages(packet: bytes, offset: int) -> Iterator[Submessage]:
         RemoteProtocolError: at the first one that makes no sense; those before it have been yielded.
     """
     size = len(packet)
-    while offset + SUBMESSAGE_HEADER_SIZE <= size:
+    while offset + HEADER_SIZE <= size:
         submessage_id, flags, length = _SUBMESSAGE.unpack_from(packet, offset)
-        start = offset + SUBMESSAGE_HEADER_SIZE
+        start = offset + HEADER_SIZE
         if submessage_id == CreateClient.ID:
             client, end = CreateClient.decode_by_content(packet, start, size, flags)
             yield client

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 from msbot.xrce.cdr import CdrReader, CdrWriter
 from msbot.xrce.ids import Format, ObjectKind, SubmessageId
-from msbot.xrce.session_messages import LITTLE_ENDIAN, frame, need
+from msbot.xrce.submessage import LITTLE_ENDIAN, frame, need
 
 REUSE = 0x02
 REPLACE = 0x04
@@ -35,7 +35,7 @@ class ObjectVariant:
     blob: bytes | None = None
     """The binary form: CDR of its own, in the byte order of the CREATE."""
     parent_id: int = 0
-    """Participant of a topic, publisher, subscriber, requester, replier; publisher of a writer; subscriber of a reader."""
+    """Publisher of a writer, subscriber of a reader, participant of all others."""
     domain_id: int = 0
     """Domain of a participant; 255 = the agent's own."""
 

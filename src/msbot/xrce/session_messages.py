@@ -12,12 +12,10 @@ from enum import IntEnum
 from ipaddress import IPv4Address, IPv6Address
 from typing import ClassVar, Self
 
-from msbot.errors import LocalProtocolError, RemoteProtocolError
+from msbot.errors import RemoteProtocolError
 from msbot.xrce.cdr import CdrReader, CdrWriter
 from msbot.xrce.ids import COOKIE, VENDOR, VERSION, ObjectKind, SubmessageId
-
-LITTLE_ENDIAN = 0x01
-"""Flag of all submessages: the payload is little endian (the length in the header always is)."""
+from msbot.xrce.submessage import LITTLE_ENDIAN, frame, need
 
 _SECOND_NS = 1_000_000_000
 _CREATE_CLIENT_LENGTH = 16
@@ -25,30 +23,6 @@ _IDS = struct.Struct(">HH")
 _MASKS = (struct.Struct(">I"), struct.Struct("<I"))
 _TIMES = (struct.Struct(">iI"), struct.Struct("<iI"))
 _TIME_OUT = struct.Struct("<II")
-
-
-def frame(submessage_id: int, payload: bytes, flags: int = LITTLE_ENDIAN) -> bytes:
-    """The submessage with that payload, header in front.
-
-    Raises:
-        LocalProtocolError: the payload is longer than 65535 octets.
-    """
-    length = len(payload)
-    if length > 0xFFFF:
-        raise LocalProtocolError(
-            f"{SubmessageId(submessage_id).name} of {length} octets: a submessage has 65535 at most"
-        )
-    return bytes((submessage_id, flags, length & 0xFF, length >> 8)) + payload
-
-
-def need(start: int, end: int, size: int, name: str) -> None:
-    """Refuse a payload that is too short.
-
-    Raises:
-        RemoteProtocolError: fewer than `size` octets.
-    """
-    if end - start < size:
-        raise RemoteProtocolError(f"{name} of {end - start} octets where {size} are needed")
 
 
 @dataclass(slots=True)

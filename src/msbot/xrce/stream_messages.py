@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 from msbot.errors import RemoteProtocolError
 from msbot.xrce.ids import SubmessageId
-from msbot.xrce.session_messages import LITTLE_ENDIAN, frame, need
+from msbot.xrce.submessage import LITTLE_ENDIAN, frame, need
 
 LAST_FRAGMENT = 0x02
 
@@ -52,7 +52,7 @@ class Acknack:
 
 @dataclass(slots=True)
 class Heartbeat:
-    """What a sender keeps on a reliable stream (XRCE 1.0 §8.3.5.12); always sent on stream NONE, answered by ACKNACK."""
+    """What a sender keeps on a reliable stream (XRCE 1.0 §8.3.5.12); sent on stream NONE, answered by ACKNACK."""
 
     ID: ClassVar[int] = SubmessageId.HEARTBEAT
 

@@ -1,0 +1,36 @@
+"""What all submessages share: the 4 octets in front, and how their payload is checked."""
+
+from __future__ import annotations
+
+from msbot.errors import LocalProtocolError, RemoteProtocolError
+from msbot.xrce.ids import SubmessageId
+
+LITTLE_ENDIAN = 0x01
+"""Flag of all submessages: the payload is little endian (the length in the header always is)."""
+
+HEADER_SIZE = 4
+MAX_LENGTH = 0xFFFF
+"""Largest payload in octets."""
+
+
+def frame(submessage_id: int, payload: bytes, flags: int = LITTLE_ENDIAN) -> bytes:
+    """The submessage with that payload, header in front (XRCE 1.0 §8.3.4).
+
+    Raises:
+        LocalProtocolError: the payload is longer than 65535 octets.
+    """
+    length = len(payload)
+    if length > MAX_LENGTH:
+        name = SubmessageId(submessage_id).name
+        raise LocalProtocolError(f"{name} of {length} octets: a submessage has {MAX_LENGTH} at most")
+    return bytes((submessage_id, flags, length & 0xFF, length >> 8)) + payload
+
+
+def need(start: int, end: int, size: int, name: str) -> None:
+    """Refuse a payload that is too short.
+
+    Raises:
+        RemoteProtocolError: fewer than `size` octets.
+    """
+    if end - start < size:
+        raise RemoteProtocolError(f"{name} of {end - start} octets where {size} are needed")
