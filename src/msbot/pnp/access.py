@@ -28,7 +28,14 @@ TRUSTED_LINK = "inproc"
 """Name of the link that the robot's own services speak on."""
 
 GOODBYE = "session deleted"
-"""The agent's words for a session that its client ended; every other reason means that it vanished."""
+"""The agent's words for a session that its client ended; other reasons mean that it vanished."""
+REPLACED = "replaced"
+"""How the agent's words begin for a session that its own client opens anew; `joined` follows at once."""
+
+RESERVED_TOPICS = frozenset(
+    {PROFILE_TOPIC, INVENTORY_REQUEST_TOPIC, INVENTORY_REPLY_TOPIC, compat.REQUEST_TOPIC, compat.REPLY_TOPIC}
+)
+"""No binding and no free topic opens these any further than step 1 and 2 need."""
 
 _MAX_PLUGS = 1024
 
@@ -80,8 +87,9 @@ class Access:
         self._inventory = inventory
         self._clock = clock
         self._trusted_link = trusted_link
-        self._writable = free_topics | {INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC}
-        self._readable = free_topics | {INVENTORY_REPLY_TOPIC, compat.REPLY_TOPIC}
+        free = free_topics - RESERVED_TOPICS
+        self._writable = free | {INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC}
+        self._readable = free | {INVENTORY_REPLY_TOPIC, compat.REPLY_TOPIC}
         self._links: dict[int, str] = {}
         """Client key -> the link its session is open on."""
         self._plugs: dict[tuple[str, Hashable], float] = {}
@@ -90,7 +98,7 @@ class Access:
 
     def may_join(self, client: Client) -> bool:
         """Whether the client may open a session: not with a key that is in use on another link."""
-        if self._links.get(client.key, client.link) == client.link:
+        if self._is_trusted(client) or self._links.get(client.key, client.link) == client.link:
             return True
         self._deny("client key in use on another link")
         return False
@@ -104,7 +112,9 @@ class Access:
         )
 
     def left(self, client: Client, reason: str) -> None:
-        """The session has ended."""
+        """The session has ended; one that its own client opens anew keeps its slot meanwhile."""
+        if reason.startswith(REPLACED):
+            return
         self._links.pop(client.key, None)
         self._inventory.client_left(client.key, reason, self._clock(), politely=reason == GOODBYE)
 
@@ -134,7 +144,7 @@ class Access:
 
     def _is_bound(self, key: int, topic: str, *, publishes: bool) -> bool:
         configuration = self._inventory.configuration_of(key)
-        if configuration is None or topic == PROFILE_TOPIC:
+        if configuration is None or topic in RESERVED_TOPICS:
             return False
         return any(binding.topic == topic and binding.publishes is publishes for binding in configuration.bindings)
 

@@ -13,8 +13,8 @@ from typing import Protocol
 
 from msbot.errors import ConfigError
 
-MAX_TEXT = 255
-"""Longest part number or local name in characters (the thesis bounds every string so, 3.12)."""
+MAX_TEXT = 254
+"""Longest part number or local name in characters: the thesis' `char[255]` with its NUL."""
 
 Evidence = tuple[tuple[str, str], ...]
 """Why something was decided: pairs of (rule or message, outcome), in the order they were tried."""

@@ -1,0 +1,113 @@
+"""The inventory's desk: octets of a request in, octets of the answer out, or silence. Pure.
+
+What strangers get is silence (R52, R53); the answer to a part never says more than that part needs. With `explain`
+a refusal is answered with its reason, for the classroom.
+"""
+
+from __future__ import annotations
+
+import logging
+
+from msbot.errors import LocalProtocolError, RemoteProtocolError
+from msbot.part import plug
+from msbot.pnp import compat
+from msbot.pnp.inventory import Inventory
+from msbot.pnp.parts import Claim, Configuration, Verdict
+
+_log = logging.getLogger(__name__)
+
+
+class Desk:
+    """Answers the requests of parts in both layouts.
+
+    Args:
+        inventory: decides.
+        explain: answer refusals with their reason; False: silence.
+    """
+
+    def __init__(self, inventory: Inventory, *, explain: bool = False) -> None:
+        self.dropped: dict[str, int] = {}
+        """Requests that were not answered because they, or their answers, made no sense; by reason in words."""
+        self._inventory = inventory
+        self._explain = explain
+
+    def compact(self, body: bytes, client_key: int, now: float) -> bytes | None:
+        """The answer to a request of the `msbot_inventory` service, or None."""
+        try:
+            match plug.decode_request(body):
+                case plug.Beat(lease=lease):
+                    return plug.BeatReply(configuration_version=self._inventory.beat(lease, client_key, now)).encode()
+                case plug.ConfigurationRequest(lease=lease):
+                    configuration = self._inventory.configuration_request(lease, client_key)
+                    return None if configuration is None else configuration_message(configuration).encode()
+                case plug.Claim() as message:
+                    return self._answer_to(claim_of(message), client_key, now)
+        except RemoteProtocolError as error:
+            self.drop(f"request: {error}")
+        except LocalProtocolError as error:
+            _log.warning("an answer to client %08X cannot be encoded: %s", client_key, error)
+            self.drop(f"answer: {error}")
+        return None
+
+    def compat(self, body: bytes, client_key: int, now: float) -> bytes | None:
+        """The answer to a request in the thesis' layout, or None."""
+        try:
+            claim = compat.decode_request(body)
+        except RemoteProtocolError as error:
+            self.drop(f"request: {error}")
+            return None
+        verdict = self._inventory.claim(claim, client_key, now)
+        return compat.encode_reply(claim.part_number) if verdict.lease else None
+
+    def drop(self, reason: str) -> None:
+        """Count something that was not answered."""
+        self.dropped[reason] = self.dropped.get(reason, 0) + 1
+
+    def _answer_to(self, claim: Claim, client_key: int, now: float) -> bytes | None:
+        verdict = self._inventory.claim(claim, client_key, now)
+        if verdict.lease == 0 and not (self._explain and verdict.refusal):
+            return None
+        return verdict_message(verdict, self._inventory.timing.beat_ms).encode()
+
+
+def claim_of(message: plug.Claim) -> Claim:
+    """A claim as the inventory takes it."""
+    return Claim(
+        part_number=message.part_number,
+        local_name=message.local_name,
+        uid=message.uid,
+        nonce=message.session_nonce,
+    )
+
+
+def verdict_message(verdict: Verdict, beat_ms: int) -> plug.Verdict:
+    """A verdict as it travels."""
+    return plug.Verdict(
+        lease=verdict.lease,
+        configuration_version=verdict.configuration_version,
+        beat_period_ms=beat_ms,
+        reason=verdict.refusal or 0,
+    )
+
+
+def configuration_message(configuration: Configuration) -> plug.Configuration:
+    """A configuration as it travels.
+
+    Raises:
+        LocalProtocolError: a text in it is too long.
+    """
+    return plug.Configuration(
+        version=configuration.version,
+        slot=configuration.slot,
+        bindings=[
+            plug.PortBinding(
+                port=binding.port,
+                topic=binding.topic,
+                type_name=binding.type_name,
+                direction=plug.Direction.PUBLISH if binding.publishes else plug.Direction.SUBSCRIBE,
+                reliable=int(binding.reliable),
+            )
+            for binding in configuration.bindings
+        ],
+        settings=[plug.Setting(name=name, value=value) for name, value in configuration.settings],
+    )

@@ -1,0 +1,186 @@
+"""The master's profile and the inventory as clients of the agent: parts of the robot like any other (R2, R3).
+
+Both speak through `msbot.part.Client` over any link; in a master over the in-process link, which is what makes them
+trusted (`msbot.pnp.access`). What they say is decided elsewhere: `profile`, `desk`, `inventory`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+
+from msbot.agent import client_key_of
+from msbot.errors import LinkFull, LocalProtocolError, RequestError
+from msbot.part import Client, ConnectionState, Service, plug
+from msbot.pnp import compat
+from msbot.pnp.desk import Desk
+from msbot.pnp.inventory import Inventory
+from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
+from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, EndpointQos
+
+STATUS_TIMEOUT_S = 5.0
+"""How long the agent may take to create what a service needs; then it is asked again."""
+
+_GUID_BYTES = 16
+
+_COMPACT = Service(
+    plug.INVENTORY_SERVICE,
+    plug.INVENTORY_REQUEST_TYPE,
+    plug.INVENTORY_REPLY_TYPE,
+    plug.INVENTORY_REQUEST_TOPIC,
+    plug.INVENTORY_REPLY_TOPIC,
+)
+_COMPAT = Service(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE, compat.REQUEST_TOPIC, compat.REPLY_TOPIC)
+
+_log = logging.getLogger(__name__)
+
+
+class MasterService:
+    """Step 1: publishes the robot's profile, latched and again every period (thesis 3.12.1, R44).
+
+    Args:
+        client: speaks for the master; the service takes over its call-backs.
+        profile: what is published.
+        period_s: seconds between two publications.
+        limit: publications after which it falls silent (the thesis' count limit); None = never.
+    """
+
+    def __init__(
+        self, client: Client, profile: Profile, *, period_s: float = PROFILE_PERIOD_S, limit: int | None = None
+    ) -> None:
+        self.profile = profile
+        self.published = 0
+        """Publications so far; the count in the profile."""
+        self._client = client
+        self._period_s = period_s
+        self._limit = limit
+        self._opened = asyncio.Event()
+        participant = client.create_participant("msbot_master")
+        publisher = client.create_publisher(participant)
+        topic = client.create_topic(participant, PROFILE_TOPIC, PROFILE_TYPE)
+        self._writer = client.create_writer(publisher, topic, EndpointQos(transient_local=True, depth=1))
+        client.on_state = self._state_changed
+
+    async def run(self) -> None:
+        """Serve until cancelled.
+
+        Raises:
+            LinkDown: the way to the agent cannot be opened.
+        """
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._client.run())
+            tasks.create_task(self._publish_for_ever())
+
+    async def _publish_for_ever(self) -> None:
+        while self._limit is None or self.published < self._limit:
+            await self._client.connect()
+            self._opened.clear()
+            if not await _is_ready(self._client):
+                continue
+            self._publish()
+            try:
+                async with asyncio.timeout(self._period_s):
+                    await self._opened.wait()
+            except TimeoutError:
+                continue
+
+    def _publish(self) -> None:
+        self.published += 1
+        try:
+            self._client.write(self._writer, profile_message(self.profile, self.published).encode())
+        except (LinkFull, LocalProtocolError) as error:
+            _log.warning("the profile could not be published: %s", error)
+
+    def _state_changed(self, state: ConnectionState, reason: str) -> None:
+        _log.debug("master: %s: %s", state.value, reason)
+        if state is ConnectionState.CONNECTED:
+            self._opened.set()
+
+
+class InventoryService:
+    """Step 2: answers claims, beats and requests for configurations in both layouts, and drives the life timer.
+
+    Args:
+        client: speaks for the inventory; the service takes over its call-backs.
+        inventory: decides.
+        explain: answer refusals with their reason.
+        reliable: use reliable streams; the in-process link loses nothing and needs none.
+    """
+
+    def __init__(self, client: Client, inventory: Inventory, *, explain: bool = False, reliable: bool = False) -> None:
+        self.desk = Desk(inventory, explain=explain)
+        self._client = client
+        self._inventory = inventory
+        self._stream_id = STREAM_RELIABLE if reliable else STREAM_BEST_EFFORT
+        participant = client.create_participant("msbot_inventory")
+        self._compact = client.create_replier(participant, _COMPACT)
+        self._compat = client.create_replier(participant, _COMPAT)
+        for replier in (self._compact, self._compat):
+            client.read(replier, stream_id=self._stream_id)
+        client.on_request = self._request_received
+
+    async def run(self) -> None:
+        """Serve until cancelled.
+
+        Raises:
+            LinkDown: the way to the agent cannot be opened.
+        """
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._client.run())
+            tasks.create_task(self._keep_time())
+
+    async def until_ready(self, timeout_s: float = STATUS_TIMEOUT_S) -> None:
+        """Wait until parts can be answered.
+
+        Raises:
+            RequestError: not within `timeout_s` seconds, or the agent refused the services.
+        """
+        await self._client.connect(timeout_s)
+        await self._client.until_all_statuses(timeout_s)
+
+    async def _keep_time(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            await asyncio.sleep(self._inventory.timer() - loop.time())
+            self._inventory.handle_timer(loop.time())
+
+    def _request_received(self, object_id: int, request_id: int, identity: bytes, body: bytes) -> None:  # noqa: ARG002
+        now = asyncio.get_running_loop().time()
+        client_key = client_key_of(identity[:_GUID_BYTES])
+        if object_id == self._compact.object_id:
+            replier, answer = self._compact, self.desk.compact(body, client_key, now)
+        else:
+            replier, answer = self._compat, self.desk.compat(body, client_key, now)
+        if answer is None:
+            return
+        try:
+            self._client.reply(replier, identity, answer, stream_id=self._stream_id)
+        except (LinkFull, LocalProtocolError) as error:
+            # The part asks again by itself.
+            self.desk.drop(f"answer: {error}")
+
+
+def profile_message(profile: Profile, count: int) -> plug.ProfileMessage:
+    """The profile as it travels; the thesis gives the fields their meaning by position (3.12.1).
+
+    Raises:
+        LocalProtocolError: a text in it is too long.
+    """
+    return plug.ProfileMessage(
+        index=count & 0xFFFFFFFF,
+        message=profile.name,
+        name=profile.version,
+        id=profile.serial_number,
+        dof=profile.released,
+        make=profile.manufacturer,
+    )
+
+
+async def _is_ready(client: Client) -> bool:
+    try:
+        await client.until_all_statuses(STATUS_TIMEOUT_S)
+    except RequestError as error:
+        _log.warning("the agent is not ready for the master: %s", error)
+        await asyncio.sleep(1.0)
+        return False
+    return True

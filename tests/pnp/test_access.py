@@ -1,0 +1,190 @@
+"""Who may use which topic (R45, R48, R52, R57)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from msbot.agent.gate import ClientInfo, Gate
+from msbot.part import plug
+from msbot.pnp import PROFILE_TOPIC, Binding, Configuration, PartState, compat
+from msbot.pnp.access import INVENTORY_REPLY_TOPIC, INVENTORY_REQUEST_TOPIC, INVENTORY_SERVICE, RESERVED_TOPICS, Access
+from tests.pnp.robot import Rig, sample_store
+
+KEY = 0xAAAAAAAA
+PART = ClientInfo(KEY, "sim:500000", 7, "CAN node 7")
+SERVICE = ClientInfo(0xCDCDCDCD, "inproc", 1, "in-process client 1")
+RING_TOPICS = [f"HelloWorldTopic_{pair}" for pair in ("1_to_2", "2_to_3", "3_to_1")]
+REQUESTS = [INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC]
+REPLIES = [INVENTORY_REPLY_TOPIC, compat.REPLY_TOPIC]
+
+
+class Door:
+    """A rig with the gate in front of it, and what an agent would have been told to recheck."""
+
+    def __init__(self, *free: str) -> None:
+        self.rig = Rig(sample_store())
+        self.access = Access(self.rig.inventory, clock=lambda: self.rig.now, free_topics=frozenset(free))
+        self.rechecked: list[int] = []
+        self.access.recheck = self.rechecked.append
+
+    def let_in(self, client: ClientInfo = PART, number: str = "ABCD") -> None:
+        assert self.access.may_join(client)
+        self.access.joined(client)
+        self.rig._open.add(client.key)
+        self.rig.claim(client.key, number)
+
+    def open_to(self, client: ClientInfo, topics: list[str]) -> list[str]:
+        """`w` and `r` for each topic the client may write and read."""
+        return [
+            "w" * self.access.may_write(client, topic) + "r" * self.access.may_read(client, topic) for topic in topics
+        ]
+
+
+def test_access_has_the_shape_of_the_agents_gate() -> None:
+    gate: Gate = Door().access
+    assert gate.may_join(PART)
+
+
+def test_names_are_those_that_parts_use() -> None:
+    assert INVENTORY_SERVICE == plug.INVENTORY_SERVICE
+    assert (INVENTORY_REQUEST_TOPIC, INVENTORY_REPLY_TOPIC) == (
+        plug.INVENTORY_REQUEST_TOPIC,
+        plug.INVENTORY_REPLY_TOPIC,
+    )
+
+
+def test_before_both_steps_are_done_only_the_profile_and_the_inventory_are_open() -> None:
+    door = Door()
+    door.access.joined(PART)
+    assert door.open_to(PART, [PROFILE_TOPIC, *REQUESTS, *REPLIES]) == ["r", "w", "w", "r", "r"]
+    assert door.open_to(PART, [*RING_TOPICS, "anything"]) == ["", "", "", ""]
+
+
+def test_an_active_part_may_use_its_slots_topics_by_direction_and_nothing_else() -> None:
+    door = Door()
+    door.let_in()
+    assert door.open_to(PART, RING_TOPICS) == ["w", "", "r"]
+    assert door.open_to(PART, ["anything"]) == [""]
+    assert door.rechecked == [KEY]
+
+
+def test_a_refused_part_gets_nothing() -> None:
+    door = Door()
+    door.let_in(number="NOPE")
+    assert door.open_to(PART, RING_TOPICS) == ["", "", ""]
+    assert door.rechecked == []
+
+
+def test_after_delisting_the_topics_are_closed_and_the_agent_is_told_within_the_tick() -> None:
+    door = Door()
+    door.let_in()
+    door.rig.run(6.0)
+    assert door.rig.events[-1].to_state is PartState.LOST
+    assert door.open_to(PART, RING_TOPICS) == ["", "", ""]
+    assert door.open_to(PART, [PROFILE_TOPIC, *REQUESTS]) == ["r", "w", "w"]
+    assert door.rechecked == [KEY, KEY]
+
+
+def test_logging_in_again_voids_all_rights_until_the_next_claim() -> None:
+    door = Door()
+    door.let_in()
+    door.access.joined(replace(PART, address="elsewhere"))
+    assert door.open_to(PART, RING_TOPICS) == ["", "", ""]
+    door.rig.claim(KEY, "ABCD")
+    assert door.open_to(PART, RING_TOPICS) == ["w", "", "r"]
+
+
+def test_a_session_replaced_by_its_own_client_keeps_its_slot() -> None:
+    door = Door()
+    door.let_in()
+    door.access.left(PART, "replaced by a new session of the same key")
+    door.access.joined(PART)
+    assert door.rig.changes(KEY) == ["new", "checking", "active", "checking"]
+    assert door.open_to(PART, RING_TOPICS) == ["", "", ""]
+
+
+@pytest.mark.parametrize(
+    ("reason", "state"), [("session deleted", PartState.LEFT), ("silent", PartState.LOST), ("gone: x", PartState.LOST)]
+)
+def test_goodbye_is_told_from_vanishing(reason: str, state: PartState) -> None:
+    door = Door()
+    door.let_in()
+    door.access.left(PART, reason)
+    assert (door.rig.events[-1].to_state, door.rig.events[-1].reason) == (state, reason)
+    assert door.open_to(PART, RING_TOPICS) == ["", "", ""]
+
+
+def test_nobody_but_the_trusted_master_may_publish_the_profile_or_answer_requests() -> None:
+    door = Door(*RESERVED_TOPICS)
+    door.rig.store.configurations["AA"] = Configuration(
+        1, "AA", tuple(Binding("p", topic, "t", publishes=flag) for topic in RESERVED_TOPICS for flag in (True, False))
+    )
+    door.let_in()
+    assert door.open_to(PART, [PROFILE_TOPIC, *REQUESTS, *REPLIES]) == ["r", "w", "w", "r", "r"]
+    assert door.open_to(SERVICE, [PROFILE_TOPIC, *REQUESTS, *REPLIES, "x"]) == ["wr"] * 6
+
+
+def test_asking_for_the_profile_begins_step_1() -> None:
+    door = Door()
+    door.access.joined(PART)
+    assert door.rig.state(KEY) is PartState.NEW
+    door.access.may_read(PART, PROFILE_TOPIC)
+    assert door.rig.state(KEY) is PartState.CHECKING
+
+
+def test_the_robots_own_services_are_not_shown_as_parts() -> None:
+    door = Door()
+    door.access.joined(SERVICE)
+    door.access.left(SERVICE, "session deleted")
+    assert door.rig.inventory.view(door.rig.now) == []
+
+
+def test_a_key_that_is_in_use_on_one_link_opens_nothing_on_another() -> None:
+    door = Door()
+    door.access.joined(SERVICE)
+    door.let_in()
+    assert not door.access.may_join(replace(SERVICE, link="udp:0.0.0.0:8888"))
+    assert not door.access.may_join(replace(PART, link="udp:0.0.0.0:8888"))
+    assert door.access.may_join(replace(PART, peer=8, address="CAN node 8"))
+    assert door.access.denied == {"client key in use on another link": 2}
+    door.access.left(PART, "silent")
+    assert door.access.may_join(replace(PART, link="udp:0.0.0.0:8888"))
+
+
+def test_nobody_can_keep_the_robots_own_services_out() -> None:
+    door = Door()
+    door.access.joined(replace(SERVICE, link="udp:0.0.0.0:8888"))
+    assert door.access.may_join(SERVICE)
+
+
+def test_free_topics_are_open_to_everybody() -> None:
+    door = Door("weather")
+    door.access.joined(PART)
+    assert door.open_to(PART, ["weather"]) == ["wr"]
+
+
+def test_the_way_to_active_is_measured_from_the_moment_the_link_saw_the_peer() -> None:
+    door = Door()
+    door.access.peer_joined(PART.link, PART.peer, door.rig.now)
+    door.rig.now += 0.25
+    door.let_in()
+    assert door.rig.part(KEY).plug_in_to_active_ms == 250.0
+    door.rig.now += 5.0
+    door.let_in()
+    assert door.rig.part(KEY).plug_in_to_active_ms == 0.0
+
+
+def test_peers_that_never_log_in_are_forgotten() -> None:
+    door = Door()
+    for peer in range(2000):
+        door.access.peer_joined(PART.link, peer, door.rig.now)
+    assert len(door.access._plugs) == 1024
+
+
+def test_without_an_agent_nothing_is_rechecked() -> None:
+    door = Door()
+    door.access.recheck = None
+    door.let_in()
+    assert door.rechecked == []
