@@ -15,6 +15,7 @@ from msbot.xrce.definitions import (
     TopicDef,
     WriterDef,
 )
+from msbot.xrce.explain import explain
 from msbot.xrce.ids import (
     COOKIE,
     FIRST_REQUEST,
@@ -147,6 +148,7 @@ __all__ = [
     "WriterDef",
     "decode_header",
     "encode_message",
+    "explain",
     "iter_submessages",
     "kind_of",
     "make_object_id",

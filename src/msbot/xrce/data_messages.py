@@ -49,7 +49,7 @@ class WriteData:
             RemoteProtocolError: fewer than 4 octets (the genuine agent aborts), or another format than DATA.
         """
         if flags & FORMAT_MASK or end - start < 4:
-            raise _refused("WRITE_DATA", end - start, flags)
+            raise _refused(end - start, flags)
         request_id, object_id = _IDS.unpack_from(packet, start)
         return cls(request_id, object_id, packet[start + 4 : end])
 
@@ -84,7 +84,7 @@ class Data:
             RemoteProtocolError: fewer than 4 octets, or another format than DATA.
         """
         if flags & FORMAT_MASK or end - start < 4:
-            raise _refused("DATA", end - start, flags)
+            raise _refused(end - start, flags)
         request_id, object_id = _IDS.unpack_from(packet, start)
         return cls(request_id, object_id, packet[start + 4 : end])
 
@@ -96,12 +96,12 @@ def _head(submessage_id: int, length: int, request_id: int, object_id: int) -> b
     )
 
 
-def _refused(name: str, length: int, flags: int) -> RemoteProtocolError:
+def _refused(length: int, flags: int) -> RemoteProtocolError:
     form = flags & FORMAT_MASK
     if form:
         words = FORMAT_NAMES.get(form, f"0x{form:02X}")
-        return RemoteProtocolError(f"{name} in format {words}: only DATA is spoken")
-    return RemoteProtocolError(f"{name} of {length} octets where 4 are needed")
+        return RemoteProtocolError(f"in format {words}: only DATA is spoken")
+    return RemoteProtocolError(f"{length} octets where 4 are needed")
 
 
 @dataclass(frozen=True, slots=True)

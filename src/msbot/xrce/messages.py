@@ -151,23 +151,25 @@ def iter_submessages(packet: bytes, offset: int) -> Iterator[Submessage]:
     while offset + HEADER_SIZE <= size:
         submessage_id, flags, length = _SUBMESSAGE.unpack_from(packet, offset)
         start = offset + HEADER_SIZE
-        if submessage_id == CreateClient.ID:
-            client, end = CreateClient.decode_by_content(packet, start, size, flags)
-            yield client
-        else:
-            end = size if length == 0 and submessage_id == WriteData.ID else start + length
-            if end > size:
-                raise _overlong(submessage_id, length, size - start)
-            decode = _DECODERS.get(submessage_id)
-            if decode is not None:
-                yield decode(packet, start, end, flags)
+        try:
+            if submessage_id == CreateClient.ID:
+                client, end = CreateClient.decode_by_content(packet, start, size, flags)
+                yield client
+            else:
+                end = size if length == 0 and submessage_id == WriteData.ID else start + length
+                if end > size:
+                    raise RemoteProtocolError(f"{length} octets announced where {size - start} are left")
+                decode = _DECODERS.get(submessage_id)
+                if decode is not None:
+                    yield decode(packet, start, end, flags)
+        except RemoteProtocolError as error:
+            raise RemoteProtocolError(f"{_name(submessage_id)}: {error}") from None
         offset = (end + 3) & ~3
 
 
-def _overlong(submessage_id: int, length: int, left: int) -> RemoteProtocolError:
-    known = submessage_id in _DECODERS
-    name = SubmessageId(submessage_id).name if known else f"submessage 0x{submessage_id:02X}"
-    return RemoteProtocolError(f"{name} of {length} octets in a message with {left} left")
+def _name(submessage_id: int) -> str:
+    known = submessage_id in _DECODERS or submessage_id == CreateClient.ID
+    return SubmessageId(submessage_id).name if known else f"submessage 0x{submessage_id:02X}"
 
 
 def encode_message(header: Header, submessages: Iterable[Submessage], *, pad_end: bool) -> bytes:

@@ -108,7 +108,7 @@ class Create:
         Raises:
             RemoteProtocolError: the octets do not make sense.
         """
-        need(start, end, 5, "CREATE")
+        need(start, end, 5)
         little_endian = bool(flags & LITTLE_ENDIAN)
         request_id, object_id = _IDS.unpack_from(packet, start)
         variant = ObjectVariant.read(CdrReader(packet, start + 4, end, little_endian=little_endian))
@@ -135,7 +135,7 @@ class Delete:
         Raises:
             RemoteProtocolError: it is too short.
         """
-        need(start, end, 4, "DELETE")
+        need(start, end, 4)
         request_id, object_id = _IDS.unpack_from(packet, start)
         return cls(request_id, object_id)
 
@@ -164,5 +164,5 @@ class StatusReply:
         Raises:
             RemoteProtocolError: it is too short.
         """
-        need(start, end, 6, "STATUS")
+        need(start, end, 6)
         return cls(*_STATUS_PAYLOAD.unpack_from(packet, start))

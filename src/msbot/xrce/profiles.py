@@ -39,9 +39,20 @@ TAGS: dict[ObjectKind, tuple[str, ...]] = {
 """How the element of each kind is called; the second name is that of old profiles."""
 
 _HONOURED = frozenset(
-    """name kind dataType historyQos/kind historyQos/depth
-    topic/name topic/kind topic/dataType topic/historyQos/kind topic/historyQos/depth
-    qos/reliability/kind qos/durability/kind""".split()
+    [
+        "name",
+        "kind",
+        "dataType",
+        "historyQos/kind",
+        "historyQos/depth",
+        "topic/name",
+        "topic/kind",
+        "topic/dataType",
+        "topic/historyQos/kind",
+        "topic/historyQos/depth",
+        "qos/reliability/kind",
+        "qos/durability/kind",
+    ]
 )
 
 _RELIABILITY = {"RELIABLE": True, "BEST_EFFORT": False}

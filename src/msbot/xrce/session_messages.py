@@ -117,7 +117,7 @@ class StatusAgent:
         Raises:
             RemoteProtocolError: the octets do not make sense.
         """
-        need(start, end, 11, "STATUS_AGENT")
+        need(start, end, 11)
         return cls(
             packet[start],
             packet[start + 1],
@@ -149,7 +149,7 @@ class GetInfo:
         Raises:
             RemoteProtocolError: it is too short.
         """
-        need(start, end, 8, "GET_INFO")
+        need(start, end, 8)
         request_id, object_id = _IDS.unpack_from(packet, start)
         return cls(request_id, object_id, _MASKS[flags & 1].unpack_from(packet, start + 4)[0])
 
@@ -295,7 +295,7 @@ class Info:
 def _need_agent(reader: CdrReader) -> None:
     kind = reader.u8()
     if kind != ObjectKind.AGENT:
-        raise RemoteProtocolError(f"an INFO about kind 0x{kind:02X}: only agents are described (0x0D)")
+        raise RemoteProtocolError(f"about kind 0x{kind:02X}: only agents are described (0x0D)")
 
 
 def _read_locators(reader: CdrReader) -> tuple[Locator, ...]:
@@ -324,7 +324,7 @@ class Timestamp:
         Raises:
             RemoteProtocolError: it is too short, or its nanoseconds are a second or more.
         """
-        need(start, end, 8, "TIMESTAMP")
+        need(start, end, 8)
         return cls(_read_time(packet, start, flags))
 
 
@@ -353,7 +353,7 @@ class TimestampReply:
         Raises:
             RemoteProtocolError: it is too short, or nanoseconds are a second or more.
         """
-        need(start, end, 24, "TIMESTAMP_REPLY")
+        need(start, end, 24)
         return cls(*(_read_time(packet, start + at, flags) for at in (0, 8, 16)))
 
 

@@ -45,7 +45,7 @@ class Acknack:
             RemoteProtocolError: it is too short.
         """
         if end - start < 5:
-            need(start, end, 5, "ACKNACK")
+            need(start, end, 5)
         first, high, low, stream_id = _ACKNACK[flags & 1].unpack_from(packet, start)
         return cls(first, high << 8 | low, stream_id)
 
@@ -73,7 +73,7 @@ class Heartbeat:
             RemoteProtocolError: it is too short.
         """
         if end - start < 5:
-            need(start, end, 5, "HEARTBEAT")
+            need(start, end, 5)
         first, last, stream_id = _HEARTBEAT[flags & 1].unpack_from(packet, start)
         return cls(first, last, stream_id)
 
@@ -116,5 +116,5 @@ class Fragment:
             RemoteProtocolError: there is nothing in it.
         """
         if end == start:
-            raise RemoteProtocolError("FRAGMENT without contents")
+            raise RemoteProtocolError("without contents")
         return cls(packet[start:end], bool(flags & LAST_FRAGMENT))

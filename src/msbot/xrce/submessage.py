@@ -26,11 +26,11 @@ def frame(submessage_id: int, payload: bytes, flags: int = LITTLE_ENDIAN) -> byt
     return bytes((submessage_id, flags, length & 0xFF, length >> 8)) + payload
 
 
-def need(start: int, end: int, size: int, name: str) -> None:
+def need(start: int, end: int, size: int) -> None:
     """Refuse a payload that is too short.
 
     Raises:
         RemoteProtocolError: fewer than `size` octets.
     """
     if end - start < size:
-        raise RemoteProtocolError(f"{name} of {end - start} octets where {size} are needed")
+        raise RemoteProtocolError(f"{end - start} octets where {size} are needed")
