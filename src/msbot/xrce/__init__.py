@@ -3,7 +3,10 @@
 Times are handed in as `now` in seconds of the caller's monotonic clock; octets go in, events and octets come out.
 """
 
+from msbot.xrce.agent_session import AgentSession
 from msbot.xrce.cdr import CdrReader, CdrWriter
+from msbot.xrce.client_session import ClientSession, ClientState
+from msbot.xrce.counters import SessionCounters
 from msbot.xrce.definitions import (
     Definition,
     ParticipantDef,
@@ -14,6 +17,26 @@ from msbot.xrce.definitions import (
     SubscriberDef,
     TopicDef,
     WriterDef,
+)
+from msbot.xrce.envelope import MTU_MIN
+from msbot.xrce.events import (
+    AgentEvent,
+    ClientEvent,
+    Connected,
+    ConnectFailed,
+    CreateRequested,
+    DataReceived,
+    DataWritten,
+    DeleteRequested,
+    InfoRequested,
+    Pong,
+    ReadRequested,
+    SessionClosed,
+    SessionDeleteRequested,
+    SessionReset,
+    StatusReceived,
+    TimeSynchronised,
+    WindowOpened,
 )
 from msbot.xrce.explain import explain
 from msbot.xrce.ids import (
@@ -73,6 +96,7 @@ from msbot.xrce.messages import (
 )
 from msbot.xrce.objects import parse_variant
 from msbot.xrce.references import References
+from msbot.xrce.session_settings import AgentSessionSettings, ClientSessionSettings
 from msbot.xrce.variants import (
     RELIABLE_QOS,
     EndpointQos,
@@ -89,6 +113,7 @@ from msbot.xrce.variants import (
 __all__ = [
     "COOKIE",
     "FIRST_REQUEST",
+    "MTU_MIN",
     "OBJECT_AGENT",
     "OBJECT_CLIENT",
     "OBJECT_INVALID",
@@ -108,13 +133,26 @@ __all__ = [
     "VENDOR",
     "VERSION",
     "Acknack",
+    "AgentEvent",
+    "AgentSession",
+    "AgentSessionSettings",
     "CdrReader",
     "CdrWriter",
+    "ClientEvent",
+    "ClientSession",
+    "ClientSessionSettings",
+    "ClientState",
+    "ConnectFailed",
+    "Connected",
     "Create",
     "CreateClient",
+    "CreateRequested",
     "Data",
+    "DataReceived",
+    "DataWritten",
     "Definition",
     "Delete",
+    "DeleteRequested",
     "DeliveryControl",
     "EndpointQos",
     "Format",
@@ -123,27 +161,37 @@ __all__ = [
     "Header",
     "Heartbeat",
     "Info",
+    "InfoRequested",
     "Locator",
     "LocatorFormat",
     "ObjectKind",
     "ObjectVariant",
     "ParticipantDef",
+    "Pong",
     "PublisherDef",
     "ReadData",
+    "ReadRequested",
     "ReaderDef",
     "References",
     "ReplierDef",
     "RequesterDef",
     "Reset",
+    "SessionClosed",
+    "SessionCounters",
+    "SessionDeleteRequested",
+    "SessionReset",
     "Status",
     "StatusAgent",
+    "StatusReceived",
     "StatusReply",
     "Submessage",
     "SubmessageId",
     "SubscriberDef",
+    "TimeSynchronised",
     "Timestamp",
     "TimestampReply",
     "TopicDef",
+    "WindowOpened",
     "WriteData",
     "WriterDef",
     "decode_header",

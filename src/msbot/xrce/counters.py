@@ -1,0 +1,47 @@
+"""What a session counts, so that nothing is dropped without a trace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(slots=True)
+class SessionCounters:
+    """What happened in a session since it was made; never reset by a new login."""
+
+    packets_in: int = 0
+    packets_out: int = 0
+    resent: int = 0
+    """Reliable messages sent once more because the peer missed them."""
+    heartbeats_out: int = 0
+    repeated: int = 0
+    """Reliable and best-effort messages that came again or too late: no effect, no harm."""
+    early: int = 0
+    """Reliable messages that came before one that is still missing, and were held for it."""
+    dropped: dict[str, int] = field(default_factory=dict)
+    """What was not handled or not sent, by reason in words; the set of reasons is fixed."""
+
+    def drop(self, reason: str) -> None:
+        """Count one dropped thing under its reason."""
+        self.dropped[reason] = self.dropped.get(reason, 0) + 1
+
+
+class Memory:
+    """The bytes a session may hold for messages that are not complete: early ones and pieces of large ones."""
+
+    __slots__ = ("limit", "used")
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+        self.used = 0
+
+    def take(self, size: int) -> bool:
+        """Reserve that many bytes; False when they do not fit."""
+        if self.used + size > self.limit:
+            return False
+        self.used += size
+        return True
+
+    def give(self, size: int) -> None:
+        """Return bytes that were taken before."""
+        self.used -= size

@@ -1,0 +1,52 @@
+"""Headers around contents: how samples become submessages, and bodies messages (XRCE 1.0 §8.3.2)."""
+
+from __future__ import annotations
+
+import struct
+
+_MESSAGE_HEADER = struct.Struct("<BBH")
+_SUBMESSAGE_HEADER = struct.Struct("<BBH")
+_IDS = struct.Struct(">HH")
+_LITTLE_ENDIAN = 0x01
+
+MTU_MIN = 24
+"""Smallest message size a session works with: header 8, submessage header 4, and a STATUS or a piece of 12 bytes."""
+
+
+class Envelope:
+    """Puts bodies into messages of one session."""
+
+    __slots__ = ("_key_octets", "_pads", "_session_id", "capacity")
+
+    def __init__(self, session_id: int, client_key: int, mtu: int, *, pads: bool) -> None:
+        """Prepare for messages of at most `mtu` bytes, header included.
+
+        The client key is part of the header if the session id is below 0x80 (XRCE 1.0 §8.3.2.4). `pads` fills the
+        messages of streams up to a multiple of 4, as C clients do and agents do not.
+        """
+        self._session_id = session_id
+        self._key_octets = client_key.to_bytes(4, "big") if session_id < 0x80 else b""
+        self._pads = pads
+        largest = mtu & ~3 if pads else mtu
+        self.capacity = largest - _MESSAGE_HEADER.size - len(self._key_octets)
+        """Largest body in bytes."""
+
+    def seal(self, stream_id: int, sequence_nr: int, body: bytes) -> bytes:
+        """The message with that body."""
+        packet = _MESSAGE_HEADER.pack(self._session_id, stream_id, sequence_nr) + self._key_octets + body
+        if self._pads and stream_id and len(packet) & 3:
+            packet += bytes(-len(packet) & 3)
+        return packet
+
+
+def append_submessage(body: bytes, submessage: bytes) -> bytes:
+    """The body with one more submessage, which begins at a multiple of 4."""
+    return body + bytes(-len(body) & 3) + submessage
+
+
+def data_submessage(submessage_id: int, request_id: int, object_id: int, payload: bytes) -> bytes:
+    """A WRITE_DATA or DATA; above 65531 bytes of payload its length is 0, and it must be the last of its message."""
+    length = len(payload) + 4
+    # Length 0 means "to the end of the message" (seen on the wire for WRITE_DATA; between our own peers for DATA too).
+    header = _SUBMESSAGE_HEADER.pack(submessage_id, _LITTLE_ENDIAN, length if length <= 0xFFFF else 0)
+    return header + _IDS.pack(request_id, object_id) + payload

@@ -1,0 +1,270 @@
+"""What both ends of a session do alike: receiving through streams, acknowledging, telling the owner.
+
+Theory of operation. `receive_packet` runs a message through its stream and then submessage by submessage through
+`_handle`, which turns each into an event. The ACKNACK is put behind the events that the message caused and is booked
+when the owner has taken them, so the outputs of a message always precede its ACKNACK, and ACKNACKs never overtake each
+other: a C client loses its history when they do.
+"""
+
+from __future__ import annotations
+
+import struct
+from abc import ABC, abstractmethod
+from collections import deque
+from typing import Generic, TypeVar
+
+from msbot.errors import RemoteProtocolError
+from msbot.xrce.counters import Memory, SessionCounters
+from msbot.xrce.envelope import MTU_MIN, Envelope
+from msbot.xrce.events import WindowOpened
+from msbot.xrce.ids import STREAM_NONE, STREAM_RELIABLE, SubmessageId
+from msbot.xrce.input_streams import BestEffortInput, ReliableInput
+from msbot.xrce.messages import Acknack, Heartbeat
+from msbot.xrce.sender import STREAM_LIMIT, Sender
+from msbot.xrce.session_settings import SessionSettings
+from msbot.xrce.stream_messages import LAST_FRAGMENT
+
+Event = TypeVar("Event")
+
+_SUBMESSAGE = struct.Struct("<BBH")
+# Plain ints: comparing with a member of an IntEnum costs several times as much, once for every submessage.
+_ACKNACK_ID = SubmessageId.ACKNACK.value
+_HEARTBEAT_ID = SubmessageId.HEARTBEAT.value
+_FRAGMENT_ID = SubmessageId.FRAGMENT.value
+_DATA_IDS = (SubmessageId.WRITE_DATA.value, SubmessageId.DATA.value)
+
+BROKEN = {kind.value: f"broken {kind.name}" for kind in SubmessageId}
+UNKNOWN_BROKEN = "broken submessage of an unknown kind"
+OTHER_SESSION = "message of another session"
+NOT_RELIABLE = "FRAGMENT outside of a reliable stream"
+NESTED = "FRAGMENT inside of fragments"
+INSIDE_STREAM = "HEARTBEAT inside of a reliable stream"
+
+
+class Session(ABC, Generic[Event]):
+    """The common half of `AgentSession` and `ClientSession`."""
+
+    def __init__(self, client_key: int, session_id: int, mtu: int, settings: SessionSettings, *, pads: bool) -> None:
+        self.client_key = client_key
+        self.session_id = session_id
+        self.mtu = max(mtu, MTU_MIN)
+        """Largest message in bytes that is sent, header included."""
+        self.last_heard = 0.0
+        """When the last packet of the peer came; 0.0 before the first, unless the owner sets it."""
+        self.counters = SessionCounters()
+        self._settings = settings
+        self._memory = Memory(settings.max_message)
+        self._key_octets = client_key.to_bytes(4, "big")
+        self._events: deque[Event | WindowOpened | bytes] = deque()
+        self._best_effort: dict[int, BestEffortInput] = {}
+        self._reliable: dict[int, ReliableInput] = {}
+        envelope = Envelope(session_id, client_key, self.mtu, pads=pads)
+        self._sender = Sender(envelope, self.counters, settings)
+
+    def receive_packet(self, packet: bytes, now: float) -> None:
+        """Take one packet of the peer; afterwards call `next_event` until it returns None.
+
+        What cannot be understood inside of the message is counted in `dropped` and ends the message.
+
+        Raises:
+            RemoteProtocolError: the packet is shorter than a message header.
+        """
+        if len(packet) < 4 or (packet[0] < 0x80 and len(packet) < 8):
+            raise RemoteProtocolError(f"packet of {len(packet)} bytes: too short for a message header")
+        stream_id = packet[1]
+        refusal = self._refusal(packet, stream_id)
+        if refusal is not None:
+            self.counters.drop(refusal)
+            return
+        self.last_heard = now
+        self.counters.packets_in += 1
+        if stream_id >= STREAM_RELIABLE:
+            self._receive_reliable(stream_id, packet)
+        elif stream_id == STREAM_NONE or self._is_new(stream_id, packet[2] | packet[3] << 8):
+            self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
+
+    def next_event(self) -> Event | WindowOpened | None:
+        """What happened next; None when nothing more did, and the ACKNACKs of the packet are booked."""
+        events = self._events
+        while events:
+            event = events.popleft()
+            if not isinstance(event, bytes):
+                return event
+            self._sender.put_answer(event)
+        return None
+
+    def has_room(self, stream_id: int) -> bool:
+        """Whether a sample may be booked in that stream now; after False, `WindowOpened` tells when."""
+        if stream_id < STREAM_RELIABLE:
+            return True
+        stream = self._sender.reliable(stream_id)
+        if stream is None or stream.has_room():
+            return True
+        stream.refused = True
+        return False
+
+    def packets_to_send(self, now: float, limit: int | None = None) -> list[bytes]:
+        """The next messages for the link, all or at most `limit`; they count as sent.
+
+        Pull no more than the link takes now: the wait for acknowledgements begins when nothing is left, and what waits
+        here is still the newest that there is.
+        """
+        return self._sender.pull(now, limit)
+
+    def timer(self) -> float | None:
+        """When to call `handle_timer`; changes with every other call."""
+        return self._sender.timer()
+
+    def handle_timer(self, now: float) -> None:
+        """Book what is due by now."""
+        self._sender.handle_timer(now)
+
+    @property
+    def heartbeat_s(self) -> float:
+        """Silence in seconds after which a HEARTBEAT asks for what is unacknowledged; may be changed at any time.
+
+        On a link that takes longer, two measured round trips are waited for instead.
+        """
+        return self._sender.heartbeat_s
+
+    @heartbeat_s.setter
+    def heartbeat_s(self, period_s: float) -> None:
+        self._sender.heartbeat_s = period_s
+
+    @property
+    def queue_limit(self) -> int:
+        """How many best-effort messages of each stream may wait for the link; beyond, the oldest are dropped."""
+        return self._sender.outbox.limit
+
+    @queue_limit.setter
+    def queue_limit(self, messages: int) -> None:
+        self._sender.outbox.limit = messages
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """What was not handled or not sent, by reason in words."""
+        return self.counters.dropped
+
+    @abstractmethod
+    def _refusal(self, packet: bytes, stream_id: int) -> str | None:
+        """Why the message is not for this session as it stands, in words; None when it is."""
+
+    @abstractmethod
+    def _handle(self, kind: int, flags: int, contents: bytes, stream_id: int) -> bool:
+        """Take one submessage; False ends the message."""
+
+    def _restart_streams(self, envelope: Envelope | None = None) -> None:
+        """Begin all streams anew, both ways; forget what waits, what is held and what is half collected."""
+        self._restart_input()
+        self._events = deque(event for event in self._events if not isinstance(event, bytes))
+        self._events.extend(WindowOpened(stream_id) for stream_id in self._sender.reset(envelope))
+
+    def _restart_input(self) -> None:
+        for stream in self._reliable.values():
+            stream.reset()
+        self._reliable.clear()
+        self._best_effort.clear()
+
+    def _is_new(self, stream_id: int, sequence_nr: int) -> bool:
+        stream = self._best_effort.get(stream_id)
+        if stream is None:
+            if not self._may_open(self._best_effort):
+                return False
+            stream = self._best_effort[stream_id] = BestEffortInput()
+        if stream.accept(sequence_nr):
+            return True
+        self.counters.repeated += 1
+        return False
+
+    def _receive_reliable(self, stream_id: int, packet: bytes) -> None:
+        stream = self._reliable_input(stream_id)
+        if stream is None:
+            return
+        if stream.accept(packet[2] | packet[3] << 8, packet):
+            self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
+            self._process_held(stream, stream_id)
+        self._book_acknack(stream, stream_id)
+
+    def _reliable_input(self, stream_id: int) -> ReliableInput | None:
+        stream = self._reliable.get(stream_id)
+        if stream is None and self._may_open(self._reliable):
+            stream = self._reliable[stream_id] = ReliableInput(self._settings.window, self._memory, self.counters)
+        return stream
+
+    def _may_open(self, streams: dict[int, BestEffortInput] | dict[int, ReliableInput]) -> bool:
+        if len(streams) < self._settings.max_streams:
+            return True
+        self.counters.drop(STREAM_LIMIT)
+        return False
+
+    def _process_held(self, stream: ReliableInput, stream_id: int) -> None:
+        while (packet := stream.next_held()) is not None:
+            self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
+
+    def _book_acknack(self, stream: ReliableInput, stream_id: int) -> None:
+        packet = self._sender.acknack(stream_id, *stream.missing())
+        if self._events:
+            self._events.append(packet)
+        else:
+            self._sender.put_answer(packet)
+
+    def _process(self, packet: bytes, offset: int, stream_id: int) -> None:
+        """Handle the submessages of a message, or of joined fragments (which begin at offset 0)."""
+        size = len(packet)
+        start = offset + 4
+        while start <= size:
+            kind, flags, length = _SUBMESSAGE.unpack_from(packet, start - 4)
+            end = start + length
+            if length == 0 and kind in _DATA_IDS:
+                # More than a length field can say: all the rest is data (seen on the wire: fragments beyond 64 KiB).
+                end = size
+            try:
+                if end > size:
+                    raise RemoteProtocolError("longer than its message")
+                if kind == _FRAGMENT_ID:
+                    self._take_fragment(packet[start:end], flags, stream_id, is_joined=offset == 0)
+                elif kind == _ACKNACK_ID or kind == _HEARTBEAT_ID:  # noqa: PLR1714, SIM109 - faster than a tuple
+                    self._take_report(kind, flags, packet[start:end], stream_id)
+                elif not self._handle(kind, flags, packet[start:end], stream_id):
+                    return
+            except RemoteProtocolError:
+                self.counters.drop(BROKEN.get(kind, UNKNOWN_BROKEN))
+                return
+            start = (end + 7) & ~3
+
+    def _take_report(self, kind: int, flags: int, contents: bytes, carrier_id: int) -> None:
+        if kind == _ACKNACK_ID:
+            report = Acknack.decode(contents, 0, len(contents), flags)
+            if self._sender.acknowledged(report, self.last_heard):
+                self._events.append(WindowOpened(report.stream_id))
+        elif carrier_id >= STREAM_RELIABLE:
+            # They travel on stream NONE (XRCE 1.0 §8.3.5.12); one that was held could set off others, without end.
+            self.counters.drop(INSIDE_STREAM)
+        else:
+            heartbeat = Heartbeat.decode(contents, 0, len(contents), flags)
+            # A HEARTBEAT of a best-effort stream means nothing. DEVIATION: the genuine agent answers it with garbage.
+            if heartbeat.stream_id >= STREAM_RELIABLE:
+                self._take_heartbeat(heartbeat.stream_id, heartbeat.first, heartbeat.last)
+
+    def _take_heartbeat(self, stream_id: int, first: int, last: int) -> None:
+        stream = self._reliable_input(stream_id)
+        if stream is None:
+            return
+        for packet in stream.announce(first, last):
+            if packet is None:
+                stream.joiner.clear()
+            else:
+                self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
+        self._process_held(stream, stream_id)
+        self._book_acknack(stream, stream_id)
+
+    def _take_fragment(self, piece: bytes, flags: int, stream_id: int, *, is_joined: bool) -> None:
+        stream = self._reliable.get(stream_id)
+        if stream is None:
+            self.counters.drop(NOT_RELIABLE)
+        elif is_joined:
+            self.counters.drop(NESTED)
+        else:
+            whole = stream.joiner.add(piece, last=bool(flags & LAST_FRAGMENT))
+            if whole is not None:
+                self._process(whole, 0, stream_id)
