@@ -82,6 +82,9 @@ Submessage: TypeAlias = (
 _HEADER = struct.Struct("<BBH")
 _SUBMESSAGE = struct.Struct("<BBH")
 
+_CREATE_CLIENT = int(CreateClient.ID)
+_WRITE_DATA = int(WriteData.ID)
+
 _Decode: TypeAlias = Callable[[bytes, int, int, int], Submessage]
 _DECODERS: dict[int, _Decode] = {
     Create.ID: Create.decode,
@@ -152,11 +155,11 @@ def iter_submessages(packet: bytes, offset: int) -> Iterator[Submessage]:
         submessage_id, flags, length = _SUBMESSAGE.unpack_from(packet, offset)
         start = offset + HEADER_SIZE
         try:
-            if submessage_id == CreateClient.ID:
+            if submessage_id == _CREATE_CLIENT:
                 client, end = CreateClient.decode_by_content(packet, start, size, flags)
                 yield client
             else:
-                end = size if length == 0 and submessage_id == WriteData.ID else start + length
+                end = size if length == 0 and submessage_id == _WRITE_DATA else start + length
                 if end > size:
                     raise RemoteProtocolError(f"{length} octets announced where {size - start} are left")
                 decode = _DECODERS.get(submessage_id)
@@ -168,7 +171,7 @@ def iter_submessages(packet: bytes, offset: int) -> Iterator[Submessage]:
 
 
 def _name(submessage_id: int) -> str:
-    known = submessage_id in _DECODERS or submessage_id == CreateClient.ID
+    known = submessage_id in _DECODERS or submessage_id == _CREATE_CLIENT
     return SubmessageId(submessage_id).name if known else f"submessage 0x{submessage_id:02X}"
 
 
