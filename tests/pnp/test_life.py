@@ -92,3 +92,11 @@ def test_a_change_outside_the_table_is_a_fault() -> None:
 
 def test_the_docs_show_the_table() -> None:
     assert diagram() in DOCS.read_text(encoding="utf-8")
+
+
+def test_the_docs_timing_table_is_that_of_the_presets() -> None:
+    page = DOCS.read_text(encoding="utf-8")
+    for name, timing in (("thesis (default)", THESIS_TIMING), ("`fast`", FAST_TIMING)):
+        late = f"{timing.late_s:g} to {2 * timing.beat_s:g} s"
+        bounds = f"{timing.shortest_detection_s:g} s | {timing.longest_detection_s:g} s"
+        assert f"| {name} | {timing.beat_s:g} s | {timing.tick_s:g} s | {timing.life} | {late} | {bounds} |" in page

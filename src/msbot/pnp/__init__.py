@@ -1,5 +1,9 @@
 """Plug-and-play: who may join the robot, who is in which slot, who is alive, and who may use which topic."""
 
+from msbot.pnp.access import RESERVED_TOPICS, Access
+from msbot.pnp.inventory import Inventory
+from msbot.pnp.life import TRANSITIONS
+from msbot.pnp.matching import Match, Matcher
 from msbot.pnp.parts import (
     FAST_TIMING,
     THESIS_TIMING,
@@ -25,11 +29,17 @@ __all__ = [
     "PROFILE_PERIOD_S",
     "PROFILE_TOPIC",
     "PROFILE_TYPE",
+    "RESERVED_TOPICS",
     "THESIS_TIMING",
+    "TRANSITIONS",
+    "Access",
     "Binding",
     "Claim",
     "Configuration",
     "Evidence",
+    "Inventory",
+    "Match",
+    "Matcher",
     "MemoryStore",
     "PartEvent",
     "PartInfo",

@@ -103,7 +103,7 @@ def configuration_message(configuration: Configuration) -> plug.Configuration:
             plug.PortBinding(
                 port=binding.port,
                 topic=binding.topic,
-                type_name=binding.type_name,
+                topic_type=binding.type_name,
                 direction=plug.Direction.PUBLISH if binding.publishes else plug.Direction.SUBSCRIBE,
                 reliable=int(binding.reliable),
             )

@@ -21,16 +21,14 @@ from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, EndpointQos
 STATUS_TIMEOUT_S = 5.0
 """How long the agent may take to create what a service needs; then it is asked again."""
 
+LONGEST_BEST_EFFORT = 512
+"""Answers up to so many octets go best effort: they need no window, and a part repeats what is not answered. Longer
+ones (configurations) go reliably, because only then can they be cut to the size of a packet."""
+
 _GUID_BYTES = 16
 
-_COMPACT = Service(
-    plug.INVENTORY_SERVICE,
-    plug.INVENTORY_REQUEST_TYPE,
-    plug.INVENTORY_REPLY_TYPE,
-    plug.INVENTORY_REQUEST_TOPIC,
-    plug.INVENTORY_REPLY_TOPIC,
-)
-_COMPAT = Service(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE, compat.REQUEST_TOPIC, compat.REPLY_TOPIC)
+_COMPACT = Service(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
+_COMPAT = Service(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
 
 _log = logging.getLogger(__name__)
 
@@ -104,19 +102,17 @@ class InventoryService:
         client: speaks for the inventory; the service takes over its call-backs.
         inventory: decides.
         explain: answer refusals with their reason.
-        reliable: use reliable streams; the in-process link loses nothing and needs none.
     """
 
-    def __init__(self, client: Client, inventory: Inventory, *, explain: bool = False, reliable: bool = False) -> None:
+    def __init__(self, client: Client, inventory: Inventory, *, explain: bool = False) -> None:
         self.desk = Desk(inventory, explain=explain)
         self._client = client
         self._inventory = inventory
-        self._stream_id = STREAM_RELIABLE if reliable else STREAM_BEST_EFFORT
         participant = client.create_participant("msbot_inventory")
         self._compact = client.create_replier(participant, _COMPACT)
         self._compat = client.create_replier(participant, _COMPAT)
         for replier in (self._compact, self._compat):
-            client.read(replier, stream_id=self._stream_id)
+            client.read(replier, stream_id=STREAM_BEST_EFFORT)
         client.on_request = self._request_received
 
     async def run(self) -> None:
@@ -153,8 +149,9 @@ class InventoryService:
             replier, answer = self._compat, self.desk.compat(body, client_key, now)
         if answer is None:
             return
+        stream_id = STREAM_BEST_EFFORT if len(answer) <= LONGEST_BEST_EFFORT else STREAM_RELIABLE
         try:
-            self._client.reply(replier, identity, answer, stream_id=self._stream_id)
+            self._client.reply(replier, identity, answer, stream_id=stream_id)
         except (LinkFull, LocalProtocolError) as error:
             # The part asks again by itself.
             self.desk.drop(f"answer: {error}")
