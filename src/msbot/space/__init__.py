@@ -92,3 +92,9 @@ class Space(Protocol):
 
     def reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> Reader:
         """Make a reader; samples that late joiners get are delivered at once."""
+
+
+# The space in memory stands below because it needs the words above.
+from msbot.space.memory import MemorySpace  # noqa: E402
+
+__all__ = ["Deliver", "Guid", "MemorySpace", "Qos", "Reader", "Sample", "Space", "Topic", "Writer"]
