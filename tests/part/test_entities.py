@@ -14,7 +14,7 @@ READER = ObjectVariant(ObjectKind.DATAREADER, Format.BINARY, blob=b"x", parent_i
 
 
 def ask_all(table: EntityTable, now: float = 0.0, first_request: int = 10) -> list[int]:
-    asked = []
+    asked: list[int] = []
     while (entity := table.next_to_ask(now)) is not None:
         table.asked(entity, first_request + len(asked), now)
         asked.append(entity.object_id)

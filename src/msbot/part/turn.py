@@ -1,14 +1,11 @@
-"""The plumbing of a client: one flush per loop turn, one timer, one outbox, one way to wait."""
+"""The plumbing of a client: one flush per loop turn, one timer, one way to wait."""
 
 from __future__ import annotations
 
 import asyncio
-from collections import deque
 from collections.abc import Callable
-from typing import Protocol
 
-from msbot.errors import LinkDown, LinkFull, RequestError
-from msbot.link import Link
+from msbot.errors import RequestError
 
 
 class Turn:
@@ -62,43 +59,6 @@ class Turn:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-
-
-class Source(Protocol):
-    """Where packets come from (a session)."""
-
-    def packets_to_send(self, now: float) -> list[bytes]:
-        """All that may go now; given once."""
-
-
-class Outbox:
-    """Packets on their way to the link's remote peer; pulled from the session only when the link has room."""
-
-    def __init__(self, link: Link) -> None:
-        self._link = link
-        self._packets: deque[bytes] = deque()
-
-    def clear(self) -> None:
-        """Drop what waits."""
-        self._packets.clear()
-
-    def send(self, source: Source, now: float) -> bool:
-        """Send as much as the link takes; True when nothing is left to send."""
-        link = self._link
-        while True:
-            peer = link.remote
-            if peer is None or not link.has_room(peer):
-                return False
-            if not self._packets:
-                self._packets.extend(source.packets_to_send(now))
-                if not self._packets:
-                    return True
-            try:
-                link.send(self._packets[0], peer)
-            except (LinkFull, LinkDown):
-                # It stays: `on_room`, "link up" or the session's own timer bring us back.
-                return False
-            self._packets.popleft()
 
 
 class News:

@@ -1,0 +1,73 @@
+"""What may be tuned on a client, and what it tells about itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from msbot.errors import ConfigError
+from msbot.xrce import SESSION_DEFAULT, SESSION_NONE
+
+
+class ConnectionState(Enum):
+    """How a client stands with its agent."""
+
+    CONNECTING = "connecting"
+    CONNECTED = "connected"
+    LOST = "lost"
+    CLOSED = "closed"
+
+
+@dataclass(frozen=True, slots=True)
+class ClientSettings:
+    """What may be tuned on a client.
+
+    Raises:
+        ConfigError: the session id is out of range.
+    """
+
+    session_id: int = SESSION_DEFAULT
+    """The first of two session ids that take turns: 0x81 to 0xFE, or 1 to 0x7E (the key is in every message)."""
+    mtu: int = 1400
+    """Largest message in octets, both ways; the link may lower it."""
+    login_period_s: float = 0.5
+    """Between two CREATE_CLIENT without an answer."""
+    login_tries: int = 4
+    """CREATE_CLIENTs without an answer after which the state is `lost`; it goes on trying."""
+    reopen_s: float = 1.0
+    """Before the next try after the agent refused the session, or the link broke."""
+    quiet_s: float = 2.0
+    """Silence of the agent after which it is pinged."""
+    ping_s: float = 0.2
+    """Time for the answer to a ping."""
+    pings: int = 3
+    """Pings without an answer after which the agent is lost."""
+    answer_s: float = 2.0
+    """A creation without a status for that long is asked for again."""
+    close_s: float = 1.0
+    """How long a polite end waits for the agent's answer."""
+
+    def __post_init__(self) -> None:
+        if not (0 < self.session_id < SESSION_NONE - 1 or SESSION_NONE < self.session_id < 0xFF):
+            raise ConfigError(f"session id 0x{self.session_id:02X}: choose 0x01 to 0x7E or 0x81 to 0xFE")
+
+
+@dataclass(slots=True)
+class ClientCounters:
+    """What happened to a client since it was made."""
+
+    logins: int = 0
+    """Sessions that were opened."""
+    samples_in: int = 0
+    samples_out: int = 0
+    dropped: int = 0
+    """Packets and samples that made no sense here."""
+
+
+@dataclass(frozen=True, slots=True)
+class PingAnswer:
+    """What an agent answered to a ping."""
+
+    round_trip_s: float
+    agent_knows_us: bool
+    """False when the agent has no session for this client (any more)."""

@@ -1,0 +1,180 @@
+"""Carries a part's joining over a client: the profile's reader, the inventory's requester, and one timer.
+
+`joining` decides, this file speaks. Claims and configurations travel reliably. Beats and their answers travel best
+effort, because a late beat is worth nothing; so the replies are read on the reliable stream until the part is
+active, and on best effort from then on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+
+from msbot.errors import RemoteProtocolError
+from msbot.part import plug
+from msbot.part.client import Client, Service
+from msbot.part.client_settings import ConnectionState
+from msbot.part.joining import (
+    Changed,
+    CheckAgent,
+    ExpectedRobot,
+    FetchConfiguration,
+    Joining,
+    JoinState,
+    SendBeat,
+    SendClaim,
+)
+from msbot.part.turn import Turn
+from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE
+
+INVENTORY = Service(
+    plug.INVENTORY_SERVICE,
+    plug.INVENTORY_REQUEST_TYPE,
+    plug.INVENTORY_REPLY_TYPE,
+    plug.INVENTORY_REQUEST_TOPIC,
+    plug.INVENTORY_REPLY_TOPIC,
+)
+"""Where a part claims, beats and asks for its configuration."""
+
+_log = logging.getLogger(__name__)
+
+
+class Membership:
+    """One part's membership in one robot, over one client; takes over `on_state` and `on_reply` of the client."""
+
+    def __init__(
+        self,
+        client: Client,
+        joining: Joining,
+        claim: plug.Claim,
+        *,
+        changed: Callable[[Changed], None],
+        configure: Callable[[plug.Configuration], None],
+    ) -> None:
+        """Ask the client for what joining needs; `start` begins.
+
+        Args:
+            client: not yet running.
+            joining: in its first state.
+            claim: what the part says about itself in step 2.
+            changed: hears every change of the state.
+            configure: puts a configuration into use; called before the change to `active` is heard.
+        """
+        self.joining = joining
+        self.dropped = 0
+        """Profiles and replies that made no sense."""
+        self._client = client
+        self._claim = claim.encode()
+        self._changed = changed
+        self._configure = configure
+        self._turn = Turn(self._work)
+        self.participant = client.create_participant(claim.local_name)
+        """Parent of everything the part creates."""
+        self.subscriber = client.create_subscriber(self.participant)
+        topic = client.create_topic(self.participant, plug.PROFILE_TOPIC, plug.PROFILE_TYPE)
+        self._profile_reader = client.create_reader(self.subscriber, topic)
+        self._requester = client.create_requester(self.participant, INVENTORY)
+        client.read(self._profile_reader)
+        client.read(self._requester)
+        client.on_state = self._client_changed
+        client.on_reply = self._reply_received
+
+    def start(self) -> None:
+        """Begin; must be called in the loop's thread."""
+        self._turn.start(asyncio.get_running_loop())
+
+    def stop(self, reason: str) -> None:
+        """The part ends."""
+        self.joining.stop(reason, self._turn.now())
+        self._drain()
+        self._turn.stop()
+
+    def take_sample(self, object_id: int, payload: bytes) -> bool:
+        """Take a sample if it is the robot's profile (thesis 4.3.1: the object id must be the reader's)."""
+        if object_id != self._profile_reader.object_id:
+            return False
+        try:
+            profile = plug.ProfileMessage.decode(payload)
+        except RemoteProtocolError as error:
+            self._drop("profile", error)
+            return True
+        # The thesis gives the fields their meaning by position (3.12.1).
+        robot = ExpectedRobot(profile.message, profile.name, profile.id, profile.make)
+        self.joining.profile_seen(robot, self._turn.now())
+        self._drain()
+        return True
+
+    def _client_changed(self, state: ConnectionState, reason: str) -> None:
+        now = self._turn.now()
+        if state is ConnectionState.CONNECTED:
+            self.joining.agent_found(now)
+        else:
+            self._read_replies(STREAM_RELIABLE)
+            self.joining.agent_lost(reason, now)
+        self._drain()
+
+    def _reply_received(self, _object_id: int, _request_id: int, payload: bytes) -> None:
+        now = self._turn.now()
+        try:
+            reply = plug.decode_reply(payload)
+        except RemoteProtocolError as error:
+            self._drop("reply of the inventory", error)
+            return
+        match reply:
+            case plug.BeatReply():
+                self.joining.beat_answered(reply.configuration_version, now)
+            case plug.Verdict():
+                period_s = max(reply.beat_period_ms, 1) / 1000
+                self.joining.verdict_given(reply.lease, period_s, _refusal_words(reply.reason), now)
+            case plug.Configuration():
+                self._configuration_received(reply, now)
+        self._drain()
+
+    def _configuration_received(self, configuration: plug.Configuration, now: float) -> None:
+        if self.joining.configuration_received(configuration.version, configuration.slot, now):
+            self._configure(configuration)
+        if self.joining.state is JoinState.ACTIVE:
+            self._read_replies(STREAM_BEST_EFFORT)
+
+    def _work(self, now: float) -> None:
+        self.joining.handle_timer(now)
+        self._drain()
+
+    def _drain(self) -> None:
+        while (action := self.joining.next_action()) is not None:
+            match action:
+                case Changed():
+                    self._changed(action)
+                case SendClaim():
+                    self._send(self._claim, STREAM_RELIABLE)
+                case SendBeat():
+                    self._send(plug.Beat(lease=action.lease).encode(), STREAM_BEST_EFFORT)
+                case FetchConfiguration():
+                    self._read_replies(STREAM_RELIABLE)
+                    request = plug.ConfigurationRequest(lease=action.lease, have_version=action.have_version)
+                    self._send(request.encode(), STREAM_RELIABLE)
+                case CheckAgent():
+                    self._client.check_agent()
+        self._turn.set_timer(self.joining.timer())
+
+    def _send(self, request: bytes, stream_id: int) -> None:
+        # Without room it is not sent: `joining` asks again in time.
+        if self._client.has_room(stream_id):
+            self._client.write(self._requester, request, stream_id=stream_id)
+
+    def _read_replies(self, stream_id: int) -> None:
+        reading = self._requester.reading
+        if reading is None or reading.stream_id != stream_id:
+            self._client.read(self._requester, stream_id=stream_id)
+
+    def _drop(self, what: str, error: RemoteProtocolError) -> None:
+        self.dropped += 1
+        _log.debug("dropped a %s: %s", what, error)
+
+
+def _refusal_words(code: int) -> str:
+    try:
+        return plug.Refusal(code).words
+    except ValueError:
+        return f"refused for reason {code}, which this version does not know"

@@ -1,0 +1,374 @@
+"""What a student imports: a part that joins its robot by itself, stays in it, and calls the student's functions.
+
+::
+
+    part = Part("ABCD", robot="MSBOT_MASTER")
+
+    @part.every(1.0)
+    def greet() -> None:
+        part.publish("out", HelloWorld(index=1, message="hello"))
+
+    part.run()
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from random import Random, SystemRandom
+from types import MappingProxyType
+from typing import TypeVar
+
+from msbot.errors import ConfigError, LocalProtocolError, RemoteProtocolError
+from msbot.link import Link, Peer, Signal
+from msbot.part.client import Client
+from msbot.part.client_settings import ClientSettings
+from msbot.part.handlers import Every, Guard, check_handler
+from msbot.part.joining import ANY, Changed, ExpectedRobot, Joining, JoinState
+from msbot.part.membership import Membership
+from msbot.part.message import Message
+from msbot.part.plug import TEXT_OCTETS, UID_OCTETS, Claim, Configuration
+from msbot.part.ports import Ports
+
+_log = logging.getLogger("msbot.part")
+
+_M = TypeVar("_M", bound=Message)
+Action = Callable[[], object]
+"""A student's function without arguments; what it returns is ignored."""
+_A = TypeVar("_A", bound=Action)
+
+
+@dataclass(slots=True)
+class PartCounters:
+    """What happened to a part since it began to run."""
+
+    messages_in: int = 0
+    """Samples handed to a handler."""
+    messages_out: int = 0
+    """Samples published."""
+    not_sent: int = 0
+    """Samples for which stream or link had no room."""
+    dropped: int = 0
+    """Samples that came and could not be used."""
+    beats: int = 0
+    """Beats that the inventory answered."""
+    missed_beats: int = 0
+    handler_errors: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Listener:
+    message_class: type[Message]
+    function: Callable[[Message], object]
+
+
+class Part:
+    """One part of a robot: a part number, ports, and functions that are called when something happens.
+
+    All functions are called in one thread, one after the other, and must return quickly.
+    """
+
+    def __init__(
+        self,
+        part_number: str,
+        *,
+        local_name: str | None = None,
+        robot: str | ExpectedRobot = ANY,
+        uid: bytes | None = None,
+        board: object = None,
+        random: Random | None = None,
+    ) -> None:
+        """Describe a part; `run` or `run_async` brings it to life.
+
+        Args:
+            part_number: what kind of part it is, a key into the robot's library, for example `ABCD`.
+            local_name: what this one is called, for example `left eye`; the part number if absent.
+            robot: name of the robot the part is made for, or more of its profile; `*` = any robot.
+            uid: 8 octets that identify the piece of hardware; `run` keeps one per part on this computer.
+            board: whatever the part's functions drive; found again as `part.board`.
+            random: draws the client key and the session nonce, and the UID if there is none.
+
+        Raises:
+            ConfigError: a name is empty or too long, or the UID has not 8 octets.
+        """
+        self.part_number = _name("part number", part_number)
+        self.local_name = _name("local name", part_number if local_name is None else local_name)
+        self.robot = ExpectedRobot(robot) if isinstance(robot, str) else robot
+        if uid is not None and len(uid) != UID_OCTETS:
+            raise ConfigError(f"a UID has {UID_OCTETS} octets, not {len(uid)}")
+        self.uid = uid
+        self.board = board
+        self._random = random or SystemRandom()
+        self._every: list[Every] = []
+        self._listeners: dict[str, _Listener] = {}
+        self._when: dict[str, list[Action]] = {"join": [], "lost": [], "stop": [], "safe": []}
+        self._guard = Guard(self._mistaken)
+        self._counters = PartCounters()
+        self._settings: dict[str, str] = {}
+        self._slot = ""
+        self._configurations = 0
+        self._mistake: ConfigError | None = None
+        self._joining = Joining(self.robot)
+        self._client: Client | None = None
+        self._ports: Ports | None = None
+        self._membership: Membership | None = None
+
+    # What a student's program says.
+
+    def every(self, seconds: float) -> Callable[[_A], _A]:
+        """Call the function below every so many seconds while the part is active (the first time at once).
+
+        Raises:
+            ConfigError: the period is not positive, or what is below is no plain function without arguments.
+        """
+        if not seconds > 0:
+            raise ConfigError(f"every({seconds}): the period must be more than 0 seconds")
+
+        def remember(function: _A) -> _A:
+            check_handler(function)
+            self._every.append(Every(seconds, function))
+            return function
+
+        return remember
+
+    def on(self, port: str, message_class: type[_M]) -> Callable[[Callable[[_M], object]], Callable[[_M], object]]:
+        """Call the function below with each message that comes in at the port.
+
+        Raises:
+            ConfigError: not a message class, a port with two functions, or no plain function of one argument.
+        """
+        if not (isinstance(message_class, type) and issubclass(message_class, Message)):
+            raise ConfigError(f"on({port!r}, ...) needs a Message class, not {message_class!r}")
+        if port in self._listeners:
+            raise ConfigError(f"port {port!r} has a function already: one function per port")
+
+        def remember(function: Callable[[_M], object]) -> Callable[[_M], object]:
+            check_handler(function, "message")
+            self._listeners[port] = _Listener(message_class, function)  # type: ignore[arg-type]  # decoded as _M
+            return function
+
+        return remember
+
+    def on_join(self, function: _A) -> _A:
+        """Call the function below whenever the part has become active."""
+        return self._remember("join", function)
+
+    def on_lost(self, function: _A) -> _A:
+        """Call the function below whenever the part is no longer active though it did not end; see `reason`."""
+        return self._remember("lost", function)
+
+    def on_stop(self, function: _A) -> _A:
+        """Call the function below once when the part ends."""
+        return self._remember("stop", function)
+
+    def safe_state(self, function: _A) -> _A:
+        """Call the function below when nobody is in command any more: master lost, STOP pressed, part ended."""
+        return self._remember("safe", function)
+
+    def publish(self, port: str, message: Message) -> bool:
+        """Send a message out of a port; False when there was no room for it (counted as `not_sent`).
+
+        Raises:
+            LocalProtocolError: the part is not active: nobody publishes before both steps are done.
+            ConfigError: no such port, or a message of another type; the part ends with this sentence.
+        """
+        if self._ports is None or self._joining.state is not JoinState.ACTIVE:
+            raise LocalProtocolError(
+                f"the part is {self.state.value}, not active ({self.reason}): publish after on_join"
+            )
+        sent = self._ports.publish(port, message)
+        if sent:
+            self._counters.messages_out += 1
+        else:
+            self._counters.not_sent += 1
+        return sent
+
+    def bound(self, port: str) -> bool:
+        """Whether the robot uses that port of the part now."""
+        return self._ports is not None and port in self._ports
+
+    # What a student's program reads.
+
+    @property
+    def state(self) -> JoinState:
+        """Where the part stands; its `.value` is a word."""
+        return self._joining.state
+
+    @property
+    def reason(self) -> str:
+        """Why it is in that state, in words."""
+        return self._joining.reason
+
+    @property
+    def slot(self) -> str:
+        """The slot the part sits in, "" before it is active for the first time."""
+        return self._slot
+
+    @property
+    def settings(self) -> Mapping[str, str]:
+        """The slot's settings, as text; changes while the part runs."""
+        return MappingProxyType(self._settings)
+
+    @property
+    def counters(self) -> PartCounters:
+        """What happened since the part began to run."""
+        self._counters.beats = self._joining.beats
+        self._counters.missed_beats = self._joining.missed_beats
+        self._counters.handler_errors = self._guard.errors
+        return self._counters
+
+    # Running.
+
+    def run(self, args: list[str] | None = None) -> None:
+        """Run the part until Ctrl-C; reads `--link` and `--uid` from the command line, see `msbot.run`."""
+        from msbot.part.run import run  # the facade is not needed by those who run on a loop of their own
+
+        run(self, args=args)
+
+    async def run_async(
+        self,
+        link: Link,
+        *,
+        settings: ClientSettings | None = None,
+        epoch_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        """Run the part on the present loop until `stop` (polite) or cancellation (without a word to the master).
+
+        Args:
+            link: the way to the master's agent; the part takes it over.
+            settings: periods and limits of the client.
+            epoch_ns: wall clock for time synchronisation, in ns since 1970.
+
+        Raises:
+            LinkDown: the link broke before it ever carried anything.
+            ConfigError: the program or its robot is wrong in a way that running on cannot mend.
+            LocalProtocolError: the part runs already.
+        """
+        if self._client is not None:
+            raise LocalProtocolError(f"part {self.local_name} runs already")
+        if self.uid is None:
+            self.uid = self._random.randbytes(UID_OCTETS)
+        self._joining = Joining(self.robot)
+        self._mistake = None
+        self._configurations = 0
+        # Not derived from the UID: two devices with one UID must be seen as two (they would take over each
+        # other's session without a word).
+        client = Client(
+            link,
+            key=self._random.randrange(1, 1 << 32),
+            settings=settings,
+            epoch_ns=epoch_ns,
+            random=self._random,
+        )
+        claim = Claim(
+            part_number=self.part_number,
+            local_name=self.local_name,
+            uid=self.uid,
+            session_nonce=self._random.getrandbits(32),
+        )
+        membership = Membership(client, self._joining, claim, changed=self._changed, configure=self._configure)
+        client.on_topic = self._sample_received
+        client.on_signal = self._signal_received
+        self._client, self._membership = client, membership
+        self._ports = Ports(client, membership.participant, membership.subscriber)
+        membership.start()
+        try:
+            await client.run()
+        finally:
+            membership.stop("ended")
+            self._client = self._ports = self._membership = None
+        if self._mistake is not None:
+            raise self._mistake
+
+    def stop(self) -> None:
+        """End `run_async` politely: the session is deleted, the master knows at once."""
+        if self._client is not None and self._membership is not None:
+            self._membership.stop("ended")
+            self._client.close_soon()
+
+    def _remember(self, when: str, function: _A) -> _A:
+        check_handler(function)
+        self._when[when].append(function)
+        return function
+
+    def _tell(self, *whens: str) -> None:
+        for when in whens:
+            for function in self._when[when]:
+                self._guard.call(function)
+
+    def _changed(self, change: Changed) -> None:
+        _log.info("%s is %s: %s", self.local_name, change.after.value, change.reason)
+        assert self._ports is not None
+        if change.after is JoinState.ACTIVE:
+            self._tell("join")
+            for every in self._every:
+                every.start(self._guard)
+        elif change.before is JoinState.ACTIVE:
+            for every in self._every:
+                every.stop()
+            self._tell("safe")
+        if change.after is JoinState.STOPPED:
+            self._tell("stop")
+        elif change.before is JoinState.ACTIVE:
+            self._tell("lost")
+        if change.after is JoinState.LOST:
+            # The next agent hears of topics only from a part that has joined its robot.
+            self._ports.unbind_all()
+
+    def _configure(self, configuration: Configuration) -> None:
+        assert self._ports is not None
+        self._configurations += 1
+        self._slot = configuration.slot
+        self._settings = {setting.name: setting.value for setting in configuration.settings}
+        self._ports.bind(configuration.bindings)
+        for port, listener in self._listeners.items():
+            binding = self._ports.binding(port)
+            name = listener.message_class.type_name
+            if binding is None:
+                self._guard.report(f"port {port!r}", f"nothing will come in; {self._ports.words}")
+            elif binding.topic_type != name:
+                self._guard.report(f"port {port!r}", f"carries {binding.topic_type}, but its function expects {name}")
+
+    def _sample_received(self, object_id: int, _request_id: int, payload: bytes) -> None:
+        assert self._membership is not None
+        assert self._ports is not None
+        if self._membership.take_sample(object_id, payload):
+            return
+        bound = self._ports.port_of(object_id)
+        listener = self._listeners.get(bound.binding.port) if bound is not None else None
+        if bound is None or listener is None or self._joining.state is not JoinState.ACTIVE:
+            self._counters.dropped += 1
+            return
+        if listener.message_class.type_name != bound.binding.topic_type:
+            self._counters.dropped += 1
+            return
+        try:
+            message = listener.message_class.decode(payload)
+        except RemoteProtocolError as error:
+            self._counters.dropped += 1
+            self._guard.report(f"port {bound.binding.port!r}", f"a message that cannot be read: {error}")
+            return
+        self._counters.messages_in += 1
+        self._guard.call(listener.function, message)
+
+    def _signal_received(self, signal: Signal, _peer: Peer | None, reason: str, _now: float) -> None:
+        if signal is Signal.STOP:
+            _log.warning("%s: STOP: %s", self.local_name, reason)
+            self._tell("safe")
+
+    def _mistaken(self, error: ConfigError) -> None:
+        """A handler asked for a port that is not there, or with the wrong type."""
+        if self._configurations > 1:
+            # It worked with an earlier configuration: not the program is wrong, and the robot goes on.
+            self._guard.report(str(error), "since the configuration has changed")
+            return
+        self._mistake = self._mistake or error
+        self.stop()
+
+
+def _name(what: str, text: str) -> str:
+    if not text or "\0" in text or len(text.encode()) > TEXT_OCTETS:
+        raise ConfigError(f"the {what} {text!r} must have 1 to {TEXT_OCTETS} octets and no NUL")
+    return text

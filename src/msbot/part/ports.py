@@ -1,0 +1,130 @@
+"""A part's ports: tied to topics by the configuration, tied anew while the part runs when it changes.
+
+The student's code names ports only; which topic a port means is the robot's business (context independence and
+location transparency, thesis 2.2.7.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from msbot.errors import ConfigError, LinkFull
+from msbot.part.client import Client
+from msbot.part.entities import Entity
+from msbot.part.message import Message
+from msbot.part.plug import Direction, PortBinding
+from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, EndpointQos
+
+
+@dataclass(slots=True)
+class BoundPort:
+    """One port with its objects at the agent."""
+
+    binding: PortBinding
+    topic: Entity
+    endpoint: Entity
+    """Data writer or data reader."""
+
+    @property
+    def publishes(self) -> bool:
+        """Whether samples go from the part to the robot."""
+        return self.binding.direction == Direction.PUBLISH
+
+    @property
+    def stream_id(self) -> int:
+        """The stream its samples take."""
+        return STREAM_RELIABLE if self.binding.reliable else STREAM_BEST_EFFORT
+
+
+class Ports:
+    """The bound ports of one part over one client."""
+
+    def __init__(self, client: Client, participant: Entity, subscriber: Entity) -> None:
+        self._client = client
+        self._participant = participant
+        self._subscriber = subscriber
+        self._publisher: Entity | None = None
+        self._bound: dict[str, BoundPort] = {}
+        self._by_reader: dict[int, BoundPort] = {}
+
+    def __contains__(self, port: object) -> bool:
+        return port in self._bound
+
+    def bind(self, bindings: Iterable[PortBinding]) -> None:
+        """Make the ports what the configuration says; those that stay the same lose nothing."""
+        wanted = {binding.port: binding for binding in bindings}
+        for port, bound in list(self._bound.items()):
+            if wanted.get(port) != bound.binding:
+                self._unbind(port)
+        for port, binding in wanted.items():
+            if port not in self._bound:
+                self._bind(binding)
+
+    def unbind_all(self) -> None:
+        """Have no port bound."""
+        for port in list(self._bound):
+            self._unbind(port)
+        if self._publisher is not None:
+            self._client.delete(self._publisher)
+            self._publisher = None
+
+    def port_of(self, object_id: int) -> BoundPort | None:
+        """The subscribed port whose data reader has that object id."""
+        return self._by_reader.get(object_id)
+
+    def binding(self, port: str) -> PortBinding | None:
+        """What a port is tied to, or None."""
+        bound = self._bound.get(port)
+        return bound.binding if bound is not None else None
+
+    def publish(self, port: str, message: Message) -> bool:
+        """Send a message; False when the port's stream or the link had no room.
+
+        Raises:
+            ConfigError: no such port to publish on, or it carries another type.
+            LocalProtocolError: no session.
+        """
+        bound = self._bound.get(port)
+        if bound is None or not bound.publishes:
+            raise ConfigError(f"there is no port {port!r} to publish on; {self.words}")
+        if not isinstance(message, Message):
+            raise ConfigError(f"port {port!r} publishes messages, not {type(message).__name__}")
+        if message.type_name != bound.binding.topic_type:
+            raise ConfigError(f"port {port!r} carries {bound.binding.topic_type}, not {message.type_name}")
+        try:
+            self._client.write(bound.endpoint, message.encode(), stream_id=bound.stream_id)
+        except LinkFull:
+            return False
+        return True
+
+    @property
+    def words(self) -> str:
+        """The bound ports, for messages to a person."""
+        if not self._bound:
+            return "this robot binds no port of the part"
+        listed = (
+            f"{port} ({'publish' if bound.publishes else 'subscribe'} {bound.binding.topic_type})"
+            for port, bound in self._bound.items()
+        )
+        return f"bound in this robot: {', '.join(listed)}"
+
+    def _bind(self, binding: PortBinding) -> None:
+        client = self._client
+        topic = client.create_topic(self._participant, binding.topic, binding.topic_type)
+        qos = EndpointQos(reliable=bool(binding.reliable))
+        if binding.direction == Direction.PUBLISH:
+            if self._publisher is None:
+                self._publisher = client.create_publisher(self._participant)
+            bound = BoundPort(binding, topic, client.create_writer(self._publisher, topic, qos))
+        else:
+            bound = BoundPort(binding, topic, client.create_reader(self._subscriber, topic, qos))
+            client.read(bound.endpoint, stream_id=bound.stream_id)
+            self._by_reader[bound.endpoint.object_id] = bound
+        self._bound[binding.port] = bound
+
+    def _unbind(self, port: str) -> None:
+        bound = self._bound.pop(port)
+        self._by_reader.pop(bound.endpoint.object_id, None)
+        self._client.delete(bound.endpoint)
+        self._client.delete(bound.topic)

@@ -1,0 +1,98 @@
+"""`run`: from a student's program to a part on a link, with a clean end on Ctrl-C.
+
+A mistake the user can mend is one sentence on stderr and exit status 2, never a traceback.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import logging
+import os
+import signal
+import sys
+from typing import TYPE_CHECKING
+
+from msbot.errors import MsbotError
+from msbot.link import Link, open_link
+from msbot.part.identity import parse_uid, stored_uid
+
+if TYPE_CHECKING:
+    from msbot.part.part import Part
+
+DEFAULT_LINK = "udp:127.0.0.1:8888"
+LINK_VARIABLE = "MSBOT_LINK"
+
+
+def run(*parts: Part, args: list[str] | None = None) -> None:
+    """Run one or more parts until Ctrl-C or SIGTERM; each has its own session and says goodbye at the end.
+
+    Options: `--link udp:HOST:PORT` (or $MSBOT_LINK, or this computer), `--uid HEX` (one part only), `--quiet`.
+
+    Args:
+        parts: what to run.
+        args: the command line without the program's name; `sys.argv[1:]` if absent.
+
+    Raises:
+        SystemExit: status 2 after one sentence on stderr, when something is wrong that the user can mend.
+    """
+    options = _parse(args)
+    logging.basicConfig(
+        level=logging.WARNING if options.quiet else logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S"
+    )
+    try:
+        if options.uid is not None and len(parts) == 1:
+            parts[0].uid = parse_uid(options.uid)
+        for part in parts:
+            if part.uid is None:
+                part.uid = stored_uid(part.part_number, part.local_name)
+        links = [open_link(options.link) for _ in parts]
+        with contextlib.suppress(KeyboardInterrupt):
+            asyncio.run(_run_all(list(zip(parts, links, strict=True))))
+    except MsbotError as error:
+        sys.stderr.write(f"{_sentence(error)}\n")
+        raise SystemExit(2) from None
+
+
+async def _run_all(pairs: list[tuple[Part, Link]]) -> None:
+    stop_on_signals([part for part, _ in pairs])
+    try:
+        async with asyncio.TaskGroup() as group:
+            for part, link in pairs:
+                group.create_task(part.run_async(link))
+    except* MsbotError as errors:
+        raise _first(errors) from None
+
+
+def stop_on_signals(parts: list[Part]) -> None:
+    """Have SIGINT and SIGTERM end the parts politely; where the loop cannot do that, Ctrl-C just ends them."""
+
+    def stop() -> None:
+        for part in parts:
+            part.stop()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError):
+            asyncio.get_running_loop().add_signal_handler(number, stop)
+
+
+def _parse(args: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="A part of a MsBOT robot.")
+    default = os.environ.get(LINK_VARIABLE) or DEFAULT_LINK
+    parser.add_argument("--link", default=default, help=f"the way to the master (now {default}; ${LINK_VARIABLE})")
+    parser.add_argument("--uid", help="16 hexadecimal digits that identify the piece of hardware")
+    parser.add_argument("--quiet", action="store_true", help="say only what is wrong")
+    return parser.parse_args(args)
+
+
+def _first(errors: BaseExceptionGroup[MsbotError]) -> MsbotError:
+    error: BaseException = errors
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    assert isinstance(error, MsbotError)
+    return error
+
+
+def _sentence(error: MsbotError) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,281 @@
+"""What the tests of this room stand on: a link in the test's hand, a quiet link, and a small master."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from random import Random
+
+from msbot.agent import Agent, Gate, client_key_of
+from msbot.errors import LinkDown, LinkFull, RemoteProtocolError
+from msbot.link import InprocHub, Link, LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
+from msbot.part import plug
+from msbot.part.client import Client
+from msbot.part.client_settings import ConnectionState
+from msbot.part.membership import INVENTORY
+from msbot.space import MemorySpace
+from msbot.xrce import EndpointQos
+
+AGENT = 0
+"""The peer at the other end of a `HandLink`."""
+
+STATUS_AGENT_OK = bytes.fromhex("8100000004010b000000585243450100010f00")
+
+
+class HandLink:
+    """A link whose other end is the test."""
+
+    def __init__(self, mtu: int = 512) -> None:
+        self.info = LinkInfo("hand", mtu)
+        self.counters = LinkCounters()
+        self.tap: Tap | None = None
+        self.remote: Peer | None = AGENT
+        self.sent: list[bytes] = []
+        self.room = True
+        self.failure: Exception | None = None
+        """Raised by `send`."""
+        self.breaks: asyncio.Queue[Exception | None] = asyncio.Queue()
+        """What `run` ends with: an error, or None = it just returns."""
+        self.runs = 0
+        self._packet: PacketHandler = lambda *_: None
+        self._signal: SignalHandler = lambda *_: None
+        self._room: Callable[[Peer | None], None] = lambda _: None
+
+    def on_packet(self, handler: PacketHandler) -> None:
+        self._packet = handler
+
+    def on_signal(self, handler: SignalHandler) -> None:
+        self._signal = handler
+
+    def on_room(self, handler: Callable[[Peer | None], None]) -> None:
+        self._room = handler
+
+    def has_room(self, peer: Peer) -> bool:
+        assert peer == AGENT
+        return self.room
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        assert peer == AGENT
+        if self.failure is not None:
+            raise self.failure
+        if not self.room:
+            raise LinkFull("full")
+        self.sent.append(packet)
+
+    def describe(self, peer: Peer) -> str:
+        return f"hand {peer!r}"
+
+    async def run(self) -> None:
+        self.runs += 1
+        failure = await self.breaks.get()
+        if failure is not None:
+            raise failure
+
+    def receive(self, packet: bytes | str) -> None:
+        """Have a packet come in now."""
+        octets = bytes.fromhex(packet) if isinstance(packet, str) else packet
+        self._packet(octets, AGENT, asyncio.get_running_loop().time())
+
+    def signal(self, signal: Signal, reason: str = "") -> None:
+        """Have a signal come in now."""
+        self._signal(signal, AGENT, reason, asyncio.get_running_loop().time())
+
+    def give_room(self) -> None:
+        """Take packets again, and say so."""
+        self.room = True
+        self._room(AGENT)
+
+    def take(self) -> list[str]:
+        """The packets sent since the last call, as hexadecimal digits."""
+        sent, self.sent = self.sent, []
+        return [packet.hex() for packet in sent]
+
+
+class QuietLink:
+    """Wraps a link whose partner's going makes no noise (as on UDP), and lets the test cut it."""
+
+    def __init__(self, link: Link) -> None:
+        self.info = link.info
+        self.counters = link.counters
+        self.remote = link.remote
+        self.tap: Tap | None = None
+        self.cut = False
+        self._link = link
+
+    def on_packet(self, handler: PacketHandler) -> None:
+        def pass_on(packet: bytes, peer: Peer, now: float) -> None:
+            if not self.cut:
+                if self.tap is not None:
+                    self.tap(now, "in", peer, packet)
+                handler(packet, peer, now)
+
+        self._link.on_packet(pass_on)
+
+    def on_signal(self, handler: SignalHandler) -> None:
+        def pass_on(signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
+            if signal not in (Signal.PEER_GONE, Signal.PEER_JOINED):
+                handler(signal, peer, reason, now)
+
+        self._link.on_signal(pass_on)
+
+    def on_room(self, handler: Callable[[Peer | None], None]) -> None:
+        self._link.on_room(handler)
+
+    def has_room(self, peer: Peer) -> bool:
+        return self._link.has_room(peer)
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        if self.tap is not None:
+            self.tap(asyncio.get_running_loop().time(), "out", peer, packet)
+        if not self.cut:
+            self._link.send(packet, peer)
+
+    def describe(self, peer: Peer) -> str:
+        return self._link.describe(peer)
+
+    async def run(self) -> None:
+        await self._link.run()
+
+
+@contextmanager
+def background(*tasks: asyncio.Task[None]) -> Iterator[None]:
+    """Cancel the tasks at the end of the block."""
+    try:
+        yield
+    finally:
+        for task in tasks:
+            task.cancel()
+
+
+def start_agent(link: Link, gate: Gate | None = None) -> asyncio.Task[None]:
+    """A fresh agent on a link; cancel it to kill it."""
+    agent = Agent(MemorySpace(), gate=gate, epoch_ns=lambda: 5_000_000_000)
+    agent.add_link(link)
+    return asyncio.get_running_loop().create_task(agent.run())
+
+
+class SmallMaster:
+    """An agent, a profile and an inventory that knows part numbers: just enough rules to join.
+
+    Parts come in at `hub`. It runs until `kill`; `start` begins anew with nothing remembered.
+    """
+
+    def __init__(self, bindings: dict[str, list[plug.PortBinding]], *, quiet: bool = True) -> None:
+        self.bindings = bindings
+        self.profile = ("MSBOT_MASTER", "MSBOT_V1", "X100Y100Z100", "8-4-2021", "MASSEY")
+        self.refuse: plug.Refusal | None = None
+        """Refuse claims, and say so."""
+        self.version = 1
+        self.settings: list[plug.Setting] = []
+        self.beat_ms = 1000
+        self.answers_beats = True
+        self.requests: list[tuple[str, str]] = []
+        """(what was asked, part number or "") in order."""
+        self.parts: dict[int, str] = {}
+        """Lease -> part number."""
+        self.hub = InprocHub()
+        self._quiet = quiet
+        self._next_lease = 1
+        self._tasks: list[asyncio.Task[None]] = []
+
+    def link(self) -> QuietLink:
+        """A way for one part."""
+        return QuietLink(self.hub.connect())
+
+    def start(self) -> None:
+        """Begin; the leases of an earlier life are unknown."""
+        self.parts.clear()
+        own = InprocHub()
+        agent = Agent(MemorySpace(), epoch_ns=lambda: 0)
+        agent.add_link(self.hub.server)
+        agent.add_link(own.server)
+        self.agent = agent
+        self.client = Client(own.connect(), key=0x4D000001, random=Random(1))
+        participant = self.client.create_participant("master")
+        topic = self.client.create_topic(participant, plug.PROFILE_TOPIC, plug.PROFILE_TYPE)
+        publisher = self.client.create_publisher(participant)
+        self._writer = self.client.create_writer(publisher, topic, EndpointQos(transient_local=True, depth=1))
+        self._replier = self.client.create_replier(participant, INVENTORY)
+        self.client.read(self._replier)
+        self.client.on_request = self._requested
+        self.client.on_state = self._connected
+        loop = asyncio.get_running_loop()
+        self._tasks = [loop.create_task(agent.run()), loop.create_task(self.client.run())]
+
+    async def kill(self) -> None:
+        """End at once; nobody is told."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def publish_profile(self) -> None:
+        """Say who the robot is."""
+        name, version, serial, released, make = self.profile
+        message = plug.ProfileMessage(index=1, message=name, name=version, id=serial, dof=released, make=make)
+        self.client.write(self._writer, message.encode())
+
+    def _connected(self, state: ConnectionState, _reason: str) -> None:
+        if state is ConnectionState.CONNECTED:
+            self.publish_profile()
+
+    def _requested(self, _object_id: int, _request_id: int, identity: bytes, body: bytes) -> None:
+        try:
+            request = plug.decode_request(body)
+        except RemoteProtocolError:
+            self.requests.append(("rubbish", body.hex()))
+            return
+        answer = self._answer(request, client_key_of(identity[:16]))
+        if answer is not None:
+            self.client.reply(self._replier, identity, answer.encode())
+
+    def _answer(
+        self, request: plug.Beat | plug.ConfigurationRequest | plug.Claim, key: int
+    ) -> plug.BeatReply | plug.Configuration | plug.Verdict | None:
+        assert key
+        match request:
+            case plug.Claim(part_number=number):
+                self.requests.append(("claim", number))
+                return self._verdict(number)
+            case plug.Beat(lease=lease):
+                self.requests.append(("beat", self.parts.get(lease, "")))
+                known = lease in self.parts
+                return (
+                    plug.BeatReply(configuration_version=self.version if known else 0) if self.answers_beats else None
+                )
+            case plug.ConfigurationRequest(lease=lease):
+                number = self.parts.get(lease, "")
+                self.requests.append(("configuration", number))
+                return plug.Configuration(
+                    version=self.version,
+                    slot=f"slot of {number}",
+                    bindings=self.bindings[number],
+                    settings=self.settings,
+                )
+
+    def _verdict(self, number: str) -> plug.Verdict | None:
+        if self.refuse is not None:
+            return plug.Verdict(lease=0, configuration_version=0, beat_period_ms=0, reason=self.refuse)
+        if number not in self.bindings:
+            return None
+        lease = self._next_lease
+        self._next_lease += 1
+        self.parts[lease] = number
+        return plug.Verdict(lease=lease, configuration_version=self.version, beat_period_ms=self.beat_ms)
+
+
+def publishes(port: str, topic: str, type_name: str = "HelloWorld", *, reliable: bool = True) -> plug.PortBinding:
+    """A binding of a port that sends."""
+    return plug.PortBinding(
+        port=port, topic=topic, topic_type=type_name, direction=plug.Direction.PUBLISH, reliable=int(reliable)
+    )
+
+
+def subscribes(port: str, topic: str, type_name: str = "HelloWorld", *, reliable: bool = True) -> plug.PortBinding:
+    """A binding of a port that receives."""
+    return plug.PortBinding(
+        port=port, topic=topic, topic_type=type_name, direction=plug.Direction.SUBSCRIBE, reliable=int(reliable)
+    )
+
+
+__all__ = ["AGENT", "STATUS_AGENT_OK", "HandLink", "LinkDown", "QuietLink", "SmallMaster", "background"]
