@@ -1,0 +1,86 @@
+"""Which client a packet belongs to: by its address, or by the key that some sessions carry in every header.
+
+Session ids from 0x80 up have no key in the header; the client is the one that logged in from that address, and the
+session id itself is not compared. Ids below 0x80 have the key in the header, and the address does not matter
+(XRCE 1.0 §8.2.1; seen on the wire).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from msbot.agent.proxy import Proxy
+from msbot.agent.stats import Tally
+from msbot.link import Link, Peer
+
+
+@dataclass(slots=True, eq=False)
+class Port:
+    """One link of the agent and the clients that logged in over it."""
+
+    link: Link
+    batch: int | None
+    """Packets that are pulled out of a session at once; None = all."""
+    clients: dict[Peer, Proxy] = field(default_factory=dict)
+    blocked: dict[Proxy, None] = field(default_factory=dict)
+    """Clients with packets that the link had no room for, in the order they met that."""
+    opened: bool = False
+    """Whether the link has carried anything or said that it is up."""
+    dropped: Tally = field(default_factory=Tally)
+    """Packets of nobody, by reason in words."""
+
+
+class ClientTable:
+    """All clients of the agent."""
+
+    def __init__(self) -> None:
+        self._by_key: dict[int, Proxy] = {}
+        self._places: dict[Proxy, tuple[Port, Peer]] = {}
+
+    def __len__(self) -> int:
+        return len(self._by_key)
+
+    def __iter__(self) -> Iterator[Proxy]:
+        return iter(list(self._by_key.values()))
+
+    def by_key(self, client_key: int) -> Proxy | None:
+        """The client with that key."""
+        return self._by_key.get(client_key)
+
+    def keyed(self, client_key: int) -> Proxy | None:
+        """The client with that key if its session carries the key in every header.
+
+        DEVIATION: the genuine agent takes such packets for sessions without keys, too; anybody who knows a key could
+        then speak for its owner from any address.
+        """
+        proxy = self._by_key.get(client_key)
+        return proxy if proxy is not None and proxy.session.session_id < 0x80 else None
+
+    def place(self, proxy: Proxy, port: Port, peer: Peer) -> None:
+        """Enter a client, or move it to another address: the old one then belongs to nobody."""
+        self._leave_place(proxy)
+        self._by_key[proxy.info.key] = proxy
+        self._places[proxy] = (port, peer)
+        port.clients[peer] = proxy
+
+    def place_of(self, proxy: Proxy) -> tuple[Port, Peer] | None:
+        """Where the client's packets go; None for one that was removed."""
+        return self._places.get(proxy)
+
+    def remove(self, proxy: Proxy) -> bool:
+        """Forget a client; False when it was not known."""
+        if self._places.get(proxy) is None:
+            return False
+        self._leave_place(proxy)
+        del self._by_key[proxy.info.key]
+        return True
+
+    def _leave_place(self, proxy: Proxy) -> None:
+        place = self._places.pop(proxy, None)
+        if place is not None:
+            port, peer = place
+            del port.clients[peer]
+            if proxy.is_blocked:
+                proxy.is_blocked = False
+                del port.blocked[proxy]

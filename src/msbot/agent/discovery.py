@@ -1,0 +1,157 @@
+"""Answers clients that look for an agent by multicast (DDS-XRCE discovery over UDP).
+
+A client sends GET_INFO to 239.255.0.2:7400 and gets, from the same port and to itself alone, an INFO with the
+addresses and the port of the agent's UDP service. Asking the discovery port directly works as well.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import struct
+from collections.abc import Callable, Sequence
+
+from msbot.errors import LinkDown, RemoteProtocolError
+from msbot.xrce import (
+    SESSION_NONE,
+    GetInfo,
+    Header,
+    Info,
+    Locator,
+    LocatorFormat,
+    decode_header,
+    encode_message,
+    iter_submessages,
+)
+
+logger = logging.getLogger(__name__)
+
+DISCOVERY_GROUP = "239.255.0.2"
+DISCOVERY_PORT = 7400
+
+_DATAGRAM_MAX = 2048
+_ONLY_JOINED_GROUPS = 49
+"""IP_MULTICAST_ALL of Linux, which the socket module does not name: set to 0, a socket hears its own groups only."""
+_ADDRESS_OF_INTERFACE = 0x8915
+"""SIOCGIFADDR of Linux."""
+
+
+def discovery_answer(packet: bytes, addresses: Callable[[], Sequence[str]], service_port: int) -> bytes | None:
+    """The INFO for a discovery request, or None when the packet is something else.
+
+    Args:
+        packet: what came in on the discovery port.
+        addresses: gives the IPv4 addresses under which the agent serves; called for valid requests only.
+        service_port: its UDP port.
+    """
+    try:
+        header = decode_header(packet)
+        request = next(iter(iter_submessages(packet, header.size)), None)
+    except RemoteProtocolError:
+        return None
+    if header.session_id != SESSION_NONE or not isinstance(request, GetInfo):
+        return None
+    locators = tuple(Locator(LocatorFormat.MEDIUM, socket.inet_aton(address), service_port) for address in addresses())
+    info = Info(request.request_id, request.object_id, locators=locators)
+    return encode_message(Header(SESSION_NONE), [info], pad_end=False)
+
+
+def host_addresses() -> list[str]:
+    """The IPv4 addresses of this machine's interfaces, loopback included; loopback alone where that cannot be told."""
+    try:
+        import fcntl
+    except ImportError:
+        return sorted({"127.0.0.1", *socket.gethostbyname_ex(socket.gethostname())[2]})
+    addresses = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        for _, name in socket.if_nameindex():
+            request = struct.pack("256s", name.encode()[:15])
+            try:
+                answer = fcntl.ioctl(probe.fileno(), _ADDRESS_OF_INTERFACE, request)
+            except OSError:
+                logger.debug("interface %s has no IPv4 address", name)
+            else:
+                addresses.append(socket.inet_ntoa(answer[20:24]))
+    return addresses or ["127.0.0.1"]
+
+
+class DiscoveryResponder:
+    """Tells clients that look for an agent where this one is."""
+
+    def __init__(
+        self, service_port: int, *, port: int = DISCOVERY_PORT, group: str = DISCOVERY_GROUP,
+        interface: str | None = None,
+    ) -> None:  # fmt: skip
+        """Answer for the service on that UDP port.
+
+        Args:
+            service_port: where the agent serves clients.
+            port: where clients look for it; 0 = any free port (see `address`).
+            group: multicast group that clients ask.
+            interface: IPv4 address of the one interface to listen on and to announce; all if absent.
+        """
+        self._service_port = service_port
+        self._port = port
+        self._group = group
+        self._interface = interface
+        self.address: tuple[str, int] | None = None
+        """Where it listens, once it runs."""
+        self.answers = 0
+        """Requests answered so far."""
+
+    async def run(self) -> None:
+        """Answer until cancelled.
+
+        Raises:
+            LinkDown: the port or the group cannot be used; the text says why.
+        """
+        sock = self._open()
+        loop = asyncio.get_running_loop()
+        try:
+            self.address = sock.getsockname()
+            loop.add_reader(sock, self._drain, sock)
+            await loop.create_future()
+        finally:
+            loop.remove_reader(sock)
+            sock.close()
+            self.address = None
+
+    def _open(self) -> socket.socket:
+        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            sock.setblocking(False)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            sock.bind(("", self._port))
+            member = socket.inet_aton(self._group) + socket.inet_aton(self._interface or "0.0.0.0")
+            sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
+        except OSError as error:
+            sock.close()
+            raise LinkDown(
+                f"discovery on {self._group}:{self._port} is not possible ({error.strerror}): "
+                "choose another port, name an interface that is up, or serve without discovery"
+            ) from error
+        try:
+            sock.setsockopt(socket.IPPROTO_IP, _ONLY_JOINED_GROUPS, 0)
+        except OSError:
+            logger.debug("this system has no IP_MULTICAST_ALL")
+        return sock
+
+    def _addresses(self) -> list[str]:
+        return [self._interface] if self._interface else host_addresses()
+
+    def _drain(self, sock: socket.socket) -> None:
+        while True:
+            try:
+                packet, sender = sock.recvfrom(_DATAGRAM_MAX)
+            except (BlockingIOError, ConnectionRefusedError):
+                return
+            answer = discovery_answer(packet, self._addresses, self._service_port)
+            if answer is None:
+                logger.debug("no discovery request from %s", sender)
+                continue
+            try:
+                sock.sendto(answer, sender)
+                self.answers += 1
+            except OSError as error:
+                logger.debug("discovery answer to %s not sent: %s", sender, error)

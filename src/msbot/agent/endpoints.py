@@ -1,0 +1,128 @@
+"""A client's data writers, data readers, requesters and repliers: what each makes of WRITE_DATA and READ_DATA."""
+
+from __future__ import annotations
+
+from msbot.agent.rpc import IDENTITY_SIZE, PendingRequests, decode_identity
+from msbot.agent.shapes import ReplyShape, RequestShape
+from msbot.agent.sides import EndpointHost, ReadSide, Shape, WriteSide
+from msbot.space import Qos, Topic
+
+
+class Endpoint:
+    """An object of a client that has a place in the data space: at most one side that writes and one that reads."""
+
+    __slots__ = ("_host", "incoming", "outgoing")
+
+    def __init__(self, host: EndpointHost, outgoing: WriteSide | None, incoming: ReadSide | None) -> None:
+        self._host = host
+        self.outgoing = outgoing
+        self.incoming = incoming
+
+    @property
+    def topic(self) -> str:
+        """The topic it writes, or for a data reader the topic it reads."""
+        side = self.outgoing or self.incoming
+        return side.topic if side is not None else ""
+
+    @property
+    def attached(self) -> bool:
+        """Whether the gate lets every side of it into the space."""
+        barred = self.outgoing is not None and self.outgoing.writer is None
+        return not barred and not (self.incoming is not None and self.incoming.reader is None)
+
+    def write(self, request_id: int, payload: bytes) -> None:  # noqa: ARG002 - overridden by all that can write
+        """Take a WRITE_DATA of the client."""
+        self._host.drop("WRITE_DATA for an object that cannot write")
+
+    def recheck(self) -> None:
+        """Ask the gate again and enter or leave the space accordingly."""
+        if self.outgoing is not None:
+            self.outgoing.recheck()
+        if self.incoming is not None:
+            self.incoming.recheck()
+
+    def close(self) -> None:
+        """Leave the space for good."""
+        if self.outgoing is not None:
+            self.outgoing.close()
+        if self.incoming is not None:
+            self.incoming.close()
+
+
+class DataWriter(Endpoint):
+    """WRITE_DATA goes into the topic as it is."""
+
+    __slots__ = ("_samples",)
+
+    def __init__(self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos) -> None:
+        self._samples = WriteSide(host, object_id, topic, qos)
+        super().__init__(host, self._samples, None)
+
+    def write(self, request_id: int, payload: bytes) -> None:  # noqa: ARG002 - nobody answers a sample
+        """Give the sample to the space."""
+        self._samples.write(payload)
+
+
+class DataReader(Endpoint):
+    """Samples of the topic go to the client as they are."""
+
+    __slots__ = ()
+
+    def __init__(self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, shape: Shape | None) -> None:
+        super().__init__(host, None, ReadSide(host, object_id, topic, qos, shape))
+
+
+class Requester(Endpoint):
+    """WRITE_DATA is a request; replies to it come back with its request id in front, each request's first one only."""
+
+    __slots__ = ("_pending", "_requests", "_shape")
+
+    def __init__(self, host: EndpointHost, object_id: int, request: Topic, reply: Topic, qos: Qos) -> None:
+        self._pending = PendingRequests(host.max_requests)
+        self._shape = ReplyShape(object_id, self._pending)
+        self._requests = WriteSide(host, object_id, request, qos)
+        super().__init__(host, self._requests, ReadSide(host, object_id, reply, qos, self._shape))
+        self._follow_writer()
+
+    @property
+    def forgotten(self) -> int:
+        """Requests whose reply can no longer come, because too many newer ones are open."""
+        return self._pending.forgotten
+
+    def write(self, request_id: int, payload: bytes) -> None:
+        """Send a request; the reply will carry `request_id`."""
+        writer = self._requests.writer
+        if writer is not None:
+            # Before the write: a replier in this process may answer within it.
+            self._pending.add(writer.published + 1, request_id)
+        self._requests.write(payload)
+
+    def recheck(self) -> None:
+        """Ask the gate again; open requests end when the writer has changed."""
+        super().recheck()
+        self._follow_writer()
+
+    def _follow_writer(self) -> None:
+        writer = self._requests.writer
+        guid = None if writer is None else writer.guid
+        if guid != self._shape.guid:
+            self._pending.clear()
+            self._shape.guid = guid
+
+
+class Replier(Endpoint):
+    """Requests come with their identity in front; WRITE_DATA is a reply and starts with the identity it answers."""
+
+    __slots__ = ("_replies",)
+
+    def __init__(self, host: EndpointHost, object_id: int, request: Topic, reply: Topic, qos: Qos) -> None:
+        self._replies = WriteSide(host, object_id, reply, qos)
+        super().__init__(host, self._replies, ReadSide(host, object_id, request, qos, RequestShape()))
+
+    def write(self, request_id: int, payload: bytes) -> None:  # noqa: ARG002 - a reply has no answer
+        """Send a reply; one that is too short to name its request is dropped and counted."""
+        identity = decode_identity(payload)
+        if identity is None:
+            self._host.drop("reply without the identity of its request")
+            return
+        self._replies.write(payload[IDENTITY_SIZE:], identity)

@@ -1,0 +1,151 @@
+"""Messages outside of a session: logging in, asking who is there, deleting a session that is gone.
+
+Only the first submessage of such a message counts, everything but these three is met with silence (seen on the
+wire). A CREATE_CLIENT inside a session is ignored.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+from msbot.agent.clients import ClientTable, Port
+from msbot.agent.gate import ClientInfo, Gate
+from msbot.agent.proxy import Proxy
+from msbot.agent.settings import MIN_MTU, AgentSettings
+from msbot.errors import RemoteProtocolError
+from msbot.link import Peer
+from msbot.xrce import (
+    COOKIE,
+    SESSION_NONE,
+    SESSION_NONE_KEYED,
+    STREAM_NONE,
+    CreateClient,
+    Delete,
+    GetInfo,
+    Header,
+    Info,
+    ObjectKind,
+    Status,
+    StatusAgent,
+    StatusReply,
+    decode_header,
+    encode_message,
+    iter_submessages,
+    kind_of,
+)
+
+logger = logging.getLogger(__name__)
+
+HARD_LIVELINESS = "uxr_hl"
+"""Property with the silence in milliseconds after which the client wants to be probed."""
+
+SHARED_MEMORY = "uxr_sm"
+"""Property "1" of a client that does not want its own samples back."""
+
+_MIN_DEAD_AFTER_S = 0.1
+
+OpenSession = Callable[[ClientInfo, Port, CreateClient, float], Proxy]
+EndSession = Callable[[Proxy, str], None]
+
+
+class Handshake:
+    """Answers messages outside of a session and applies the rules of logging in (XRCE 1.0 §8.4.3)."""
+
+    def __init__(
+        self, clients: ClientTable, gate: Gate, settings: AgentSettings, open_session: OpenSession,
+        end_session: EndSession,
+    ) -> None:  # fmt: skip
+        self._clients = clients
+        self._gate = gate
+        self._settings = settings
+        self._open_session = open_session
+        self._end_session = end_session
+
+    def answer(self, port: Port, packet: bytes, peer: Peer, now: float) -> bytes | None:
+        """The one answer to a packet that belongs to no session, or None for silence."""
+        try:
+            header = decode_header(packet)
+            submessage = next(iter(iter_submessages(packet, header.size)), None)
+        except RemoteProtocolError:
+            port.dropped.add("packet that cannot be read")
+            return None
+        match submessage:
+            case CreateClient() if header.session_id in (SESSION_NONE, SESSION_NONE_KEYED):
+                status = self._log_in(port, peer, submessage, now)
+                return _status_agent(header, submessage, status)
+            case GetInfo():
+                return _info(header, submessage, is_known=peer in port.clients)
+            case Delete() if kind_of(submessage.object_id) == ObjectKind.CLIENT:
+                return _deleted(header, submessage)
+        port.dropped.add("packet without a session")
+        return None
+
+    def _log_in(self, port: Port, peer: Peer, request: CreateClient, now: float) -> Status:
+        owner = port.clients.get(peer)
+        if owner is not None and owner.info.key != request.client_key:
+            self._end_session(owner, "another client logged in from its address")
+        status = _check(request)
+        if status is not Status.OK:
+            return status
+        link = port.link
+        info = ClientInfo(request.client_key, link.info.name, peer, link.describe(peer))
+        if not self._gate.may_join(info):
+            return Status.ERR_DENIED
+        known = self._clients.by_key(request.client_key)
+        if known is not None and known.session.session_id == request.session_id:
+            known.log_in_again(info, min(request.mtu, link.info.mtu), now)
+        else:
+            if known is not None:
+                self._end_session(known, "replaced by a new session of the same key")
+            if len(self._clients) >= self._settings.max_clients:
+                return Status.ERR_RESOURCES
+            known = self._open_session(info, port, request, now)
+        self._clients.place(known, port, peer)
+        self._gate.joined(info)
+        known.recheck()
+        known.pull()
+        logger.info("client %08X logged in from %s on %s", info.key, info.address, info.link)
+        return Status.OK
+
+
+def dead_after_s(request: CreateClient, default_s: float) -> float:
+    """The silence after which the client is probed: its `uxr_hl`, or the default when that is absent or no number."""
+    text = dict(request.properties or ()).get(HARD_LIVELINESS, "")
+    if not (text.isascii() and text.isdigit() and len(text) <= 9):
+        return default_s
+    return max(int(text) / 1000, _MIN_DEAD_AFTER_S)
+
+
+def wants_echo(request: CreateClient) -> bool:
+    """Whether the client wants to receive what it published itself."""
+    return dict(request.properties or ()).get(SHARED_MEMORY) != "1"
+
+
+def _check(request: CreateClient) -> Status:
+    if request.client_key == 0 or request.cookie != COOKIE:
+        return Status.ERR_INVALID_DATA
+    if request.version[0] != 1:
+        return Status.ERR_INCOMPATIBLE
+    if request.mtu < MIN_MTU:
+        # DEVIATION: with 8 octets or less the genuine agent never finishes its first STATUS.
+        return Status.ERR_INVALID_DATA
+    return Status.OK
+
+
+def _status_agent(header: Header, request: CreateClient, status: Status) -> bytes:
+    key = request.client_key if request.session_id < SESSION_NONE else None
+    answer = Header(request.session_id, header.stream_id, header.sequence_nr, key)
+    return encode_message(answer, [StatusAgent(status)], pad_end=False)
+
+
+def _info(header: Header, request: GetInfo, *, is_known: bool) -> bytes:
+    answer = Header(header.session_id, STREAM_NONE, 0, header.client_key)
+    info = Info(request.request_id, request.object_id, implementation_status=int(is_known))
+    return encode_message(answer, [info], pad_end=False)
+
+
+def _deleted(header: Header, request: Delete) -> bytes:
+    answer = Header(header.session_id, STREAM_NONE, 0, header.client_key)
+    status = StatusReply(request.request_id, request.object_id, Status.OK)
+    return encode_message(answer, [status], pad_end=False)

@@ -1,0 +1,281 @@
+"""One client inside the agent: its session, its objects, and what the gate lets it do."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import count
+
+from msbot.agent.gate import ClientInfo, Gate
+from msbot.agent.objects import ObjectBudget, ObjectTree
+from msbot.agent.rpc import client_key_of, make_guid
+from msbot.agent.settings import AgentSettings
+from msbot.agent.shapes import NoEchoShape
+from msbot.agent.sides import ReadSide, Shape
+from msbot.agent.stats import ClientView, ObjectView, Tally, TopicTable, TopicTraffic
+from msbot.errors import RemoteProtocolError
+from msbot.space import Guid, Space
+from msbot.xrce import (
+    STREAM_RELIABLE,
+    AgentEvent,
+    AgentSession,
+    CreateRequested,
+    DataWritten,
+    DeleteRequested,
+    InfoRequested,
+    ObjectKind,
+    ReadRequested,
+    References,
+    SessionDeleteRequested,
+    SessionReset,
+    Status,
+    WindowOpened,
+)
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class Surroundings:
+    """What all clients of one agent share."""
+
+    space: Space
+    gate: Gate
+    settings: AgentSettings
+    clock: Callable[[], float]
+    agent_id: bytes
+    """8 octets, drawn anew for every agent: the first half of all its GUIDs."""
+    mark: Callable[[Proxy], None]
+    """Have the client's packets sent at the end of this turn of the loop."""
+    references: References | None = None
+    topics: TopicTable = field(default_factory=lambda: TopicTable(4096))
+    budget: ObjectBudget = field(default_factory=lambda: ObjectBudget(200_000))
+    incarnations: Iterator[int] = field(default_factory=lambda: count(1))
+
+
+class Proxy:
+    """Acts for one client in the data space; fits `EndpointHost`."""
+
+    def __init__(
+        self, info: ClientInfo, session: AgentSession, surroundings: Surroundings, now: float, *,
+        dead_after_s: float, echo: bool = True,
+    ) -> None:  # fmt: skip
+        """`echo=False` keeps the client's own samples from it (property `uxr_sm`)."""
+        settings = surroundings.settings
+        self.info = info
+        self.session = session
+        self.space = surroundings.space
+        self.clock = surroundings.clock
+        self.max_requests = settings.max_requests
+        self.own_filter: Shape | None = None if echo else NoEchoShape(self._is_own)
+        self.outbox: deque[bytes] = deque()
+        """Packets that were pulled out of the session and that the link had no room for."""
+        self.is_blocked = False
+        """Whether the link has no room: samples then wait in the readers' histories."""
+        self.is_marked = False
+        """Whether the server will flush this client at the end of the turn."""
+        self.is_over = False
+        """Whether the client has deleted its session."""
+        self.bytes_in = 0
+        self.bytes_out = 0
+        self._surroundings = surroundings
+        self._settings = settings
+        self._gate = surroundings.gate
+        self._dead_after_s = dead_after_s
+        self._probes = 0
+        self._opened_at = now
+        self._timed: dict[ReadSide, float] = {}
+        self._turn = 0
+        self._dropped = Tally()
+        self._refused = Tally()
+        self._tree = ObjectTree(self, settings, surroundings.budget, surroundings.references)
+        self._endpoints = self._tree.endpoints
+
+    # What the server calls.
+
+    def receive(self, packet: bytes, now: float) -> None:
+        """Take one packet of the client; its answers are ready when this returns."""
+        self.bytes_in += len(packet)
+        session = self.session
+        try:
+            session.receive_packet(packet, now)
+        except RemoteProtocolError:
+            self.drop("packet with a broken header")
+            return
+        while (event := session.next_event()) is not None:
+            if type(event) is DataWritten:
+                endpoint = self._endpoints.get(event.object_id)
+                if endpoint is None:
+                    self.drop("WRITE_DATA for an unknown object")
+                else:
+                    endpoint.write(event.request_id, event.payload)
+            elif not self.is_over:
+                self._handle(event)
+        if not self.is_marked:
+            self._surroundings.mark(self)
+
+    def timer(self) -> float | None:
+        """When to call `handle_timer`, or None."""
+        when = self.session.timer()
+        for limit in self._timed.values():
+            if when is None or limit < when:
+                when = limit
+        return when
+
+    def handle_timer(self, now: float) -> None:
+        """Let the session repeat itself, and let go what a byte rate or a pace held back."""
+        self.session.handle_timer(now)
+        for side in [side for side, when in self._timed.items() if when <= now]:
+            del self._timed[side]
+            side.pull()
+        self._surroundings.mark(self)
+
+    @property
+    def last_heard(self) -> float:
+        """When the client spoke last, in its session or to log in."""
+        return max(self.session.last_heard, self._opened_at)
+
+    def next_life_check(self, now: float) -> float | None:
+        """Probe a silent client; returns when to look again, or None when it is gone."""
+        silent_until = self.last_heard + self._dead_after_s
+        if now < silent_until:
+            self._probes = 0
+            return silent_until
+        if self._probes >= self._settings.probes:
+            return None
+        self._probes += 1
+        self.session.probe()
+        self._surroundings.mark(self)
+        return now + self._settings.probe_period_s
+
+    def log_in_again(self, info: ClientInfo, mtu: int, now: float) -> None:
+        """The client has lost its streams, not its objects; it may speak from another address now."""
+        self.info = info
+        self.session.relogin(mtu)
+        self.outbox.clear()
+        self._opened_at = now
+        self._probes = 0
+
+    def recheck(self) -> None:
+        """Ask the gate for every endpoint and attach or detach it."""
+        for endpoint in list(self._endpoints.values()):
+            endpoint.recheck()
+
+    def pull(self) -> None:
+        """Send what waits in the readers, in turns, as far as it may go now."""
+        sides = [side for endpoint in self._endpoints.values() if (side := endpoint.incoming) and side.is_waiting]
+        if sides:
+            self._turn += 1
+            first = self._turn % len(sides)
+            sides = sides[first:] + sides[:first]
+        while sides:
+            sides = [side for side in sides if side.pull_one()]
+
+    def close(self) -> None:
+        """Leave the space with everything."""
+        self._tree.clear()
+        self._timed.clear()
+
+    def view(self, now: float) -> ClientView:
+        """The client for people."""
+        dropped = Tally(limit=256)
+        dropped.add_all(self._dropped.as_dict())
+        dropped.add_all(self.session.dropped)
+        entities = list(self._tree.items())
+        sides = [entity.endpoint for _, entity in entities if entity.endpoint is not None]
+        return ClientView(
+            key=self.info.key,
+            session_id=self.session.session_id,
+            link=self.info.link,
+            address=self.info.address,
+            mtu=self.session.mtu,
+            age_s=now - self._opened_at,
+            silent_s=now - self.last_heard,
+            objects=tuple(
+                ObjectView(object_id, ObjectKind(object_id & 0xF).name.lower(), entity.topic_name, entity.is_attached)
+                for object_id, entity in entities
+            ),
+            packets_in=self.session.counters.packets_in,
+            packets_out=self.session.counters.packets_out,
+            bytes_in=self.bytes_in,
+            bytes_out=self.bytes_out,
+            published=sum(endpoint.outgoing.published for endpoint in sides if endpoint.outgoing is not None),
+            delivered=sum(endpoint.incoming.delivered for endpoint in sides if endpoint.incoming is not None),
+            waiting=len(self.outbox),
+            dropped=dropped.as_dict(),
+            refused=self._refused.as_dict(),
+        )
+
+    # What the endpoints call (`EndpointHost`).
+
+    def may_write(self, topic: str) -> bool:
+        """The gate's verdict."""
+        return self._gate.may_write(self.info, topic)
+
+    def may_read(self, topic: str) -> bool:
+        """The gate's verdict."""
+        return self._gate.may_read(self.info, topic)
+
+    def new_guid(self, object_id: int) -> Guid:
+        """A GUID never used before by this agent (until 65,536 writers later)."""
+        return make_guid(self._surroundings.agent_id, self.info.key, object_id, next(self._surroundings.incarnations))
+
+    def send_data(self, request_id: int, object_id: int, payload: bytes, stream_id: int) -> bool:
+        """Book a DATA; False while the link or the stream has no room."""
+        if self.is_blocked or not self.session.send_data(request_id, object_id, payload, stream_id):
+            return False
+        if not self.is_marked:
+            self._surroundings.mark(self)
+        return True
+
+    def call_at(self, side: ReadSide, when: float) -> None:
+        """Pull that side at `when`."""
+        self._timed[side] = when
+        self._surroundings.mark(self)
+
+    def traffic_of(self, topic: str) -> TopicTraffic:
+        """The counters of that topic."""
+        return self._surroundings.topics.of(topic)
+
+    def drop(self, reason: str) -> None:
+        """Count something that was not done for this client."""
+        self._dropped.add(reason)
+
+    def refuse(self, topic: str) -> None:
+        """Count a sample that the gate kept out."""
+        self._refused.add(topic)
+
+    # The rest.
+
+    def _handle(self, event: AgentEvent) -> None:
+        session = self.session
+        match event:
+            case ReadRequested():
+                self._read(event)
+            case CreateRequested():
+                status = self._tree.create(event)
+                session.send_status(event.request_id, event.object_id, status, event.stream_id)
+            case DeleteRequested():
+                status = self._tree.delete(event.object_id)
+                session.send_status(event.request_id, event.object_id, status, event.stream_id)
+            case InfoRequested():
+                session.send_info(event.request_id, event.object_id)
+            case SessionDeleteRequested():
+                session.send_status(event.request_id, event.object_id, Status.OK, event.stream_id)
+                self._tree.clear()
+                self.is_over = True
+            case WindowOpened() | SessionReset():
+                self.pull()
+
+    def _read(self, event: ReadRequested) -> None:
+        endpoint = self._endpoints.get(event.object_id)
+        if endpoint is None or endpoint.incoming is None:
+            self.session.send_status(event.request_id, event.object_id, Status.ERR_UNKNOWN_REFERENCE, STREAM_RELIABLE)
+            return
+        read = event.read
+        endpoint.incoming.start(event.request_id, read.stream_id, read.delivery)
+
+    def _is_own(self, writer: Guid) -> bool:
+        return writer[:8] == self._surroundings.agent_id and client_key_of(writer) == self.info.key

@@ -1,0 +1,58 @@
+"""Settings of the agent and the limits that keep its memory bounded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from msbot.errors import ConfigError
+
+MIN_MTU = 24
+"""Smallest message size a client may announce: header 8, submessage header 4 and 12 for the answer inside."""
+
+
+@dataclass(frozen=True, slots=True)
+class AgentSettings:
+    """What may be tuned on an agent; the defaults are those of the genuine one where it has any.
+
+    Raises:
+        ConfigError: a number is not positive (`domain_255`: negative).
+    """
+
+    heartbeat_s: float = 0.2
+    """Period of HEARTBEAT while reliable messages are unacknowledged."""
+    window: int = 16
+    """Unacknowledged messages a reliable stream may have (the bitmap of ACKNACK has 16 bits)."""
+    dead_after_s: float = 30.0
+    """Silence after which a client is probed; `uxr_hl` of the client overrides it for that client."""
+    probe_period_s: float = 0.2
+    """Time between two probes of a silent client."""
+    probes: int = 3
+    """Unanswered probes after which a client is gone."""
+    max_clients: int = 10_000
+    """Sessions at once; more are answered ERR_RESOURCES."""
+    max_objects: int = 256
+    """Objects of one client; more are answered ERR_RESOURCES."""
+    max_objects_in_all: int = 200_000
+    """Objects of all clients together; more are answered ERR_RESOURCES."""
+    max_message: int = 262_144
+    """Largest submessage in octets that is joined from fragments."""
+    max_burst: int = 1024
+    """Best-effort messages of one stream that one turn of the loop may book; the oldest are dropped beyond."""
+    max_requests: int = 64
+    """Requests of one requester that wait for their reply; the oldest gives way."""
+    max_topics: int = 4096
+    """Topics that are counted by name; the traffic of more is counted together."""
+    default_depth: int = 16
+    """Samples kept by a writer or reader that names no depth."""
+    max_depth: int = 256
+    """Samples kept by a writer or reader that wants all or names a larger depth."""
+    domain_255: int = 0
+    """Domain of a participant that asks for 255, "the agent's own choice"."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if value < 0 or (value == 0 and item.name != "domain_255"):
+                raise ConfigError(f"agent setting {item.name} is {value}: it must be greater than 0")
+        if self.window > 16:
+            raise ConfigError(f"agent setting window is {self.window}: at most 16, the bits of an ACKNACK")

@@ -1,0 +1,110 @@
+"""Counters and the views that `Agent.clients` and `Agent.topics` give to people."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+OTHERS = "(others)"
+"""Under this name everything is counted that came after a table was full."""
+
+
+class Tally:
+    """Counts by name, for at most `limit` names; more are counted together as `(others)`."""
+
+    __slots__ = ("_counts", "_limit")
+
+    def __init__(self, limit: int = 64) -> None:
+        self._counts: dict[str, int] = {}
+        self._limit = limit
+
+    def add(self, name: str, count: int = 1) -> None:
+        """Count under that name."""
+        if name not in self._counts and len(self._counts) >= self._limit:
+            name = OTHERS
+        self._counts[name] = self._counts.get(name, 0) + count
+
+    def add_all(self, counts: dict[str, int]) -> None:
+        """Add counts that were kept elsewhere."""
+        for name, count in counts.items():
+            self.add(name, count)
+
+    def as_dict(self) -> dict[str, int]:
+        """A copy of the counts."""
+        return dict(self._counts)
+
+
+@dataclass(slots=True)
+class TopicTraffic:
+    """What clients moved over one topic, over all domains and since the agent was made."""
+
+    name: str
+    published: int = 0
+    """Samples that clients wrote and the gate let through."""
+    delivered: int = 0
+    """Samples handed to clients, each reader counted."""
+    refused: int = 0
+    """Samples that clients wrote while the gate said no."""
+
+
+class TopicTable:
+    """The traffic by topic name, for at most `limit` names."""
+
+    __slots__ = ("_limit", "_topics")
+
+    def __init__(self, limit: int) -> None:
+        self._topics: dict[str, TopicTraffic] = {}
+        self._limit = limit
+
+    def of(self, name: str) -> TopicTraffic:
+        """The counters of that topic; shared ones when the table is full."""
+        if name not in self._topics and len(self._topics) >= self._limit:
+            name = OTHERS
+        return self._topics.setdefault(name, TopicTraffic(name))
+
+    def counts(self) -> list[tuple[str, int, int]]:
+        """`(name, published, delivered)` of every topic, by name."""
+        return sorted((topic.name, topic.published, topic.delivered) for topic in self._topics.values())
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectView:
+    """One object of a client, for people."""
+
+    object_id: int
+    kind: str
+    """`participant`, `topic`, `publisher`, ... in words."""
+    topic: str | None
+    """Topic of an endpoint (of a requester or replier: the request topic)."""
+    attached: bool
+    """False for an endpoint that the gate keeps out of the space."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClientView:
+    """One session as the agent sees it now."""
+
+    key: int
+    session_id: int
+    link: str
+    address: str
+    mtu: int
+    """Largest message in octets that is sent to the client."""
+    age_s: float
+    """Time since the session was opened or opened again."""
+    silent_s: float
+    """Time since the client was last heard."""
+    objects: tuple[ObjectView, ...]
+    packets_in: int
+    packets_out: int
+    bytes_in: int
+    bytes_out: int
+    published: int
+    """Samples the client wrote and the gate let through."""
+    delivered: int
+    """Samples handed to the client."""
+    waiting: int
+    """Packets that wait for room on the link."""
+    dropped: dict[str, int] = field(default_factory=dict)
+    """What was not done for this client, by reason in words."""
+    refused: dict[str, int] = field(default_factory=dict)
+    """Samples the client wrote while the gate said no, by topic."""

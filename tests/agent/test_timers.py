@@ -1,0 +1,59 @@
+"""The heap that says which client to look at when."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from msbot.agent.timers import TimerHeap
+
+
+def test_owners_come_in_the_order_of_their_times() -> None:
+    heap: TimerHeap[str] = TimerHeap()
+    heap.schedule("late", 3.0)
+    heap.schedule("early", 1.0)
+    heap.schedule("middle", 2.0)
+    assert heap.next_at() == 1.0
+    assert list(heap.pop_due(2.0)) == ["early", "middle"]
+    assert list(heap.pop_due(10.0)) == ["late"]
+    assert heap.next_at() is None
+
+
+def test_an_earlier_time_replaces_a_later_one_and_fires_once() -> None:
+    heap: TimerHeap[str] = TimerHeap()
+    heap.schedule("part", 5.0)
+    heap.schedule("part", 1.0)
+    heap.schedule("part", 3.0)
+    assert list(heap.pop_due(1.0)) == ["part"]
+    assert list(heap.pop_due(9.0)) == []
+
+
+def test_a_forgotten_owner_does_not_fire() -> None:
+    heap: TimerHeap[str] = TimerHeap()
+    heap.schedule("part", 1.0)
+    heap.forget("part")
+    heap.forget("stranger")
+    assert list(heap.pop_due(2.0)) == []
+
+
+def test_an_owner_that_always_asks_for_the_same_late_time_needs_one_entry() -> None:
+    heap: TimerHeap[str] = TimerHeap()
+    for _ in range(100):
+        heap.schedule("part", 30.0)
+    assert len(heap) == 1
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.lists(st.tuples(st.integers(0, 5), st.floats(0, 100)), max_size=40))
+def test_every_owner_fires_at_the_earliest_time_it_asked_for(wishes: list[tuple[int, float]]) -> None:
+    heap: TimerHeap[int] = TimerHeap()
+    expected: dict[int, float] = {}
+    for owner, when in wishes:
+        heap.schedule(owner, when)
+        expected[owner] = min(when, expected.get(owner, when))
+    fired: dict[int, float] = {}
+    while (now := heap.next_at()) is not None:
+        for owner in heap.pop_due(now):
+            assert owner not in fired
+            fired[owner] = now
+    assert fired == expected
