@@ -68,7 +68,7 @@ def test_the_login_is_what_a_c_client_sends_and_is_repeated() -> None:
 
 def test_without_an_answer_it_is_lost_and_goes_on_trying() -> None:
     async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
-        with pytest.raises(RequestError, match="no session on hand within 5.2 s"):
+        with pytest.raises(RequestError, match=r"no session on hand within 5\.2 s"):
             await client.connect(5.2)
         assert len(link.take()) == 11
         link.receive(STATUS_AGENT_OK)
@@ -141,7 +141,7 @@ def test_ping_measures_and_tells_whether_we_are_known() -> None:
         answer = await asking
         assert answer.agent_knows_us
         assert answer.round_trip_s == pytest.approx(0.05)
-        with pytest.raises(RequestError, match="no answer to a ping within 0.1 s"):
+        with pytest.raises(RequestError, match=r"no answer to a ping within 0\.1 s"):
             await client.ping(0.1)
 
     play(scenario)

@@ -45,7 +45,7 @@ def test_a_broken_file_is_named(tmp_path: Path) -> None:
     stored_uid("ABCD", "x", tmp_path)
     path = tmp_path / "msbot/uid/ABCD.x"
     path.write_text("rubbish")
-    with pytest.raises(ConfigError, match="ABCD.x: UID 'rubbish'.*or delete the file"):
+    with pytest.raises(ConfigError, match=r"ABCD\.x: UID 'rubbish'.*or delete the file"):
         stored_uid("ABCD", "x", tmp_path)
     path.write_bytes(b"\xff\xfe")
     with pytest.raises(ConfigError, match="or use --uid"):

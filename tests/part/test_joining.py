@@ -11,8 +11,8 @@ from msbot.part.joining import (
     CheckAgent,
     ExpectedRobot,
     FetchConfiguration,
-    Joining,
     JoinEvent,
+    Joining,
     JoinState,
     SendBeat,
     SendClaim,
@@ -58,7 +58,7 @@ def test_a_part_goes_through_both_steps_and_its_configuration() -> None:
     assert FetchConfiguration(7, 0) in taken
     assert joining.configuration_received(3, "A", 1.3)
     assert changes(actions(joining)) == [(JoinState.CONFIGURING, JoinState.ACTIVE)]
-    assert joining.reason == "active in slot A"
+    assert joining.reason == "in slot A"
     assert joining.timer() == 2.2
 
 

@@ -194,7 +194,7 @@ class Joining:
         """The master's profile has arrived (step 1)."""
         disagreement = self._expected.disagreement(robot)
         if disagreement is None:
-            self._take(E.PROFILE_AGREES, f"recognised robot {robot.name}, claiming", now)
+            self._take(E.PROFILE_AGREES, f"recognised robot {robot.name}", now)
         else:
             self._take(E.PROFILE_DISAGREES, disagreement, now)
 
@@ -223,7 +223,7 @@ class Joining:
             self._retry_at = None
         news = self.state is S.CONFIGURING or version != self.configuration_version
         self.configuration_version = version
-        self._take(E.CONFIGURED, f"active in slot {slot}", now)
+        self._take(E.CONFIGURED, f"in slot {slot}", now)
         return news
 
     def beat_answered(self, configuration_version: int, now: float) -> None:
@@ -233,7 +233,7 @@ class Joining:
         self._waiting_since = None
         self._heard_at = now
         if configuration_version == 0:
-            self._take(E.LEASE_UNKNOWN, "the inventory does not know this part any more, claiming again", now)
+            self._take(E.LEASE_UNKNOWN, "the inventory does not know this part any more", now)
             return
         self.beats += 1
         if self.state is S.ACTIVE and configuration_version != self.configuration_version and self._retry_at is None:
@@ -304,7 +304,7 @@ class Joining:
         self.missed_beats += 1
         self._waiting_since = None
         if now - self._heard_at >= SILENT_BEATS * self._beat_period_s:
-            self._take(E.INVENTORY_SILENT, "the inventory has not answered any beat lately, claiming again", now)
+            self._take(E.INVENTORY_SILENT, "the inventory has not answered any beat lately", now)
             return
         self._actions.append(CheckAgent())
         self._beat(now)

@@ -69,7 +69,8 @@ class Membership:
         self._changed = changed
         self._configure = configure
         self._turn = Turn(self._work)
-        self.participant = client.create_participant(claim.local_name)
+        # Without a name: nobody hears who the part is before it has recognised its robot.
+        self.participant = client.create_participant()
         """Parent of everything the part creates."""
         self.subscriber = client.create_subscriber(self.participant)
         topic = client.create_topic(self.participant, plug.PROFILE_TOPIC, plug.PROFILE_TYPE)
