@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from msbot.part.boards import PINS, PinDirection, PinListener, SimGpio, UsbGpio
 from msbot.part.hello import HelloWorld
 from msbot.part.message import Field, Message, fields_of
+from msbot.part.numato import ByteStream, NumatoGpio, NumatoSimulator
 from msbot.part.plug import (
     INVENTORY_REPLY_TOPIC,
     INVENTORY_REPLY_TYPE,
@@ -49,6 +51,7 @@ __all__ = [
     "INVENTORY_REQUEST_TOPIC",
     "INVENTORY_REQUEST_TYPE",
     "INVENTORY_SERVICE",
+    "PINS",
     "PROFILE_PERIOD_S",
     "PROFILE_TOPIC",
     "PROFILE_TYPE",
@@ -56,6 +59,7 @@ __all__ = [
     "AtMost",
     "Beat",
     "BeatReply",
+    "ByteStream",
     "Claim",
     "Configuration",
     "ConfigurationRequest",
@@ -63,11 +67,17 @@ __all__ = [
     "Field",
     "HelloWorld",
     "Message",
+    "NumatoGpio",
+    "NumatoSimulator",
     "Octets",
+    "PinDirection",
+    "PinListener",
     "PortBinding",
     "ProfileMessage",
     "Refusal",
     "Setting",
+    "SimGpio",
+    "UsbGpio",
     "Verdict",
     "decode_reply",
     "decode_request",

@@ -1,0 +1,132 @@
+"""GPIO boards: what a part's functions drive, and a simulated one with eight pins.
+
+The simulated board stands beside the real one, not in place of it: programs and tests use the same verbs for both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from typing import Protocol
+
+from msbot.errors import LocalProtocolError
+
+PINS = 8
+"""Pins of the thesis' USB-GPIO module (thesis 3.12.3), numbered from 0."""
+
+PinListener = Callable[[int, bool], None]
+"""`(pin, level)`, called after each change."""
+
+
+class PinDirection(Enum):
+    """Which side decides the level of a pin."""
+
+    INPUT = "input"
+    """The world outside does; the part reads."""
+    OUTPUT = "output"
+    """The part does."""
+
+
+class UsbGpio(Protocol):
+    """A board with eight pins, all inputs at first. Every verb raises LocalProtocolError for a pin it does not have.
+
+    A real board raises LinkDown when it does not answer and RemoteProtocolError when its answer makes no sense.
+    """
+
+    def set_direction(self, pin: int, direction: PinDirection) -> None:
+        """Make one pin an input or output; the others stay as they are."""
+
+    def set(self, pin: int) -> None:
+        """Switch an output on; raises LocalProtocolError if the pin is an input."""
+
+    def clear(self, pin: int) -> None:
+        """Switch an output off; raises LocalProtocolError if the pin is an input."""
+
+    def read(self, pin: int) -> bool:
+        """The level of a pin: what is applied to an input, what an output was told last."""
+
+
+class SimGpio:
+    """Eight simulated pins; satisfies `UsbGpio`.
+
+    Each pin has a latch (what the part told it) and something outside that drives it while it is an input. Both are
+    low at first, and both are kept while the other one counts.
+    """
+
+    def __init__(self) -> None:
+        self._directions = [PinDirection.INPUT] * PINS
+        self._latches = [False] * PINS
+        self._outside = [False] * PINS
+        self._listeners: list[PinListener] = []
+
+    def set_direction(self, pin: int, direction: PinDirection) -> None:
+        """Make one pin an input or output; the others stay as they are."""
+        before = self.read(pin)
+        self._directions[pin] = direction
+        self._report(pin, before)
+
+    def set(self, pin: int) -> None:
+        """Switch an output on; raises LocalProtocolError if the pin is an input."""
+        check_output(pin, self.direction(pin))
+        self.latch(pin, level=True)
+
+    def clear(self, pin: int) -> None:
+        """Switch an output off; raises LocalProtocolError if the pin is an input."""
+        check_output(pin, self.direction(pin))
+        self.latch(pin, level=False)
+
+    def read(self, pin: int) -> bool:
+        """The level of a pin: what drives an input, what an output was told last."""
+        check_pin(pin)
+        return (self._latches if self._directions[pin] is PinDirection.OUTPUT else self._outside)[pin]
+
+    def direction(self, pin: int) -> PinDirection:
+        """Whether a pin is an input or output."""
+        check_pin(pin)
+        return self._directions[pin]
+
+    def levels(self) -> tuple[bool, ...]:
+        """The levels of all pins, from pin 0."""
+        return tuple(self.read(pin) for pin in range(PINS))
+
+    def latch(self, pin: int, *, level: bool) -> None:
+        """Tell a pin its level as an output, whatever it is now; an input keeps it for later."""
+        before = self.read(pin)
+        self._latches[pin] = level
+        self._report(pin, before)
+
+    def drive(self, pin: int, *, level: bool) -> None:
+        """Apply a level to a pin from outside, as a switch or sensor does; an output does not mind."""
+        before = self.read(pin)
+        self._outside[pin] = level
+        self._report(pin, before)
+
+    def on_change(self, listener: PinListener) -> None:
+        """Call the listener after every change of a pin's level."""
+        self._listeners.append(listener)
+
+    def _report(self, pin: int, before: bool) -> None:
+        after = self.read(pin)
+        if after != before:
+            for listener in self._listeners:
+                listener(pin, after)
+
+
+def check_pin(pin: int) -> None:
+    """Refuse a pin that no board has.
+
+    Raises:
+        LocalProtocolError: the pin is not from 0 to 7.
+    """
+    if not 0 <= pin < PINS:
+        raise LocalProtocolError(f"there is no pin {pin}: the board has pins 0 to {PINS - 1}")
+
+
+def check_output(pin: int, direction: PinDirection) -> None:
+    """Refuse to switch an input.
+
+    Raises:
+        LocalProtocolError: the pin is an input.
+    """
+    if direction is not PinDirection.OUTPUT:
+        raise LocalProtocolError(f"pin {pin} is an input: call set_direction({pin}, PinDirection.OUTPUT) first")
