@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
-
 import pytest
 
-from msbot.agent import Agent, AgentSettings, ClientInfo, OpenGate
-from msbot.errors import LinkDown
-from msbot.link import Signal
+from msbot.agent import Agent, ClientInfo, OpenGate
 from msbot.link.virtual_time import run_virtual
 from msbot.space import MemorySpace
-from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, ClientState, DeliveryControl, EndpointQos
-from tests.agent.wiring import FakeLink, WiredClient, serving
+from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE
+from tests.agent.wiring import WiredClient, serving
 
 
 class RememberingGate(OpenGate):
