@@ -1,0 +1,180 @@
+"""The statements that bring a robot's tables in line with its blueprint, and leave alone what is not its business.
+
+Slots keep their number, settings made by hand and memory of parts; a slot that is taken out of the blueprint is
+kept aside in case it comes back. A slot's configuration gets another version only when it has changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+
+from sqlalchemy import Connection, delete, insert, select, update
+
+from msbot.config import Blueprint, Library, Parameter, PartType, Port, Scalar
+from msbot.pnp import Configuration
+from msbot.registry.records import RobotRecord
+from msbot.registry.store import bump_versions, find_configuration, find_robot, upsert
+from msbot.registry.tables import bindings, library, robots, settings, slots
+
+
+def apply(connection: Connection, blueprint: Blueprint, part_types: Library, now_ns: int) -> RobotRecord:
+    """Store or update a robot, its slots, bindings and settings, and the library."""
+    _put_library(connection, part_types)
+    robot = _put_robot(connection, blueprint, now_ns)
+    before = _configurations(connection, robot.id)
+    slot_ids = _put_slots(connection, robot.id, blueprint)
+    _put_settings(connection, slot_ids, blueprint, part_types, now_ns)
+    _put_bindings(connection, robot.id, slot_ids, blueprint)
+    after = _configurations(connection, robot.id)
+    changed = [name for name, old in before.items() if name in after and after[name] != old]
+    bump_versions(connection, robot.id, changed)
+    return robot
+
+
+def _configurations(connection: Connection, robot_id: int) -> dict[str, Configuration | None]:
+    names = connection.execute(select(slots.c.name).where(slots.c.robot_id == robot_id)).scalars().all()
+    return {name: find_configuration(connection, robot_id, name) for name in names}
+
+
+def _put_robot(connection: Connection, blueprint: Blueprint, now_ns: int) -> RobotRecord:
+    profile, timing = blueprint.robot, blueprint.timing
+    key = {"name": profile.name, "serial_number": profile.serial_number}
+    values = {
+        "version": profile.version,
+        "released": profile.released,
+        "manufacturer": profile.manufacturer,
+        "beat_period_s": timing.beat_period_s,
+        "tick_period_s": timing.tick_period_s,
+        "life": timing.life,
+        "profile_period_s": timing.profile_period_s,
+        "explain": blueprint.options.explain,
+        "free_topics": list(blueprint.options.free_topics),
+        "applied_ns": now_ns,
+    }
+    upsert(connection, robots, key, values)
+    robot = find_robot(connection, profile.name, profile.serial_number)
+    assert robot is not None
+    return robot
+
+
+def _put_slots(connection: Connection, robot_id: int, blueprint: Blueprint) -> dict[str, int]:
+    """Gives the number of each slot of the blueprint, by name."""
+    connection.execute(update(slots).where(slots.c.robot_id == robot_id).values(in_blueprint=False))
+    for position, slot in enumerate(blueprint.slots):
+        key = {"robot_id": robot_id, "name": slot.name}
+        values = {
+            "position": position,
+            "part_number": slot.part,
+            "local_name": slot.local_name,
+            "description": slot.description,
+            "in_blueprint": True,
+        }
+        upsert(connection, slots, key, values, configuration_version=1)
+    query = select(slots.c.name, slots.c.id).where(slots.c.robot_id == robot_id, slots.c.in_blueprint)
+    return {row.name: row.id for row in connection.execute(query)}
+
+
+def _put_settings(
+    connection: Connection, slot_ids: Mapping[str, int], blueprint: Blueprint, part_types: Library, now_ns: int
+) -> None:
+    for slot in blueprint.slots:
+        part_type = part_types.get(slot.part)
+        parameters = () if part_type is None else part_type.parameters
+        wanted: dict[tuple[str, str], Scalar] = {(entry.name, "library"): entry.default for entry in parameters}
+        wanted |= {(name, "blueprint"): value for name, value in slot.settings.items()}
+        _put_slot_settings(connection, slot_ids[slot.name], wanted, now_ns)
+
+
+def _put_slot_settings(
+    connection: Connection, slot_id: int, wanted: Mapping[tuple[str, str], Scalar], now_ns: int
+) -> None:
+    """Write what differs; a value set by hand stays as long as the part type has the parameter."""
+    rows = connection.execute(select(settings).where(settings.c.slot_id == slot_id)).all()
+    present = {(row.name, row.origin): row.value for row in rows}
+    known = {name for name, _ in wanted}
+    for name, origin in present:
+        if (name, origin) not in wanted and (origin != "hand" or name not in known):
+            this = (settings.c.slot_id == slot_id, settings.c.name == name, settings.c.origin == origin)
+            connection.execute(delete(settings).where(*this))
+    for (name, origin), value in wanted.items():
+        if not _same(present.get((name, origin)), value):
+            key = {"slot_id": slot_id, "name": name, "origin": origin}
+            upsert(connection, settings, key, {"value": value, "changed_ns": now_ns})
+
+
+def _same(old: Scalar | None, new: Scalar) -> bool:
+    """Whether a value is the same and of the same kind: 1 is not true."""
+    return old == new and isinstance(old, bool) == isinstance(new, bool)
+
+
+def _put_bindings(connection: Connection, robot_id: int, slot_ids: Mapping[str, int], blueprint: Blueprint) -> None:
+    rows: list[dict[str, object]] = []
+    for binding in blueprint.bindings:
+        for endpoint in (binding.source, *binding.targets):
+            row = {
+                "robot_id": robot_id,
+                "topic": binding.topic,
+                "type_name": binding.type_name,
+                "slot_id": slot_ids[endpoint.slot],
+                "port": endpoint.port,
+                "publishes": endpoint is binding.source,
+                "reliable": binding.reliable,
+            }
+            rows.append(row)
+    connection.execute(delete(bindings).where(bindings.c.robot_id == robot_id))
+    if rows:
+        connection.execute(insert(bindings), rows)
+
+
+def _put_library(connection: Connection, part_types: Library) -> None:
+    """Write the types that are new or changed; forget those that are gone and that no other robot's slots need."""
+    present = {row.number: row.digest for row in connection.execute(select(library.c.number, library.c.digest))}
+    for part_type in part_types:
+        row = _library_row(part_type)
+        if present.pop(part_type.number, None) != row["digest"]:
+            number = {"number": part_type.number}
+            upsert(connection, library, number, {name: value for name, value in row.items() if name != "number"})
+    in_use = set(connection.execute(select(slots.c.part_number).distinct()).scalars())
+    for number in present.keys() - in_use:
+        connection.execute(delete(library).where(library.c.number == number))
+
+
+def _library_row(part_type: PartType) -> dict[str, object]:
+    row: dict[str, object] = {
+        "number": part_type.number,
+        "name": part_type.name,
+        "manufacturer": part_type.manufacturer,
+        "description": part_type.description,
+        "specification": part_type.specification,
+        "resolution": part_type.resolution,
+        "compatible_with": list(part_type.compatible_with),
+        "ports": [_port(port) for port in part_type.ports],
+        "parameters": [_parameter(parameter) for parameter in part_type.parameters],
+        "source": part_type.source,
+    }
+    row["digest"] = hashlib.sha256(json.dumps(row, sort_keys=True).encode()).hexdigest()
+    return row
+
+
+def _port(port: Port) -> dict[str, object]:
+    return {
+        "name": port.name,
+        "direction": port.direction.value,
+        "type": port.type_name,
+        "rate_hz": port.rate_hz,
+        "safe": None if port.safe is None else dict(port.safe),
+    }
+
+
+def _parameter(parameter: Parameter) -> dict[str, object]:
+    return {
+        "name": parameter.name,
+        "type": parameter.kind.value,
+        "default": parameter.default,
+        "unit": parameter.unit,
+        "min": parameter.least,
+        "max": parameter.most,
+        "description": parameter.description,
+    }

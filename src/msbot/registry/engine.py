@@ -1,0 +1,149 @@
+"""From the words after `--db` to a connection: a file (SQLite) or a server (PostgreSQL)."""
+
+from __future__ import annotations
+
+import os
+import re
+import sqlite3
+from dataclasses import dataclass
+from pathlib import Path
+
+from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
+from sqlalchemy.exc import ArgumentError
+from sqlalchemy.pool import ConnectionPoolEntry
+
+from msbot.errors import RegistryError
+from msbot.registry.faults import ELSE, told_as_registry_error
+
+WRITE = "msbot_write"
+"""Execution option of connections that take SQLite's write lock at once, so that they cannot meet half-way."""
+
+_MAGIC = b"SQLite format 3\x00"
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where a database is."""
+
+    url: URL
+    words: str
+    """For messages; without a password."""
+    path: Path | None
+    """The file, for SQLite."""
+
+
+def parse_address(text: str | Path) -> Address:
+    """Read a path, `sqlite:///path` or `postgresql://user@host/name`.
+
+    Raises:
+        RegistryError: it is none of these.
+    """
+    if isinstance(text, Path) or "://" not in text:
+        if not str(text) or str(text) == ":memory:":
+            raise RegistryError("a database in memory would forget everything: name a file, for example --db robot.db")
+        return _file_address(Path(text))
+    try:
+        url = make_url(text)
+    except (ArgumentError, ValueError):
+        hidden = re.sub(r":[^:@/]*@", ":***@", text)
+        raise RegistryError(f"the database address {hidden!r} cannot be read; {_EXAMPLES}") from None
+    backend = url.get_backend_name()
+    if backend == "sqlite":
+        if not url.database or url.database == ":memory:":
+            raise RegistryError("a database in memory would forget everything: name a file, as in sqlite:///robot.db")
+        return _file_address(Path(url.database))
+    if backend == "postgresql":
+        return Address(url.set(drivername="postgresql+psycopg"), url.render_as_string(hide_password=True), None)
+    raise RegistryError(f"the database {url.render_as_string(hide_password=True)!r} is of an unknown kind; {_EXAMPLES}")
+
+
+_EXAMPLES = "write a file name, sqlite:///robot.db or postgresql://user@host/name"
+
+
+def _file_address(path: Path) -> Address:
+    return Address(URL.create("sqlite+pysqlite", database=str(path)), str(path), path)
+
+
+def check_file(address: Address, *, create: bool, read_only: bool) -> None:
+    """Find out before SQLite does why a file cannot be the database; writes nothing.
+
+    Raises:
+        RegistryError: the folder is missing, the file is something else, or it may not be used.
+    """
+    path = address.path
+    if path is None:
+        return
+    folder = path.parent
+    if not folder.is_dir():
+        raise RegistryError(
+            f"the folder {folder} of the database does not exist: create it (`mkdir -p {folder}`), {ELSE}"
+        )
+    if path.is_dir():
+        raise RegistryError(f"the database {path} is a folder: name a file in it, for example {path / 'robot.db'}")
+    if not path.exists():
+        if not create:
+            raise RegistryError(f"there is no database {path}: `msbot master` makes one when it runs, {ELSE}")
+        if not os.access(folder, os.W_OK):
+            raise RegistryError(f"the database {path} cannot be made: allow writing to {folder} (`chmod u+w`), {ELSE}")
+        return
+    if not read_only and not (os.access(path, os.W_OK) and os.access(folder, os.W_OK)):
+        raise RegistryError(
+            f"the database {path} is read-only: allow writing to the file and its folder (`chmod u+w`), {ELSE}"
+        )
+    _check_magic(path)
+
+
+def _check_magic(path: Path) -> None:
+    try:
+        with path.open("rb") as stream:
+            beginning = stream.read(len(_MAGIC))
+    except OSError as error:
+        raise RegistryError(f"the database {path} cannot be read ({error.strerror}): mend that, {ELSE}") from None
+    if beginning and beginning != _MAGIC:
+        raise RegistryError(f"{path} is no database: some other file has this name; move it away, {ELSE}")
+
+
+def make_engine(address: Address, *, busy_timeout_s: float, read_only: bool) -> Engine:
+    """An engine for the address; nothing is opened yet.
+
+    Raises:
+        RegistryError: the driver is not installed.
+    """
+    if address.path is None:
+        try:
+            return create_engine(address.url, connect_args={"connect_timeout": max(1, round(busy_timeout_s))})
+        except ImportError:
+            raise RegistryError("PostgreSQL needs a driver: pip install 'msbot[postgres]'") from None
+    engine = create_engine(address.url, connect_args={"timeout": busy_timeout_s})
+
+    @event.listens_for(engine, "connect")
+    def set_up(connection: sqlite3.Connection, _entry: ConnectionPoolEntry) -> None:
+        # The driver would begin transactions on its own, and only before some statements.
+        connection.isolation_level = None
+        connection.execute("PRAGMA foreign_keys = ON")
+        connection.execute("PRAGMA synchronous = FULL")
+        if read_only:
+            connection.execute("PRAGMA query_only = ON")
+
+    @event.listens_for(engine, "begin")
+    def begin(connection: Connection) -> None:
+        writes = connection.get_execution_options().get(WRITE, False)
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+    return engine
+
+
+def use_write_ahead_log(engine: Engine, address: Address) -> None:
+    """Let readers and the writer work at the same time; the file remembers it.
+
+    Raises:
+        RegistryError: the file cannot be used.
+    """
+    if address.path is None:
+        return
+    with told_as_registry_error(address.words):
+        connection = engine.raw_connection()
+        try:
+            connection.cursor().execute("PRAGMA journal_mode = WAL")
+        finally:
+            connection.close()

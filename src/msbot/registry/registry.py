@@ -1,0 +1,200 @@
+"""The SQL database manager (thesis 5.4.2): the one object through which everybody else uses the database."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Self, TypeVar
+
+from sqlalchemy import Connection, Engine
+
+from msbot.config import Blueprint, Library
+from msbot.errors import RegistryError
+from msbot.registry import blueprint_store, store
+from msbot.registry.engine import WRITE, Address, check_file, make_engine, parse_address, use_write_ahead_log
+from msbot.registry.faults import told_as_registry_error
+from msbot.registry.node_ids import StoredNodeIds
+from msbot.registry.records import JournalEntry, PartRecord, RobotRecord, uid_text
+from msbot.registry.robot_store import JOURNAL_ROWS, STRANGERS, RobotStore
+from msbot.registry.schema import Migrations, bring_up_to_date, check_schema, own_migrations
+from msbot.registry.writer import Writer
+
+BUSY_TIMEOUT_S = 2.0
+"""So long another program may hold the database before it counts as locked."""
+
+_T = TypeVar("_T")
+
+
+def open_registry(
+    address: str | Path,
+    *,
+    create: bool = True,
+    read_only: bool = False,
+    busy_timeout_s: float = BUSY_TIMEOUT_S,
+    epoch_ns: Callable[[], int] = time.time_ns,
+    migrations: Migrations | None = None,
+) -> Registry:
+    """Open a database; make it, or bring it up to date, where that is needed.
+
+    Args:
+        address: a path, `sqlite:///path` or `postgresql://user@host/name`.
+        create: make the database when it is not there.
+        read_only: change nothing, not even the schema.
+        busy_timeout_s: how long to wait for another program.
+        epoch_ns: wall clock, nanoseconds since 1970.
+        migrations: others than MsBOT's own, for tests.
+
+    Raises:
+        RegistryError: it cannot be used; the text says why and what to do.
+    """
+    where = parse_address(address)
+    check_file(where, create=create and not read_only, read_only=read_only)
+    engine = make_engine(where, busy_timeout_s=busy_timeout_s, read_only=read_only)
+    try:
+        _prepare(engine, where, migrations or own_migrations(), read_only=read_only)
+        return Registry(engine, where, epoch_ns, read_only=read_only)
+    except BaseException:
+        engine.dispose()
+        raise
+
+
+def _prepare(engine: Engine, where: Address, migrations: Migrations, *, read_only: bool) -> None:
+    if check_schema(engine, where, migrations):
+        return
+    if read_only:
+        raise RegistryError(
+            f"the database {where.words} is empty or of an older MsBOT: start `msbot master` with it once"
+        )
+    use_write_ahead_log(engine, where)
+    bring_up_to_date(engine, where, migrations)
+
+
+class Registry:
+    """An open database; made by `open_registry`, closed by `close` or at the end of a `with`."""
+
+    def __init__(self, engine: Engine, address: Address, epoch_ns: Callable[[], int], *, read_only: bool) -> None:
+        self.database = address.words
+        """The database in words, without a password."""
+        self._engine = engine
+        self._epoch_ns = epoch_ns
+        self._writer = None if read_only else Writer(engine, address.words)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def trouble(self) -> str | None:
+        """Why changes are not being stored at the moment, in words; None when all is well."""
+        return None if self._writer is None else self._writer.trouble
+
+    @property
+    def lost(self) -> int:
+        """Changes that could not be stored and were given up."""
+        return 0 if self._writer is None else self._writer.lost
+
+    def apply_blueprint(self, blueprint: Blueprint, library: Library) -> RobotRecord:
+        """Store or update a robot, its slots, bindings, settings and the library, all or nothing.
+
+        Which part sat in which slot, what was set by hand, and the journal stay.
+
+        Raises:
+            RegistryError: the database cannot be written; nothing has changed.
+        """
+        return self._write(lambda connection: blueprint_store.apply(connection, blueprint, library, self._epoch_ns()))
+
+    def store_for(self, robot: RobotRecord) -> RobotStore:
+        """The `PartStore` for a run of this robot; parts that were active when the last run ended are lost now.
+
+        Raises:
+            RegistryError: the database cannot be read or written.
+        """
+
+        def begin(connection: Connection) -> None:
+            store.prune(connection, robot.id, JOURNAL_ROWS, STRANGERS)
+            store.note_restart(connection, robot.id, "the master was started anew", self._epoch_ns())
+
+        self._write(begin)
+        return RobotStore(self._engine, self._open_writer(), self.database, robot, self._epoch_ns)
+
+    def node_ids(self, robot: RobotRecord, link: str) -> StoredNodeIds:
+        """The addresses of the parts on one CAN bus, as `msbot.link.NodeIds`.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        rows = self._read(partial(store.read_node_ids, robot_id=robot.id, link=link))
+        return StoredNodeIds(self._open_writer(), robot.id, link, rows=rows, epoch_ns=self._epoch_ns)
+
+    def robots(self) -> list[RobotRecord]:
+        """All robots of the database, the one used last first.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        return self._read(store.list_robots)
+
+    def parts(self, robot: RobotRecord | None = None) -> list[PartRecord]:
+        """All parts that were ever seen, as after their last change of state; those in slots first.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        return self._read(partial(store.list_parts, robot_id=None if robot is None else robot.id))
+
+    def journal(
+        self, limit: int = 100, part: str | None = None, *, robot: RobotRecord | None = None
+    ) -> list[JournalEntry]:
+        """The newest lines of the journal, the oldest of them first.
+
+        Args:
+            limit: so many at most.
+            part: only those about this part: its name, slot, local name, part number or UID; capitals do not matter.
+            robot: only those of this robot.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        robot_id = None if robot is None else robot.id
+        return self._read(partial(store.read_journal, robot_id=robot_id, part=part, limit=limit))
+
+    def block(self, reason: str, *, uid: bytes = b"", number: str = "") -> None:
+        """Let this UID or part number in no more; an empty reason lets it in again.
+
+        Raises:
+            RegistryError: the database cannot be written.
+        """
+        kind, key = ("uid", uid_text(uid)) if uid else ("number", number)
+        self._write(lambda connection: store.write_block(connection, kind, key, reason, self._epoch_ns()))
+
+    def flush(self, timeout_s: float = 10.0) -> bool:
+        """Wait until everything told so far is stored; False: it cannot be at the moment (see `trouble`)."""
+        return self._writer is None or self._writer.flush(timeout_s)
+
+    def close(self) -> None:
+        """Store what is waiting and let go of the database."""
+        if self._writer is not None:
+            self._writer.close()
+        self._engine.dispose()
+
+    def _open_writer(self) -> Writer:
+        if self._writer is None:
+            raise RegistryError(f"the database {self.database} was opened for reading only")
+        return self._writer
+
+    def _read(self, read: Callable[[Connection], _T]) -> _T:
+        with told_as_registry_error(self.database), self._engine.connect() as connection:
+            return read(connection)
+
+    def _write(self, write: Callable[[Connection], _T]) -> _T:
+        self._open_writer()
+        engine = self._engine.execution_options(**{WRITE: True})
+        with told_as_registry_error(self.database), engine.connect() as connection, connection.begin():
+            return write(connection)

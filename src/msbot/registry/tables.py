@@ -1,0 +1,170 @@
+"""The tables of the registry, each column with a comment; `docs/reference/registry.md` shows the same list.
+
+Times are nanoseconds since 1970 (`_ns`). UIDs are 16 hexadecimal digits. A change here needs a migration in
+`migrations/versions`; a test compares the two.
+"""
+
+from __future__ import annotations
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    Boolean,
+    Column,
+    Double,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    Table,
+    Text,
+    UniqueConstraint,
+)
+
+metadata = MetaData(
+    naming_convention={
+        "pk": "pk_%(table_name)s",
+        "fk": "fk_%(table_name)s_%(column_0_name)s",
+        "uq": "uq_%(table_name)s_%(column_0_name)s",
+        "ix": "ix_%(table_name)s_%(column_0_name)s",
+    }
+)
+
+BigId = BigInteger().with_variant(Integer, "sqlite")
+"""A number that counts up by itself; SQLite does so only for INTEGER."""
+
+robots = Table(
+    "robots",
+    metadata,
+    Column("id", Integer, primary_key=True, comment="number of the robot in this database"),
+    Column("name", Text, nullable=False, comment="robot name of the profile"),
+    Column("serial_number", Text, nullable=False, comment="with the name: which robot it is"),
+    Column("version", Text, nullable=False, comment="version of the profile"),
+    Column("released", Text, nullable=False, comment="release date of the profile, as text"),
+    Column("manufacturer", Text, nullable=False, comment="manufacturer of the profile"),
+    Column("beat_period_s", Double, nullable=False, comment="a part beats that often, seconds"),
+    Column("tick_period_s", Double, nullable=False, comment="life statuses are decremented that often, seconds"),
+    Column("life", Integer, nullable=False, comment="life status after each beat"),
+    Column("profile_period_s", Double, nullable=False, comment="the profile is repeated that often, seconds"),
+    Column("explain", Boolean, nullable=False, comment="whether a refused part is told why"),
+    Column("free_topics", JSON, nullable=False, comment="list of topics that everybody may use"),
+    Column("applied_ns", BigInteger, nullable=False, comment="when a blueprint was applied last"),
+    UniqueConstraint("name", "serial_number"),
+)
+
+slots = Table(
+    "slots",
+    metadata,
+    Column("id", Integer, primary_key=True, comment="number of the slot in this database"),
+    Column("robot_id", ForeignKey("robots.id", ondelete="CASCADE"), nullable=False, comment="the robot it belongs to"),
+    Column("name", Text, nullable=False, comment="name of the role, unique in the robot"),
+    Column("position", Integer, nullable=False, comment="place in the blueprint, from 0"),
+    Column("part_number", Text, nullable=False, comment="part number of what fits"),
+    Column("local_name", Text, nullable=False, comment="local name that asks for this slot; empty: the slot's name"),
+    Column("description", Text, nullable=False, comment="what it is for, in words"),
+    Column(
+        "in_blueprint",
+        Boolean,
+        nullable=False,
+        comment="false: taken out of the blueprint; settings and memory are kept in case it comes back",
+    ),
+    Column("configuration_version", Integer, nullable=False, comment="counts changes of bindings and settings, from 1"),
+    UniqueConstraint("robot_id", "name"),
+)
+
+bindings = Table(
+    "bindings",
+    metadata,
+    Column("id", Integer, primary_key=True, comment="counts up in the order of the blueprint"),
+    Column("robot_id", ForeignKey("robots.id", ondelete="CASCADE"), nullable=False, comment="the robot it belongs to"),
+    Column("topic", Text, nullable=False, comment="name of the topic"),
+    Column("type_name", Text, nullable=False, comment="message type"),
+    Column("slot_id", ForeignKey("slots.id", ondelete="CASCADE"), nullable=False, comment="whose port it is"),
+    Column("port", Text, nullable=False, comment="the part's own name for it"),
+    Column("publishes", Boolean, nullable=False, comment="true: the port writes the topic; false: it reads it"),
+    Column("reliable", Boolean, nullable=False, comment="false: best effort"),
+    UniqueConstraint("slot_id", "port", "topic", "publishes"),
+    Index("ix_bindings_robot_id", "robot_id"),
+)
+
+settings = Table(
+    "settings",
+    metadata,
+    Column("slot_id", ForeignKey("slots.id", ondelete="CASCADE"), primary_key=True, comment="the slot it belongs to"),
+    Column("name", Text, primary_key=True, comment="name of the parameter"),
+    Column("origin", Text, primary_key=True, comment="library, blueprint or hand: the later one of these holds"),
+    Column("value", JSON, nullable=False, comment="number, truth value or text"),
+    Column("changed_ns", BigInteger, nullable=False, comment="when it got this value"),
+)
+
+library = Table(
+    "library",
+    metadata,
+    Column("number", Text, primary_key=True, comment="part number"),
+    Column("name", Text, nullable=False, comment="what it is, in a few words"),
+    Column("manufacturer", Text, nullable=False, comment="who makes it"),
+    Column("description", Text, nullable=False, comment="what it does"),
+    Column("specification", Text, nullable=False, comment="electrical data in words"),
+    Column("resolution", Text, nullable=False, comment="resolution in words"),
+    Column("compatible_with", JSON, nullable=False, comment="list of part numbers whose slots it can fill as well"),
+    Column("ports", JSON, nullable=False, comment="list of ports: name, direction, type, rate_hz, safe"),
+    Column("parameters", JSON, nullable=False, comment="list of parameters: name, type, default, unit, min, max"),
+    Column("source", Text, nullable=False, comment="the file it was read from"),
+    Column("digest", Text, nullable=False, comment="changes when anything about the type changes"),
+)
+
+parts = Table(
+    "parts",
+    metadata,
+    Column("robot_id", ForeignKey("robots.id", ondelete="CASCADE"), primary_key=True, comment="robot it was seen at"),
+    Column("identity", Text, primary_key=True, comment="the UID; part number and local name when it has none"),
+    Column("uid", Text, nullable=False, comment="UID of the hardware, empty when it has none"),
+    Column("part_number", Text, nullable=False, comment="part number it showed last"),
+    Column("local_name", Text, nullable=False, comment="local name it showed last"),
+    Column("slot_id", ForeignKey("slots.id", ondelete="SET NULL"), comment="slot it is in, or was in last"),
+    Column("state", Text, nullable=False, comment="state after its last change"),
+    Column("reason", Text, nullable=False, comment="why it is in that state"),
+    Column("address", Text, nullable=False, comment="where it was heard last, in words"),
+    Column("first_seen_ns", BigInteger, nullable=False, comment="when it was seen first"),
+    Column("changed_ns", BigInteger, nullable=False, comment="when its state changed last"),
+    Index("ix_parts_slot_id", "slot_id"),
+)
+
+blocks = Table(
+    "blocks",
+    metadata,
+    Column("kind", Text, primary_key=True, comment="uid or number: what is blocked"),
+    Column("key", Text, primary_key=True, comment="the UID or part number"),
+    Column("reason", Text, nullable=False, comment="why, in words"),
+    Column("since_ns", BigInteger, nullable=False, comment="since when"),
+)
+
+journal = Table(
+    "journal",
+    metadata,
+    Column("id", BigId, primary_key=True, comment="counts up with every entry"),
+    Column("robot_id", ForeignKey("robots.id", ondelete="CASCADE"), nullable=False, comment="the robot it happened to"),
+    Column("at_ns", BigInteger, nullable=False, comment="when it happened"),
+    Column("part", Text, nullable=False, comment="the part's name for people"),
+    Column("uid", Text, nullable=False, comment="UID of the part, empty when it has none"),
+    Column("part_number", Text, nullable=False, comment="part number it showed, empty before its claim"),
+    Column("local_name", Text, nullable=False, comment="local name it showed"),
+    Column("slot", Text, nullable=False, comment="name of the slot, empty when it had none"),
+    Column("from_state", Text, nullable=False, comment="state before, empty when it was not there"),
+    Column("to_state", Text, nullable=False, comment="state after"),
+    Column("reason", Text, nullable=False, comment="why, in words"),
+    Column("evidence", JSON, nullable=False, comment="list of [rule or message, outcome]"),
+    Column("address", Text, nullable=False, comment="the peer in words"),
+    Index("ix_journal_robot_id", "robot_id", "id"),
+)
+
+node_ids = Table(
+    "node_ids",
+    metadata,
+    Column("robot_id", ForeignKey("robots.id", ondelete="CASCADE"), primary_key=True, comment="the robot of the bus"),
+    Column("link", Text, primary_key=True, comment="the CAN link, as in its address"),
+    Column("node_id", Integer, primary_key=True, autoincrement=False, comment="address on the bus, 1 to 120"),
+    Column("uid", Text, nullable=False, comment="UID of the part that has it"),
+    Column("kept_ns", BigInteger, nullable=False, comment="when it was given or confirmed last; counts up"),
+    UniqueConstraint("robot_id", "link", "uid"),
+)
