@@ -26,6 +26,7 @@ class Ledger:
         self._matcher = matcher
         self._events: deque[PartEvent] = deque()
         self._changed: deque[int] = deque()
+        self._is_publishing = False
         self.event_handlers: list[Callable[[PartEvent], None]] = []
         self.rights_handlers: list[Callable[[int], None]] = []
 
@@ -62,12 +63,25 @@ class Ledger:
         self._changed.append(record.client_key)
 
     def publish(self) -> None:
-        """Tell everything that has happened; rights first. Handlers may call the inventory again."""
-        while self._changed:
+        """Tell everything that has happened; rights first, events in order.
+
+        Handlers may call the inventory again; what comes of that is told after what they were told.
+        """
+        if self._is_publishing:
+            return
+        self._is_publishing = True
+        try:
+            while self._changed or self._events:
+                self._tell_next()
+        finally:
+            self._is_publishing = False
+
+    def _tell_next(self) -> None:
+        if self._changed:
             key = self._changed.popleft()
             for tell in self.rights_handlers:
                 tell(key)
-        while self._events:
+        else:
             event = self._events.popleft()
             for handler in self.event_handlers:
                 handler(event)

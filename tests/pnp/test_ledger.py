@@ -1,0 +1,75 @@
+"""Changes are journalled at once and told in order, after everything is consistent."""
+
+from __future__ import annotations
+
+from random import Random
+
+from msbot.pnp import THESIS_TIMING, Matcher, PartEvent, PartState
+from msbot.pnp.book import Book, Session
+from msbot.pnp.ledger import Ledger
+from tests.pnp.robot import sample_store
+
+
+class Scene:
+    """A ledger with all it needs and one session."""
+
+    def __init__(self) -> None:
+        self.store = sample_store()
+        self.book = Book(Random(1), THESIS_TIMING, keep_ended=4)
+        self.matcher = Matcher(self.store)
+        self.ledger = Ledger(self.store, self.book, self.matcher)
+        self.session = self.book.sessions[1] = Session(1, "peer 1", 0.0)
+        self.told: list[str] = []
+        self.ledger.event_handlers.append(self.hear)
+        self.ledger.rights_handlers.append(lambda key: self.told.append(f"rights of {key}"))
+
+    def hear(self, event: PartEvent) -> None:
+        self.told.append(event.to_state.value)
+
+
+def test_an_event_is_journalled_at_once_and_told_when_published() -> None:
+    scene = Scene()
+    scene.ledger.appear(scene.session, 0.0)
+    assert [event.to_state for event in scene.store.events] == [PartState.NEW]
+    assert scene.told == []
+    scene.ledger.publish()
+    scene.ledger.publish()
+    assert scene.told == ["new"]
+
+
+def test_rights_are_told_before_events_and_only_when_they_change() -> None:
+    scene = Scene()
+    record = scene.ledger.appear(scene.session, 0.0)
+    for state in (PartState.CHECKING, PartState.ACTIVE, PartState.LATE, PartState.ACTIVE):
+        scene.ledger.move(record, state, 0.0, "test")
+    scene.ledger.publish()
+    assert scene.told == ["rights of 1", "new", "checking", "active", "late", "active"]
+
+
+def test_retiring_frees_the_slot_and_ends_life_and_lease() -> None:
+    scene = Scene()
+    record = scene.ledger.appear(scene.session, 0.0)
+    scene.ledger.move(record, PartState.CHECKING, 0.0, "test")
+    scene.matcher.take("AA")
+    scene.book.grant(record, "AA")
+    record.life.register(0.0)
+    scene.ledger.move(record, PartState.ACTIVE, 0.0, "test")
+    scene.ledger.retire(record, PartState.LEFT, 1.0, "goodbye")
+    assert (record.lease, record.holds_slot, record.life.status, record.reason) == (0, False, 0, "goodbye")
+    assert "AA" in scene.matcher._free["ABCD"]
+
+
+def test_what_a_handler_does_is_told_after_what_it_was_told() -> None:
+    scene = Scene()
+
+    def answer(event: PartEvent) -> None:
+        if event.to_state is PartState.NEW:
+            record = scene.session.record
+            assert record is not None
+            scene.ledger.move(record, PartState.CHECKING, 0.0, "at once")
+            scene.ledger.publish()
+
+    scene.ledger.event_handlers.insert(0, answer)
+    scene.ledger.appear(scene.session, 0.0)
+    scene.ledger.publish()
+    assert scene.told == ["new", "checking"]
