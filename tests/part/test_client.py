@@ -233,7 +233,7 @@ def test_waiting_for_statuses_ends() -> None:
         await client.connect(1.0)
         bench.links[0].cut = True
         client.create_participant()
-        with pytest.raises(RequestError, match="not every creation was answered within 0.5 s") as caught:
+        with pytest.raises(RequestError, match=r"not every creation was answered within 0\.5 s") as caught:
             await client.until_all_statuses(0.5)
         assert caught.value.status is None
 
@@ -275,12 +275,14 @@ def test_a_full_window_is_told_and_room_comes_back() -> None:
         calls: list[float] = []
         loop = asyncio.get_running_loop()
         client.on_room = lambda: calls.append(loop.time())
+        written = 0
+        while client.has_room():
+            client.write(writer, bytes(1000))
+            written += 1
+            await asyncio.sleep(0.001)
+        assert written == 16
         with pytest.raises(LinkFull, match="stream 0x80 is full: try again after `on_room`"):
-            for number in range(100):
-                client.write(writer, bytes(1000))
-                await asyncio.sleep(0.001)
-        assert 10 <= number <= 16
-        assert not client.has_room(STREAM_RELIABLE)
+            client.write(writer, b"one more")
         assert client.has_room(STREAM_BEST_EFFORT)
         bench.links[0].cut = False
         await asyncio.sleep(0.5)
@@ -342,7 +344,7 @@ def test_a_new_address_of_the_client_is_found_out_and_mended() -> None:
         inner, fresh = bench.links[1], QuietLink(bench.hub.connect())
         old = inner._link
         inner._link = fresh
-        fresh.on_packet(lambda packet, peer, now: b._connection._packet_received(packet, peer, now))
+        fresh.on_packet(b._connection._packet_received)
         moved = asyncio.create_task(fresh.run())
         old.on_packet(lambda *_: None)
         await asyncio.sleep(3.0)

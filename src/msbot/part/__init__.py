@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from msbot.part.boards import PINS, PinDirection, PinListener, SimGpio, UsbGpio
+from msbot.part.client import ENDLESS, IDENTITY_OCTETS, Client, Service
+from msbot.part.client_settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
+from msbot.part.entities import Entity
 from msbot.part.hello import HelloWorld
+from msbot.part.identity import parse_uid, stored_uid
+from msbot.part.joining import ExpectedRobot, JoinState
 from msbot.part.message import Field, Message, fields_of
 from msbot.part.numato import ByteStream, NumatoGpio, NumatoSimulator
+from msbot.part.part import Part, PartCounters
 from msbot.part.plug import (
     INVENTORY_REPLY_TOPIC,
     INVENTORY_REPLY_TYPE,
@@ -30,6 +36,8 @@ from msbot.part.plug import (
     decode_reply,
     decode_request,
 )
+from msbot.part.run import run
+from msbot.part.samples import SAMPLE_PARTS, SamplePart, make_sample
 from msbot.part.wire_types import (
     AtMost,
     Octets,
@@ -46,6 +54,8 @@ from msbot.part.wire_types import (
 )
 
 __all__ = [
+    "ENDLESS",
+    "IDENTITY_OCTETS",
     "INVENTORY_REPLY_TOPIC",
     "INVENTORY_REPLY_TYPE",
     "INVENTORY_REQUEST_TOPIC",
@@ -55,26 +65,39 @@ __all__ = [
     "PROFILE_PERIOD_S",
     "PROFILE_TOPIC",
     "PROFILE_TYPE",
+    "SAMPLE_PARTS",
     "UID_OCTETS",
     "AtMost",
     "Beat",
     "BeatReply",
     "ByteStream",
     "Claim",
+    "Client",
+    "ClientCounters",
+    "ClientSettings",
     "Configuration",
     "ConfigurationRequest",
+    "ConnectionState",
     "Direction",
+    "Entity",
+    "ExpectedRobot",
     "Field",
     "HelloWorld",
+    "JoinState",
     "Message",
     "NumatoGpio",
     "NumatoSimulator",
     "Octets",
+    "Part",
+    "PartCounters",
     "PinDirection",
     "PinListener",
+    "PingAnswer",
     "PortBinding",
     "ProfileMessage",
     "Refusal",
+    "SamplePart",
+    "Service",
     "Setting",
     "SimGpio",
     "UsbGpio",
@@ -88,6 +111,10 @@ __all__ = [
     "int16",
     "int32",
     "int64",
+    "make_sample",
+    "parse_uid",
+    "run",
+    "stored_uid",
     "uint8",
     "uint16",
     "uint32",

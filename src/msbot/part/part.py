@@ -23,6 +23,7 @@ from typing import TypeVar
 
 from msbot.errors import ConfigError, LocalProtocolError, RemoteProtocolError
 from msbot.link import Link, Peer, Signal
+from msbot.part.boards import UsbGpio
 from msbot.part.client import Client
 from msbot.part.client_settings import ClientSettings
 from msbot.part.handlers import Every, Guard, check_handler
@@ -77,7 +78,7 @@ class Part:
         local_name: str | None = None,
         robot: str | ExpectedRobot = ANY,
         uid: bytes | None = None,
-        board: object = None,
+        board: UsbGpio | None = None,
         random: Random | None = None,
     ) -> None:
         """Describe a part; `run` or `run_async` brings it to life.
@@ -87,7 +88,7 @@ class Part:
             local_name: what this one is called, for example `left eye`; the part number if absent.
             robot: name of the robot the part is made for, or more of its profile; `*` = any robot.
             uid: 8 octets that identify the piece of hardware; `run` keeps one per part on this computer.
-            board: whatever the part's functions drive; found again as `part.board`.
+            board: the GPIO board that the part's functions drive; found again as `part.board`.
             random: draws the client key and the session nonce, and the UID if there is none.
 
         Raises:
@@ -99,7 +100,7 @@ class Part:
         if uid is not None and len(uid) != UID_OCTETS:
             raise ConfigError(f"a UID has {UID_OCTETS} octets, not {len(uid)}")
         self.uid = uid
-        self.board = board
+        self._board = board
         self._random = random or SystemRandom()
         self._every: list[Every] = []
         self._listeners: dict[str, _Listener] = {}
@@ -200,6 +201,17 @@ class Part:
     def reason(self) -> str:
         """Why it is in that state, in words."""
         return self._joining.reason
+
+    @property
+    def board(self) -> UsbGpio:
+        """The GPIO board the part was made with.
+
+        Raises:
+            ConfigError: it was made without one.
+        """
+        if self._board is None:
+            raise ConfigError(f"part {self.local_name} has no board: make it with Part(..., board=SimGpio())")
+        return self._board
 
     @property
     def slot(self) -> str:
