@@ -1,7 +1,7 @@
 """UDP over IPv4 and IPv6: one datagram is one packet (DDS-XRCE over UDP, seen on the wire with eProsima's agent).
 
 The sockets are served by the event loop's reader call-backs and drained in one call; asyncio's datagram transport
-would cost five times as much per packet.
+costs several times as much per packet.
 """
 
 from __future__ import annotations
