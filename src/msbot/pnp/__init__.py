@@ -23,6 +23,7 @@ from msbot.pnp.parts import (
     Verdict,
 )
 from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
+from msbot.pnp.services import InventoryService, MasterService
 
 __all__ = [
     "FAST_TIMING",
@@ -38,6 +39,8 @@ __all__ = [
     "Configuration",
     "Evidence",
     "Inventory",
+    "InventoryService",
+    "MasterService",
     "Match",
     "Matcher",
     "MemoryStore",

@@ -1,0 +1,113 @@
+"""One robot with a real agent and visitors on a wire, for tests in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from random import Random
+
+from msbot.agent import Agent
+from msbot.link import InprocHub, LinkInfo
+from msbot.part import Client, Service, plug
+from msbot.pnp import (
+    PROFILE_TOPIC,
+    PROFILE_TYPE,
+    Access,
+    Inventory,
+    InventoryService,
+    MasterService,
+    MemoryStore,
+    PartState,
+    Profile,
+    compat,
+)
+from msbot.space import MemorySpace
+from msbot.xrce import STREAM_BEST_EFFORT
+from tests.pnp.robot import uid
+
+INVENTORY = Service(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
+ORIGINAL = Service(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
+
+
+def epoch_ns() -> int:
+    return 1_600_000_000_000_000_000
+
+
+class Robot:
+    """One robot: agent, master and inventory on the in-process link; parts come in by another one."""
+
+    def __init__(self, store: MemoryStore, *, explain: bool = False, limit: int | None = None) -> None:
+        loop = asyncio.get_running_loop()
+        self.inventory = Inventory(store, random=Random(1), now=loop.time())
+        self.access = Access(self.inventory, clock=loop.time)
+        self.agent = Agent(MemorySpace(), gate=self.access, epoch_ns=epoch_ns, agent_id=b"agent-id")
+        self.access.recheck = self.agent.recheck
+        inside, self.outside = InprocHub(), InprocHub()
+        self.outside.server.info = LinkInfo("wire", 65535)
+        self.agent.add_link(inside.server)
+        self.agent.add_link(self.outside.server)
+        self.master = MasterService(Client(inside.connect(), key=1, epoch_ns=epoch_ns), Profile(), limit=limit)
+        client = Client(inside.connect(), key=2, epoch_ns=epoch_ns)
+        self.service = InventoryService(client, self.inventory, explain=explain)
+
+    def state(self, key: int) -> PartState:
+        return [part.state for part in self.inventory.view(0.0) if part.client_key == key][-1]
+
+
+class Visitor:
+    """A client on the wire that reads the profile, may ask the inventory, publishes as AA and hears one ring topic."""
+
+    def __init__(self, robot: Robot, key: int, service: Service = INVENTORY, *, hears: str = "3_to_1") -> None:
+        self.client = Client(robot.outside.connect(), key=key, epoch_ns=epoch_ns)
+        self.profiles: list[tuple[float, plug.ProfileMessage]] = []
+        self.heard: list[bytes] = []
+        self.replies: list[bytes] = []
+        client = self.client
+        participant = client.create_participant()
+        publisher, subscriber = client.create_publisher(participant), client.create_subscriber(participant)
+        self.reader = client.create_reader(subscriber, client.create_topic(participant, PROFILE_TOPIC, PROFILE_TYPE))
+        out = client.create_topic(participant, "HelloWorldTopic_1_to_2", "HelloWorld")
+        self.writer = client.create_writer(publisher, out)
+        into = client.create_topic(participant, f"HelloWorldTopic_{hears}", "HelloWorld")
+        self.ring_reader = client.create_reader(subscriber, into)
+        self.requester = client.create_requester(participant, service)
+        for entity in (self.reader, self.ring_reader, self.requester):
+            client.read(entity)
+        client.on_topic = self._sample
+        client.on_reply = lambda _object, _request, payload: self.replies.append(payload)
+
+    def _sample(self, object_id: int, _request_id: int, payload: bytes) -> None:
+        if object_id == self.reader.object_id:
+            self.profiles.append((asyncio.get_running_loop().time(), plug.ProfileMessage.decode(payload)))
+        else:
+            self.heard.append(payload)
+
+    async def ask(self, body: bytes, *, patience_s: float = 0.2) -> bytes | None:
+        """Send one request; the reply, or None if there is none in time."""
+        self.replies.clear()
+        self.client.write(self.requester, body, stream_id=STREAM_BEST_EFFORT)
+        await asyncio.sleep(patience_s)
+        return self.replies[-1] if self.replies else None
+
+    async def claim(self, number: str = "ABCD", serial: int = 1) -> plug.Verdict | None:
+        message = plug.Claim(part_number=number, local_name="", uid=uid(serial), session_nonce=1)
+        reply = await self.ask(message.encode())
+        return None if reply is None else plug.Verdict.decode(reply)
+
+    def publish(self, payload: bytes) -> None:
+        self.client.write(self.writer, payload)
+
+
+async def with_robot(robot: Robot, *visitors: Visitor, play: Callable[[], Awaitable[None]]) -> None:
+    """Run everybody until the play is over."""
+    async with asyncio.TaskGroup() as tasks:
+        running = [tasks.create_task(robot.agent.run())]
+        running += [tasks.create_task(service.run()) for service in (robot.service, robot.master)]
+        await robot.service.until_ready()
+        running += [tasks.create_task(visitor.client.run()) for visitor in visitors]
+        for visitor in visitors:
+            await visitor.client.connect(1.0)
+            await visitor.client.until_all_statuses(1.0)
+        await play()
+        for task in running:
+            task.cancel()
