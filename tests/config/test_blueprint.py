@@ -47,7 +47,7 @@ def test_what_is_left_out_has_the_thesis_value(tmp_path: Path) -> None:
     assert blueprint.source == path
     assert blueprint.topics() == {}
     assert blueprint.slot("eye") == Slot("eye", "ABCD")
-    assert blueprint.slot("ear") is None
+    assert blueprint.slot("nose") is None
 
 
 def test_everything_can_be_said(tmp_path: Path) -> None:
@@ -68,10 +68,13 @@ type = "HelloWorld"
 from = "eye.out"
 to = ["eye.in"]
 reliable = false
+[[slot]]
+name = "ear"
+part = "WXYZ"
 [[binding]]
 topic = "u"
 type = "HelloWorld"
-from = "eye.out"
+from = "ear.out"
 to = []
 """
     )

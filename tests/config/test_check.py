@@ -198,6 +198,24 @@ def test_one_port_is_bound_to_a_topic_once(tmp_path: Path) -> None:
     ]
 
 
+def test_a_port_carries_one_topic(tmp_path: Path) -> None:
+    again = '[[binding]]\ntopic = "glare"\ntype = "Light"\nfrom = "eye.light"\nto = ["leg.goal"]\n'
+    assert _load(tmp_path, ROBOT + again) == [
+        'robot.toml, line 30, binding[2].from: "eye.light" is bound to "brightness" already and carries one topic; '
+        "list all receivers in one binding",
+        'robot.toml, line 31, binding[2].to[0]: "leg.goal" is bound to "brightness" already and carries one topic; '
+        "let all senders publish that topic",
+    ]
+
+
+def test_a_topic_is_reliable_for_all_or_for_none(tmp_path: Path) -> None:
+    again = '[[binding]]\ntopic = "speed"\ntype = "Raw"\nfrom = "eye.raw"\nto = []\nreliable = false\n'
+    assert _load(tmp_path, ROBOT + again) == [
+        'robot.toml, line 32, binding[2].reliable: topic "speed" has reliable = true in another binding; '
+        "say the same in both"
+    ]
+
+
 def test_two_ports_may_publish_one_topic(tmp_path: Path) -> None:
     again = '[[binding]]\ntopic = "speed"\ntype = "Raw"\nfrom = "eye.raw"\nto = ["leg.other"]\n'
     assert _load(tmp_path, ROBOT + again) == []

@@ -108,6 +108,12 @@ def _check_topic(table: Table, binding: Binding, topics: dict[str, Binding]) -> 
             "here; a topic has one type",
             "type",
         )
+    if earlier.reliable != binding.reliable:
+        table.problem(
+            f'topic "{binding.topic}" has reliable = {scalar_text(earlier.reliable)} in another binding; '
+            "say the same in both",
+            "reliable",
+        )
 
 
 class _Ports:
@@ -116,6 +122,7 @@ class _Ports:
     def __init__(self, slots: Sequence[Slot], library: Library) -> None:
         self._slots = {slot.name: slot for slot in slots if slot.name}
         self._library = library
+        self._topics: dict[Endpoint, str] = {}
 
     def check(
         self, table: Table, binding: Binding, endpoint: Endpoint, direction: Direction, *steps: str | int
@@ -131,7 +138,18 @@ class _Ports:
             right = suggestion(endpoint.slot, list(self._slots), none_known="add the slot first")
             table.problem(f'"{endpoint}": there is no slot "{endpoint.slot}"; {right}', *steps)
         elif part_type := self._library.get(slot.part):
-            _check_port(table, binding, endpoint, part_type, direction, *steps)
+            if _check_port(table, binding, endpoint, part_type, direction, *steps):
+                self._check_one_topic(table, binding, endpoint, direction, *steps)
+
+    def _check_one_topic(
+        self, table: Table, binding: Binding, endpoint: Endpoint, direction: Direction, *steps: str | int
+    ) -> None:
+        earlier = self._topics.setdefault(endpoint, binding.topic)
+        if earlier != binding.topic and earlier and binding.topic:
+            remedy = "let all senders publish that topic"
+            if direction is Direction.PUBLISH:
+                remedy = "list all receivers in one binding"
+            table.problem(f'"{endpoint}" is bound to "{earlier}" already and carries one topic; {remedy}', *steps)
 
     def _example(self, slot: Slot | None, direction: Direction) -> str:
         part_type = self._library.get(slot.part) if slot else None
@@ -141,7 +159,8 @@ class _Ports:
 
 def _check_port(
     table: Table, binding: Binding, endpoint: Endpoint, part_type: PartType, direction: Direction, *steps: str | int
-) -> None:
+) -> bool:
+    """Whether the port is there, of that direction and of the binding's type; otherwise a problem is noted."""
     port = part_type.port(endpoint.port)
     what = f"part {part_type.number} ({part_type.name})"
     if port is None:
@@ -156,6 +175,9 @@ def _check_port(
             f'write type = "{port.type_name}" or bind another port',
             *steps,
         )
+    else:
+        return True
+    return False
 
 
 def _fitting(part_type: PartType, wrong: Port) -> str:

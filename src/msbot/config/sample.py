@@ -49,7 +49,7 @@ part = "WXYZ"
 local_name = "WXYZ-local"
 description = "Motor driver, 5V"
 
-# Settings of a slot, if its part type has parameters, go into a table right below the slot:
+# A part type may have parameters (those of the sample have none); a slot sets them in a table right below itself:
 # [slot.settings]
 # period_s = 0.5
 

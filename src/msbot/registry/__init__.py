@@ -1,17 +1,16 @@
 """The registry: robots, slots, parts, library and journal in a SQL database; the only room that touches SQL."""
 
-from importlib.util import find_spec
-
 from msbot.errors import RegistryError
 
-for _needed in ("sqlalchemy", "alembic"):
-    if find_spec(_needed) is None:
-        raise RegistryError(f"the database needs {_needed}: pip install 'msbot[master]'")
-
-from msbot.registry.node_ids import StoredNodeIds
-from msbot.registry.records import JournalEntry, PartRecord, RobotRecord
-from msbot.registry.registry import Registry, open_registry
-from msbot.registry.robot_store import RobotStore
+try:
+    from msbot.registry.node_ids import StoredNodeIds
+    from msbot.registry.records import JournalEntry, PartRecord, RobotRecord
+    from msbot.registry.registry import Registry, open_registry
+    from msbot.registry.robot_store import RobotStore
+except ModuleNotFoundError as error:
+    if error.name != "sqlalchemy":
+        raise
+    raise RegistryError("the database needs SQLAlchemy and Alembic: pip install 'msbot[master]'") from None
 
 __all__ = [
     "JournalEntry",

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from sqlalchemy import Connection, delete, insert, select, update
 
-from msbot.config import Blueprint, Library, Parameter, PartType, Port, Scalar
+from msbot.config import Blueprint, Endpoint, Library, Parameter, PartType, Port, Scalar
 from msbot.pnp import Configuration
 from msbot.registry.records import RobotRecord
 from msbot.registry.store import bump_versions, find_configuration, find_robot, upsert
@@ -110,10 +110,11 @@ def _same(old: Scalar | None, new: Scalar) -> bool:
 
 
 def _put_bindings(connection: Connection, robot_id: int, slot_ids: Mapping[str, int], blueprint: Blueprint) -> None:
-    rows: list[dict[str, object]] = []
+    rows: dict[tuple[Endpoint, str], dict[str, object]] = {}
     for binding in blueprint.bindings:
         for endpoint in (binding.source, *binding.targets):
-            row = {
+            # Several senders of one topic may name the same receiver.
+            rows[endpoint, binding.topic] = {
                 "robot_id": robot_id,
                 "topic": binding.topic,
                 "type_name": binding.type_name,
@@ -122,10 +123,9 @@ def _put_bindings(connection: Connection, robot_id: int, slot_ids: Mapping[str, 
                 "publishes": endpoint is binding.source,
                 "reliable": binding.reliable,
             }
-            rows.append(row)
     connection.execute(delete(bindings).where(bindings.c.robot_id == robot_id))
     if rows:
-        connection.execute(insert(bindings), rows)
+        connection.execute(insert(bindings), list(rows.values()))
 
 
 def _put_library(connection: Connection, part_types: Library) -> None:
