@@ -1,0 +1,25 @@
+"""Identifiers and their words."""
+
+from __future__ import annotations
+
+import pytest
+
+from msbot.xrce import ObjectKind, Status, kind_of, make_object_id, status_words
+
+
+@pytest.mark.parametrize(
+    ("number", "kind", "object_id"), [(1, ObjectKind.DATAWRITER, 0x0015), (0x123, ObjectKind.DATAWRITER, 0x1235)]
+)
+def test_object_id_is_12_bits_of_number_and_4_of_kind(number: int, kind: ObjectKind, object_id: int) -> None:
+    assert make_object_id(number, kind) == object_id
+    assert kind_of(object_id) == kind
+
+
+@pytest.mark.parametrize("status", list(Status))
+def test_every_status_has_words(status: Status) -> None:
+    assert status.words
+    assert status_words(int(status)) == status.words
+
+
+def test_unknown_status_has_words_too() -> None:
+    assert status_words(0x99) == "unknown status 0x99"
