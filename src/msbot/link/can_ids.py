@@ -115,6 +115,13 @@ def uid_hash(uid: bytes) -> int:
     return crc32(uid) & _HASH_MASK
 
 
+def is_joining(frame: Frame, ids: CanIds) -> bool:
+    """Whether the identifier is that of a JOIN, an ASSIGN or a BEACON."""
+    if frame.extended:
+        return frame.can_id & ~0xFFFFFF in (ids.join, ids.assign)
+    return frame.can_id == ids.beacon
+
+
 def join_frame(uid: bytes, caps: int, ids: CanIds) -> Frame:
     """JOIN: a part asks for an address."""
     return Frame(ids.join | (caps & 3) << 22 | uid_hash(uid), uid, extended=True)

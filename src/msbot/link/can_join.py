@@ -124,6 +124,12 @@ class ComponentJoin:
         """Ask for an address (power-up, or back on the bus)."""
         self._join(now)
 
+    def stop(self) -> None:
+        """Be silent and forget the address (off the bus)."""
+        self.state = ComponentState.OFF
+        self._be_silent()
+        self._deadline = None
+
     def receive(self, frame: Frame, now: float) -> ComponentEvent | None:
         """Take a frame that is not a data frame; anything else than BEACON and ASSIGN is ignored."""
         beacon = read_beacon(frame, self._ids)
@@ -139,13 +145,15 @@ class ComponentJoin:
         frames, self._outbox = self._outbox, []
         return frames
 
-    def sent(self, now: float) -> None:
-        """The last JOIN has left the controller: the back-off begins."""
-        if self._awaiting_departure and not self._outbox:
-            self._awaiting_departure = False
-            jitter = 1 + JITTER * (2 * self._random.random() - 1)
-            self._due = now + min(self._pause * jitter, LONGEST_PAUSE_S)
-            self._pause = min(2 * self._pause, LONGEST_PAUSE_S)
+    def sent(self, now: float) -> bool:
+        """All frames have left the controller: the back-off begins when a JOIN was among them (True)."""
+        if not self._awaiting_departure or self._outbox:
+            return False
+        self._awaiting_departure = False
+        jitter = 1 + JITTER * (2 * self._random.random() - 1)
+        self._due = now + min(self._pause * jitter, LONGEST_PAUSE_S)
+        self._pause = min(2 * self._pause, LONGEST_PAUSE_S)
+        return True
 
     def timer(self) -> float | None:
         """When `handle_timer` wants to be called."""
@@ -184,10 +192,7 @@ class ComponentJoin:
             return None  # our own master is here as well; it deals with the other
         known = self.state is ComponentState.FOREIGN
         self.state = ComponentState.FOREIGN
-        self.node_id = 0
-        self._due = None
-        self._outbox.clear()
-        self._awaiting_departure = False
+        self._be_silent()
         self._deadline = now + BEACON_TIMEOUT_S
         return (
             None
@@ -206,13 +211,11 @@ class ComponentJoin:
             self._pause = LONGEST_PAUSE_S
             known, self._refused = self._refused, True
             return None if known else AddressLost(f"the master has no free address: all {NODES} are held by live parts")
+        self._be_silent()
         self.state = ComponentState.JOINED
         self.node_id = assign.node_id
         self._epoch = assign.epoch
-        self._due = None
-        self._outbox.clear()
         self._refused = False
-        self._awaiting_departure = False
         self._deadline = now + BEACON_TIMEOUT_S
         return Joined(assign.node_id, assign.use & self._caps)
 
@@ -227,6 +230,12 @@ class ComponentJoin:
         self._pause = FIRST_PAUSE_S
         self._due = now
         self._ask()
+
+    def _be_silent(self) -> None:
+        self.node_id = 0
+        self._due = None
+        self._outbox.clear()
+        self._awaiting_departure = False
 
     def _ask(self) -> None:
         self._due = None
@@ -306,6 +315,10 @@ class MasterJoin:
         self.members.clear()
         self._taken_back_at.clear()
         self._starting_until = now + STARTING_S
+        self._send_beacon(now)
+
+    def resume(self, now: float) -> None:
+        """Go on in the same epoch after a time off the bus: parts that still wait for a beacon need not join again."""
         self._send_beacon(now)
 
     def receive(self, frame: Frame, now: float) -> list[MasterEvent]:

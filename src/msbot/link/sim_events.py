@@ -1,0 +1,52 @@
+"""What the simulated bus tells its owner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from msbot.link.can_bus import BusState
+from msbot.link.can_frames import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Delivered:
+    """A frame has arrived at a node."""
+
+    at: float
+    node: int
+    frame: Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A node's frame has left its controller, acknowledged by at least one other node."""
+
+    at: float
+    node: int
+    frame: Frame
+
+
+@dataclass(frozen=True, slots=True)
+class StateChanged:
+    """A node became error-active, error-passive or bus-off."""
+
+    at: float
+    node: int
+    state: BusState
+
+
+BusEvent = Delivered | Sent | StateChanged
+
+
+@dataclass(slots=True)
+class BusCounters:
+    """What happened on the bus since it was made."""
+
+    frames: int = 0
+    """Frames that went well."""
+    bits: int = 0
+    """Bits on the bus, intermission and error frames included."""
+    errors: int = 0
+    """Attempts that failed."""
+    by_error: dict[str, int] = field(default_factory=dict)
+    """The same by cause in words."""
