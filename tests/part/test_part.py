@@ -404,8 +404,8 @@ def test_a_port_that_nobody_feeds_or_that_carries_another_type_is_named(caplog: 
         a, b = make_part("ABCD", 1), make_part("EFGH", 2)
         got: list[Message] = []
         a.every(0.1)(lambda: a.publish("out", HelloWorld(index=0, message="x")))
-        b.on("in", Light)(lambda message: got.append(message))
-        b.on("inn", HelloWorld)(lambda message: got.append(message))
+        b.on("in", Light)(got.append)
+        b.on("inn", HelloWorld)(got.append)
         room.plug(a)
         room.plug(b)
         await asyncio.sleep(0.5)
@@ -488,11 +488,13 @@ def test_a_part_that_is_cut_off_reaches_its_safe_state_too() -> None:
         part = make_part()
         story: list[str] = []
         part.safe_state(lambda: story.append("safe"))
+        part.on_lost(lambda: story.append("lost"))
+        part.on_stop(lambda: story.append("stop"))
         room.plug(part)
         await asyncio.sleep(0.5)
         room.tasks[0].cancel()
         await asyncio.gather(room.tasks[0], return_exceptions=True)
-        assert story == ["safe"]
+        assert story == ["safe", "stop"]
 
     play(scenario)
 

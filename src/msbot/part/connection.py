@@ -83,6 +83,7 @@ class Connection:
         self._turn = Turn(self._flush)
         self._scope: asyncio.Timeout | None = None
         self._heard = False
+        self._gone: str | None = None
         self._login_at: float | None = None
         self._close_at: float | None = None
         self._pong: PingAnswer | None = None
@@ -191,7 +192,7 @@ class Connection:
         )
 
     def _login(self, now: float) -> None:
-        self._login_at = None
+        self._login_at = self._gone = None
         self.session = self._new_session()
         self.session.connect(now)
         self._turn.book()
@@ -264,8 +265,10 @@ class Connection:
         self._login_at = now + self.settings.reopen_s * self._random.uniform(0.75, 1.25)
 
     def _signal_received(self, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
-        if signal in (Signal.LINK_DOWN, Signal.PEER_GONE) and self.state is ConnectionState.CONNECTED:
-            self._lose(reason, now)
+        if signal in (Signal.LINK_DOWN, Signal.PEER_GONE):
+            # Believed in the next turn: a link that is closed because we end says so, too, and then there is none.
+            self._gone = reason
+            self._turn.book()
         elif signal in (Signal.LINK_UP, Signal.PEER_JOINED) and self.state is not ConnectionState.CONNECTED:
             self._login(now)
         self._hooks.signal_received(signal, peer, reason, now)
@@ -281,6 +284,8 @@ class Connection:
             return
         if self._login_at is not None and now >= self._login_at:
             self._login(now)
+        if self._gone is not None and self.state is ConnectionState.CONNECTED:
+            self._lose(self._gone, now)
         match self._watch.step(now):
             case WatchStep.PING:
                 self._send_ping(now)

@@ -110,6 +110,8 @@ class Membership:
         now = self._turn.now()
         if state is ConnectionState.CONNECTED:
             self.joining.agent_found(now)
+        elif state is ConnectionState.CLOSED:
+            self.joining.stop("ended", now)
         else:
             self._read_replies(STREAM_RELIABLE)
             self.joining.agent_lost(reason, now)
