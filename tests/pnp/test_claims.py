@@ -269,6 +269,22 @@ def test_same_part_number_twice_the_second_stands_by_and_takes_over_within_one_t
     assert rig.inventory.configuration_of(DD) == configuration("BB")
 
 
+def test_the_slot_is_shown_with_the_part_that_holds_it_only() -> None:
+    rig = Rig()
+    rig.claim(BB, "EFGH", name="BB", serial=2)
+    rig.run(6.0)
+    assert rig.part(BB).slot == "BB"
+    rig.claim(DD, "EFGH", name="spare")
+    assert (rig.part(BB).slot, rig.part(DD).slot) == (None, "BB")
+    assert rig.claim(BB, "EFGH", name="BB", serial=2).refusal is Refusal.NO_SLOT
+    assert rig.part(BB).slot is None
+    assert rig.events[-1].slot is None
+    rig.leave(DD)
+    assert rig.events[-1].slot == "BB"
+    rig.leave(BB)
+    assert rig.events[-1].slot is None
+
+
 def test_same_part_number_twice_with_two_slots_the_local_names_decide() -> None:
     store = sample_store(Slot("AA2", "ABCD"))
     rig = Rig(store)

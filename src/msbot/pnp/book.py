@@ -99,6 +99,13 @@ class Book:
         record = self._by_lease.get(lease)
         return record if record is not None and record.client_key == client_key else None
 
+    def slot_of(self, record: Record) -> str | None:
+        """The slot a part holds; for one that is gone, the slot it held as long as nobody else does."""
+        if record.holds_slot:
+            return record.slot
+        is_over = record.state is not None and record.state.is_over
+        return record.slot if is_over and record.slot not in self.holders else None
+
     def detach(self, record: Record) -> None:
         """Part a record from its session; a part that never said who it is is forgotten, others stay shown."""
         session = self.sessions.get(record.client_key)

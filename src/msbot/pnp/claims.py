@@ -142,6 +142,7 @@ class Claims:
     def _turn_away(self, record: Record, match: Match, now: float) -> Verdict:
         """Refuse or keep waiting; an event only when that is news."""
         record.refused_claims += 1
+        record.slot = None
         record.life.stop()
         if (record.state, record.refusal) == (match.outcome, match.refusal):
             record.reason = match.reason

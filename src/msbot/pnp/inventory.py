@@ -76,7 +76,7 @@ class Inventory:
 
     def view(self, now: float) -> list[PartInfo]:
         """All parts that are there or were there lately, in order of appearance."""
-        return [record.info(now) for record in self._book.records]
+        return [record.info(now, self._book.slot_of(record)) for record in self._book.records]
 
     def why(self, part: str, now: float) -> list[str]:
         """In sentences: how the part stands and which rules led there; by name, slot, number, UID, address or key."""

@@ -213,6 +213,7 @@ class PartEvent:
     part: str
     """The part's name for people: local name, else slot, else part number, else address."""
     slot: str | None
+    """The slot it holds, or has lost by this change."""
     from_state: PartState | None
     """None: the part was not there before."""
     to_state: PartState
@@ -244,7 +245,7 @@ class PartInfo:
     local_name: str
     uid: bytes
     slot: str | None
-    """The slot it holds, or held last."""
+    """The slot it holds; when it is gone, the one it held as long as no other part holds it."""
     state: PartState
     reason: str
     """Why it is in that state, in words."""

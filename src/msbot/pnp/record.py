@@ -106,7 +106,7 @@ class Record:
         event = PartEvent(
             at=now,
             part=self.name,
-            slot=self.slot,
+            slot=self.slot if self.holds_slot or to.is_over else None,
             from_state=self.state,
             to_state=to,
             reason=reason,
@@ -133,15 +133,15 @@ class Record:
         if address not in self.duplicates:
             self.duplicates.append(address)
 
-    def info(self, now: float) -> PartInfo:
-        """The part as tables show it."""
+    def info(self, now: float, slot: str | None) -> PartInfo:
+        """The part as tables show it, in that slot."""
         claim, active_s, heard = self.claim, self.plug_in_to_active_s, self.life.last_beat_at
         return PartInfo(
             part=self.name,
             part_number=claim.part_number if claim else "",
             local_name=claim.local_name if claim else "",
             uid=claim.uid if claim else b"",
-            slot=self.slot,
+            slot=slot,
             state=self.state or PartState.NEW,
             reason=self.reason,
             state_age_s=max(0.0, now - self.since),
