@@ -109,26 +109,62 @@ class Link(Protocol):
 
 # The links stand below because they need the words above.
 from msbot.link.address import open_link  # noqa: E402
+from msbot.link.can_bus import BusState, CanBus, CanBusInfo  # noqa: E402
+from msbot.link.can_end import Codec  # noqa: E402
+from msbot.link.can_frames import Frame  # noqa: E402
+from msbot.link.can_ids import CanIds  # noqa: E402
+from msbot.link.can_link import CanMasterLink, CanPartLink  # noqa: E402
+from msbot.link.can_nodes import MemoryNodeIds, NodeIds  # noqa: E402
+from msbot.link.can_bits import FrameBits, frame_bits  # noqa: E402
+from msbot.link.can_frames import Frame  # noqa: E402
+from msbot.link.can_link import CanMasterLink, CanPartLink  # noqa: E402
 from msbot.link.faults import LossyLink  # noqa: E402
 from msbot.link.inproc import InprocEnd, InprocHub, inproc_pair  # noqa: E402
+from msbot.link.sim_driver import FrameTap, SimBusDriver  # noqa: E402
+from msbot.link.simbus import SimBus  # noqa: E402
+from msbot.link.sim_driver import FrameTap, SimBusDriver  # noqa: E402
+from msbot.link.sim_events import BusCounters  # noqa: E402
+from msbot.link.simbus import SimBus  # noqa: E402
 from msbot.link.udp import UdpClientLink, UdpServerLink  # noqa: E402
 from msbot.link.virtual_time import VirtualTimeLoop, run_virtual  # noqa: E402
 
 __all__ = [
+    "BusCounters",
+    "BusState",
+    "CanBus",
+    "CanBusInfo",
+    "CanIds",
+    "CanMasterLink",
+    "CanPartLink",
+    "Codec",
+    "Frame",
+    "FrameTap",
+    "CanMasterLink",
+    "CanPartLink",
+    "Frame",
+    "FrameBits",
+    "FrameTap",
     "InprocEnd",
     "InprocHub",
     "Link",
     "LinkCounters",
     "LinkInfo",
     "LossyLink",
+    "MemoryNodeIds",
+    "NodeIds",
     "PacketHandler",
     "Peer",
     "Signal",
     "SignalHandler",
+    "SimBus",
+    "SimBusDriver",
+    "SimBus",
+    "SimBusDriver",
     "Tap",
     "UdpClientLink",
     "UdpServerLink",
     "VirtualTimeLoop",
+    "frame_bits",
     "inproc_pair",
     "open_link",
     "run_virtual",

@@ -67,10 +67,19 @@ class SimBusDriver:
         return port
 
     def detach(self, name: str) -> None:
-        """Remove a controller and what it still had to send; no effect when there is none."""
-        port = self._by_name.pop(name, None)
+        """Remove a controller, and what it still had to send, without a word; no effect when there is none.
+
+        Its owner can send nothing any more and hears nothing; the name is free for another controller.
+        """
+        port = self._by_name.get(name)
         if port is not None:
-            del self._ports[port.node]
+            self.remove(port)
+
+    def remove(self, port: SimCanBus) -> None:
+        """Remove this very controller; no effect when it was removed before."""
+        if self._ports.pop(port.node, None) is not None:
+            del self._by_name[port.name]
+            port.is_attached = False
             self.bus.detach(port.node, self.now())
             self.arm()
 
@@ -173,6 +182,7 @@ class SimCanBus:
         self.info = info
         self.node = node
         self.name = name
+        self.is_attached = True
         self.frame_handler: FrameHandler = _ignore_frame
         self.room_handler: Callable[[float], None] = _ignore_room
         self.state_handler: StateHandler = _ignore_state
@@ -192,29 +202,34 @@ class SimCanBus:
 
     def has_room(self) -> bool:
         """See `CanBus`."""
+        if not self.is_attached:
+            return False
         bus = self._driver.bus
         return bus.pending(self.node) < MAILBOXES and bus.state(self.node) is not BusState.OFF
 
     def pending(self) -> int:
         """See `CanBus`."""
-        return self._driver.bus.pending(self.node)
+        return self._driver.bus.pending(self.node) if self.is_attached else 0
 
     def send(self, frame: Frame) -> None:
         """See `CanBus`."""
+        if not self.is_attached:
+            raise LinkDown(f"the controller {self.name!r} was removed from the simulated bus")
         self._driver.bus.submit(self.node, frame, self._driver.now())
         self._driver.arm()
 
     def restart(self) -> None:
         """See `CanBus`."""
-        self._driver.bus.restart(self.node, self._driver.now())
-        self._driver.arm()
+        if self.is_attached:
+            self._driver.bus.restart(self.node, self._driver.now())
+            self._driver.arm()
 
     async def run(self) -> None:
         """Stay on the bus until cancelled; then the controller is removed from it."""
         try:
             await asyncio.get_running_loop().create_future()
         finally:
-            self._driver.detach(self.name)
+            self._driver.remove(self)
 
 
 def _ignore_frame(frame: Frame, now: float) -> None:
