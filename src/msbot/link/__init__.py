@@ -109,19 +109,15 @@ class Link(Protocol):
 
 # The links stand below because they need the words above.
 from msbot.link.address import open_link  # noqa: E402
+from msbot.link.can_bits import FrameBits, frame_bits  # noqa: E402
 from msbot.link.can_bus import BusState, CanBus, CanBusInfo  # noqa: E402
 from msbot.link.can_end import Codec  # noqa: E402
 from msbot.link.can_frames import Frame  # noqa: E402
 from msbot.link.can_ids import CanIds  # noqa: E402
 from msbot.link.can_link import CanMasterLink, CanPartLink  # noqa: E402
 from msbot.link.can_nodes import MemoryNodeIds, NodeIds  # noqa: E402
-from msbot.link.can_bits import FrameBits, frame_bits  # noqa: E402
-from msbot.link.can_frames import Frame  # noqa: E402
-from msbot.link.can_link import CanMasterLink, CanPartLink  # noqa: E402
 from msbot.link.faults import LossyLink  # noqa: E402
 from msbot.link.inproc import InprocEnd, InprocHub, inproc_pair  # noqa: E402
-from msbot.link.sim_driver import FrameTap, SimBusDriver  # noqa: E402
-from msbot.link.simbus import SimBus  # noqa: E402
 from msbot.link.sim_driver import FrameTap, SimBusDriver  # noqa: E402
 from msbot.link.sim_events import BusCounters  # noqa: E402
 from msbot.link.simbus import SimBus  # noqa: E402
@@ -138,10 +134,6 @@ __all__ = [
     "CanPartLink",
     "Codec",
     "Frame",
-    "FrameTap",
-    "CanMasterLink",
-    "CanPartLink",
-    "Frame",
     "FrameBits",
     "FrameTap",
     "InprocEnd",
@@ -156,8 +148,6 @@ __all__ = [
     "Peer",
     "Signal",
     "SignalHandler",
-    "SimBus",
-    "SimBusDriver",
     "SimBus",
     "SimBusDriver",
     "Tap",
