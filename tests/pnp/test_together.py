@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 
+import pytest
+
 from msbot.link import run_virtual
-from msbot.part import Client
+from msbot.part import Client, plug
 from msbot.pnp import PartState, compat
 from tests.pnp.robot import sample_store
 from tests.pnp.scene import ORIGINAL, Robot, Visitor, epoch_ns, with_robot
@@ -164,5 +166,31 @@ def test_two_robots_side_by_side_do_not_see_each_others_parts() -> None:
             await other
 
         await with_robot(ours, sender, partner, play=play)
+
+    run_virtual(scene())
+
+
+@pytest.mark.xfail(reason="the agent gives replies to plain data readers of a reply topic, too")
+def test_nobody_overhears_the_inventorys_answers_to_others() -> None:
+    async def scene() -> None:
+        robot = Robot(sample_store())
+        visitor = Visitor(robot, 0xA1)
+        spy = Client(robot.outside.connect(), key=0x99, epoch_ns=epoch_ns)
+        participant = spy.create_participant()
+        topic = spy.create_topic(participant, plug.INVENTORY_REPLY_TOPIC, plug.INVENTORY_REPLY_TYPE)
+        spy.read(spy.create_reader(spy.create_subscriber(participant), topic))
+        overheard: list[bytes] = []
+        spy.on_topic = lambda _object, _request, payload: overheard.append(payload)
+
+        async def play() -> None:
+            async with asyncio.TaskGroup() as tasks:
+                task = tasks.create_task(spy.run())
+                await spy.connect(1.0)
+                await spy.until_all_statuses(1.0)
+                assert await visitor.claim() is not None
+                task.cancel()
+            assert overheard == []
+
+        await with_robot(robot, visitor, play=play)
 
     run_virtual(scene())
