@@ -1,0 +1,130 @@
+"""What a part says to the inventory, octet by octet, and when it reads on which stream."""
+
+import asyncio
+from collections.abc import Callable
+
+from msbot.link.virtual_time import run_virtual
+from msbot.part import plug
+from msbot.part.client import Client
+from msbot.part.joining import Changed, ExpectedRobot, Joining, JoinState
+from msbot.part.membership import Membership
+from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, ObjectKind, WriteData, iter_submessages
+from tests.part.wire import STATUS_AGENT_OK, HandLink
+
+CLAIM = plug.Claim(part_number="ABCD", local_name="ABCD-local", uid=bytes(range(8)), session_nonce=1)
+PROFILE = plug.ProfileMessage(index=1, message="ROBOT", name="V1", id="S1", dof="today", make="us")
+
+
+def data(object_id: int, number: int, payload: bytes, request_id: int = 10) -> bytes:
+    """A DATA submessage of the agent on the reliable stream."""
+    length = (4 + len(payload)).to_bytes(2, "little")
+    ids = request_id.to_bytes(2, "big") + object_id.to_bytes(2, "big")
+    return b"\x81\x80" + number.to_bytes(2, "little") + b"\x09\x01" + length + ids + payload
+
+
+def reply(number: int, message: plug.Verdict | plug.BeatReply | plug.Configuration) -> bytes:
+    """A reply of the inventory to whatever request."""
+    return data(0x0017, number, b"\0\x11\0\x17" + message.encode())
+
+
+def hand_to(membership: Membership) -> Callable[[int, int, bytes], None]:
+    """A client's callback that gives every sample to the membership."""
+
+    def on_topic(object_id: int, _request_id: int, payload: bytes) -> None:
+        assert membership.take_sample(object_id, payload)
+
+    return on_topic
+
+
+def test_the_whole_way_to_active_and_the_beats() -> None:
+    async def main() -> None:
+        link = HandLink()
+        client = Client(link, key=1)
+        changes: list[Changed] = []
+        configurations: list[plug.Configuration] = []
+        membership = Membership(
+            client, Joining(ExpectedRobot()), CLAIM, changed=changes.append, configure=configurations.append
+        )
+        assert [ObjectKind(entity.variant.kind).name for entity in client.entities] == [
+            "PARTICIPANT",
+            "SUBSCRIBER",
+            "TOPIC",
+            "DATAREADER",
+            "REQUESTER",
+        ]
+        requester = client.entities[-1]
+        client.on_topic = hand_to(membership)
+        membership.start()
+        running = asyncio.create_task(client.run())
+        await asyncio.sleep(0.01)
+
+        def written() -> list[bytes]:
+            sent, link.sent = link.sent, []
+            return [
+                submessage.payload
+                for packet in sent
+                for submessage in iter_submessages(packet, 4)
+                if isinstance(submessage, WriteData)
+            ]
+
+        def stream() -> int:
+            assert requester.reading is not None
+            return requester.reading.stream_id
+
+        link.receive(STATUS_AGENT_OK)
+        await asyncio.sleep(0)
+        assert written() == []
+        link.receive(data(0x0016, 0, PROFILE.encode()))
+        await asyncio.sleep(0)
+        assert written() == [CLAIM.encode()]
+        assert stream() == STREAM_RELIABLE
+        link.receive(reply(1, plug.Verdict(lease=7, configuration_version=3, beat_period_ms=250)))
+        await asyncio.sleep(0)
+        assert written() == [plug.ConfigurationRequest(lease=7, have_version=0).encode()]
+        configuration = plug.Configuration(version=3, slot="A", bindings=[], settings=[])
+        link.receive(reply(2, configuration))
+        await asyncio.sleep(0.26)
+        assert configurations == [configuration]
+        assert stream() == STREAM_BEST_EFFORT
+        assert membership.joining.state is JoinState.ACTIVE
+        assert written() == [plug.Beat(lease=7).encode()]
+        link.receive(reply(3, plug.BeatReply(configuration_version=4)))
+        await asyncio.sleep(0)
+        assert written() == [plug.ConfigurationRequest(lease=7, have_version=3).encode()]
+        assert stream() == STREAM_RELIABLE
+        link.receive(reply(4, plug.Configuration(version=4, slot="A", bindings=[], settings=[])))
+        assert stream() == STREAM_BEST_EFFORT
+        membership.stop("done")
+        assert [change.after.value for change in changes] == [
+            "recognising",
+            "claiming",
+            "configuring",
+            "active",
+            "stopped",
+        ]
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+    run_virtual(main())
+
+
+def test_a_refusal_with_a_code_of_the_future_still_has_words() -> None:
+    async def main() -> None:
+        link = HandLink()
+        client = Client(link, key=1)
+        joining = Joining(ExpectedRobot())
+        membership = Membership(client, joining, CLAIM, changed=lambda _: None, configure=lambda _: None)
+        client.on_topic = hand_to(membership)
+        membership.start()
+        running = asyncio.create_task(client.run())
+        await asyncio.sleep(0.01)
+        link.receive(STATUS_AGENT_OK)
+        link.receive(data(0x0016, 0, PROFILE.encode()))
+        link.receive(reply(1, plug.Verdict(lease=0, configuration_version=0, beat_period_ms=0, reason=99)))
+        assert joining.state is JoinState.REFUSED
+        assert joining.reason == "refused for reason 99, which this version does not know"
+        assert not membership.take_sample(0x0FF6, b"")
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+    run_virtual(main())
