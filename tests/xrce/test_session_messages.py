@@ -142,7 +142,7 @@ def test_wrong_info_is_refused(octets: str, reason: str) -> None:
     [
         (Locator(LocatorFormat.SMALL, b"\x01\x02", 3), "01 02:3"),
         (Locator(LocatorFormat.MEDIUM, b"\x7f\0\0\x01", 2018), "127.0.0.1:2018"),
-        (Locator(LocatorFormat.LARGE, bytes(15) + b"\x01", 2018), "[::1]:2018"),
+        (Locator(LocatorFormat.LARGE, bytes(15) + b"\x01", 2018), "[0000:0000:0000:0000:0000:0000:0000:0001]:2018"),
         (Locator(LocatorFormat.STRING, b"can0"), "can0"),
     ],
 )

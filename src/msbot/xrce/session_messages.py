@@ -9,7 +9,6 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
-from ipaddress import IPv4Address, IPv6Address
 from typing import ClassVar, Self
 
 from msbot.errors import RemoteProtocolError
@@ -183,9 +182,9 @@ class Locator:
         """The address for a person, `127.0.0.1:2018`."""
         match self.format:
             case LocatorFormat.MEDIUM:
-                return f"{IPv4Address(self.address)}:{self.port}"
+                return f"{'.'.join(map(str, self.address))}:{self.port}"
             case LocatorFormat.LARGE:
-                return f"[{IPv6Address(self.address)}]:{self.port}"
+                return f"[{self.address.hex(':', 2)}]:{self.port}"
             case LocatorFormat.STRING:
                 return self.address.decode(errors="replace")
         return f"{self.address.hex(' ')}:{self.port}"
