@@ -60,7 +60,7 @@ def test_the_ring_turns_and_a_lost_master_leaves_all_outputs_off() -> None:
         master.start()
         loop = asyncio.get_running_loop()
         parts = {
-            name: make_sample(name, random=Random(3), board=board if name == "BB" else None) for name in SAMPLE_PARTS
+            name: make_sample(name, random=Random(name), board=board if name == "BB" else None) for name in SAMPLE_PARTS
         }
         links = [master.link() for _ in parts]
         tasks = [loop.create_task(part.run_async(link)) for part, link in zip(parts.values(), links, strict=True)]
