@@ -158,10 +158,10 @@ def start_agent(link: Link, gate: Gate | None = None) -> asyncio.Task[None]:
 class SmallMaster:
     """An agent, a profile and an inventory that knows part numbers: just enough rules to join.
 
-    Parts come in at `hub`. It runs until `kill`; `start` begins anew with nothing remembered.
+    Parts come in at `hub`, or at the server link given. After `kill`, `start` begins anew with nothing remembered.
     """
 
-    def __init__(self, bindings: dict[str, list[plug.PortBinding]], *, quiet: bool = True) -> None:
+    def __init__(self, bindings: dict[str, list[plug.PortBinding]], *, server: Link | None = None) -> None:
         self.bindings = bindings
         self.profile = ("MSBOT_MASTER", "MSBOT_V1", "X100Y100Z100", "8-4-2021", "MASSEY")
         self.refuse: plug.Refusal | None = None
@@ -175,7 +175,7 @@ class SmallMaster:
         self.parts: dict[int, str] = {}
         """Lease -> part number."""
         self.hub = InprocHub()
-        self._quiet = quiet
+        self._server = server or self.hub.server
         self._next_lease = 1
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -188,7 +188,7 @@ class SmallMaster:
         self.parts.clear()
         own = InprocHub()
         agent = Agent(MemorySpace(), epoch_ns=lambda: 0)
-        agent.add_link(self.hub.server)
+        agent.add_link(self._server)
         agent.add_link(own.server)
         self.agent = agent
         self.client = Client(own.connect(), key=0x4D000001, random=Random(1))

@@ -14,7 +14,7 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
-from msbot.errors import MsbotError
+from msbot.errors import ConfigError, MsbotError
 from msbot.link import Link, open_link
 from msbot.part.identity import parse_uid, stored_uid
 
@@ -42,17 +42,25 @@ def run(*parts: Part, args: list[str] | None = None) -> None:
         level=logging.WARNING if options.quiet else logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S"
     )
     try:
-        if options.uid is not None and len(parts) == 1:
-            parts[0].uid = parse_uid(options.uid)
-        for part in parts:
-            if part.uid is None:
-                part.uid = stored_uid(part.part_number, part.local_name)
+        _give_uids(parts, options.uid)
         links = [open_link(options.link) for _ in parts]
         with contextlib.suppress(KeyboardInterrupt):
             asyncio.run(_run_all(list(zip(parts, links, strict=True))))
     except MsbotError as error:
         sys.stderr.write(f"{_sentence(error)}\n")
         raise SystemExit(2) from None
+
+
+def _give_uids(parts: tuple[Part, ...], uid: str | None) -> None:
+    if not parts:
+        raise ConfigError("run() needs a part: run(part)")
+    if uid is not None and len(parts) > 1:
+        raise ConfigError(f"--uid is for a program with one part, this one has {len(parts)}")
+    for part in parts:
+        if uid is not None:
+            part.uid = parse_uid(uid)
+        elif part.uid is None:
+            part.uid = stored_uid(part.part_number, part.local_name)
 
 
 async def _run_all(pairs: list[tuple[Part, Link]]) -> None:
