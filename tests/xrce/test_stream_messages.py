@@ -18,7 +18,7 @@ def one(octets: bytes) -> Submessage:
     return submessage
 
 
-@given(U16, U16, OCTET, st.binary(min_size=1, max_size=100), st.booleans())
+@given(U16, U16, OCTET, st.binary(max_size=100), st.booleans())
 def test_round_trip(first: int, second: int, stream_id: int, piece: bytes, last: bool) -> None:
     submessages: list[Submessage] = [
         Acknack(first, second, stream_id),
@@ -30,7 +30,7 @@ def test_round_trip(first: int, second: int, stream_id: int, piece: bytes, last:
         assert one(submessage.encode()) == submessage
 
 
-@pytest.mark.parametrize("octets", ["0a010400 01000000", "0b010400 01000000", "0d010000"])
+@pytest.mark.parametrize("octets", ["0a010400 01000000", "0b010400 01000000"])
 def test_payload_cut_short_is_refused(octets: str) -> None:
     with pytest.raises(RemoteProtocolError):
         one(bytes.fromhex(octets))

@@ -6,7 +6,6 @@ import struct
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from msbot.errors import RemoteProtocolError
 from msbot.xrce.ids import SubmessageId
 from msbot.xrce.submessage import LITTLE_ENDIAN, frame, need
 
@@ -110,11 +109,5 @@ class Fragment:
 
     @classmethod
     def decode(cls, packet: bytes, start: int, end: int, flags: int) -> Self:
-        """Read it from `packet[start:end]`.
-
-        Raises:
-            RemoteProtocolError: there is nothing in it.
-        """
-        if end == start:
-            raise RemoteProtocolError("without contents")
+        """Read it from `packet[start:end]`; an empty piece is a piece."""
         return cls(packet[start:end], bool(flags & LAST_FRAGMENT))
