@@ -144,13 +144,14 @@ class ClientSession(Session[ClientEvent]):
         self._begin(ClientState.CONNECTING, now)
 
     def close(self, now: float) -> None:
-        """Delete the session at the agent; ends with SessionClosed.
+        """Delete the session at the agent; ends with SessionClosed. What the window has room for is sent before.
 
         Raises:
             LocalProtocolError: there is no session to close.
         """
         if self._state not in (ClientState.CONNECTING, ClientState.CONNECTED):
             raise LocalProtocolError(f"close: the session is {self._state.name}, there is nothing to close")
+        self._sender.flush()
         self._begin(ClientState.CLOSING, now)
 
     def create(

@@ -26,6 +26,8 @@ from msbot.xrce.submessage import HEADER_SIZE
 
 GUARD_MIN_S = 0.001
 """A message is not sent again twice within this time for ACKNACKs of the same gap."""
+PATIENCE_MAX = 5
+"""A HEARTBEAT waits at most that many periods, however long the round trip was."""
 
 QUEUE_FULL = "best-effort message: queue full, oldest dropped"
 TOO_LARGE = "unacknowledged message larger than the MTU"
@@ -279,5 +281,5 @@ class ReliableOutput:
         return float("inf") if self.round_trip_s is None else max(2 * self.round_trip_s, GUARD_MIN_S)
 
     def _patience(self, heartbeat_s: float) -> float:
-        # On a link slower than the HEARTBEAT period, an answer cannot be expected earlier than two round trips.
-        return max(heartbeat_s, 2 * (self.round_trip_s or 0.0))
+        # On a slow link the answer may still be on its way; but a client that was busy for long must not silence us.
+        return min(max(heartbeat_s, 2 * (self.round_trip_s or 0.0)), PATIENCE_MAX * heartbeat_s)

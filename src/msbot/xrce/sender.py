@@ -153,7 +153,7 @@ class Sender:
 
     def timer(self) -> float | None:
         """When the next HEARTBEAT is due; None while messages wait to be pulled or nothing is unacknowledged."""
-        if self.outbox:
+        if not self.is_idle:
             return None
         due: float | None = None
         for stream in self._reliable.values():
