@@ -1,8 +1,8 @@
 """Feeds the clients' half of recorded dialogues into our agent and compares the answers with the genuine agent's.
 
 What must be equal, in order for each stream of each client: kind, request and object ids, statuses, payloads, sequence
-numbers, acknowledgements. What cannot be: HEARTBEATs (they follow timers, not messages), clocks in TIMESTAMP_REPLY, and the
-GUIDs in front of requests; those are matched in order and put into the recorded replies, as the client would have.
+numbers, acknowledgements. What cannot be: HEARTBEATs (they follow timers, not messages), clocks in TIMESTAMP_REPLY,
+and the GUIDs in front of requests; ours are put into the recorded replies, as the client would have done.
 """
 
 from __future__ import annotations

@@ -265,6 +265,29 @@ class WiredClient:
             await self.read(object_id, stream_id)
         return object_id
 
+    def book_writer(self, topic: str, *, number: int = 1, type_name: str = "T", qos: EndpointQos = RELIABLE_QOS) -> int:
+        """Ask for a writer and what it needs without waiting for the statuses; returns its object id."""
+        topic_id = make_object_id(number, ObjectKind.TOPIC)
+        object_id = make_object_id(number, ObjectKind.DATAWRITER)
+        self.session.create(PARTICIPANT, participant_variant("test"))
+        self.session.create(topic_id, topic_variant(topic, type_name, PARTICIPANT))
+        self.session.create(PUBLISHER, publisher_variant(PARTICIPANT))
+        self.session.create(object_id, writer_variant(topic_id, PUBLISHER, qos))
+        self.transmit()
+        return object_id
+
+    def book_reader(self, topic: str, *, number: int = 1, type_name: str = "T", qos: EndpointQos = RELIABLE_QOS) -> int:
+        """Ask for a reader, what it needs and its samples without waiting for the statuses; returns its object id."""
+        topic_id = make_object_id(number, ObjectKind.TOPIC)
+        object_id = make_object_id(number, ObjectKind.DATAREADER)
+        self.session.create(PARTICIPANT, participant_variant("test"))
+        self.session.create(topic_id, topic_variant(topic, type_name, PARTICIPANT))
+        self.session.create(SUBSCRIBER, subscriber_variant(PARTICIPANT))
+        self.session.create(object_id, reader_variant(topic_id, SUBSCRIBER, qos))
+        self.session.read(object_id, STREAM_RELIABLE, UNLIMITED)
+        self.transmit()
+        return object_id
+
     async def read(self, object_id: int, stream_id: int, control: DeliveryControl | None = UNLIMITED) -> int:
         """Start reading; returns the request id that the samples carry."""
         request_id = self.session.read(object_id, stream_id, control)
@@ -290,6 +313,12 @@ class WiredClient:
         for object_id, variant in variants.items():
             status = await self.create(object_id, variant)
             assert status in (Status.OK, Status.OK_MATCHED), f"object {object_id:04X}: status 0x{status:02X}"
+
+    def take(self, kind: type[ClientEvent]) -> list[ClientEvent]:
+        """The events of that class so far, which are taken out."""
+        found = [event for event in self.events if isinstance(event, kind)]
+        self.events = [event for event in self.events if not isinstance(event, kind)]
+        return found
 
     def _receive(self, packet: bytes) -> None:
         if self.unplugged or self._lose(packet):

@@ -8,7 +8,6 @@ only: `WriteSide.write` of one client, the space, `ReadSide.deliver` of the othe
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from typing import Protocol
 
 from msbot.agent.delivery import NEVER, ReadTask
@@ -21,12 +20,13 @@ class EndpointHost(Protocol):
     """What an endpoint needs of the client it belongs to."""
 
     space: Space
-    clock: Callable[[], float]
-    """Monotonic time in seconds; asked only for reads with limits."""
     max_requests: int
     """Open requests that a requester may have."""
     own_filter: Shape | None
     """For data readers of a client that does not want its own samples back."""
+
+    def clock(self) -> float:
+        """Monotonic time in seconds; asked only for reads with limits and when a read begins."""
 
     def traffic_of(self, topic: str) -> TopicTraffic:
         """The counters of that topic."""

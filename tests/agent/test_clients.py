@@ -1,0 +1,77 @@
+"""Which client a packet belongs to."""
+
+from __future__ import annotations
+
+import pytest
+
+from msbot.agent.clients import ClientTable, Port
+from msbot.agent.gate import ClientInfo, OpenGate
+from msbot.agent.proxy import Proxy, Surroundings
+from msbot.agent.settings import AgentSettings
+from msbot.link import Peer
+from msbot.space import MemorySpace
+from msbot.xrce import AgentSession
+from tests.agent.wiring import FakeLink
+
+
+@pytest.fixture
+def port() -> Port:
+    return Port(FakeLink(), batch=None)
+
+
+def client(key: int, session_id: int = 0x81, peer: Peer = "peer") -> Proxy:
+    surroundings = Surroundings(
+        space=MemorySpace(),
+        gate=OpenGate(),
+        settings=AgentSettings(),
+        clock=lambda: 0.0,
+        agent_id=bytes(8),
+        mark=lambda _: None,
+    )
+    session = AgentSession(key, session_id, 508, epoch_ns=lambda: 0)
+    return Proxy(ClientInfo(key, "fake:", peer, str(peer)), session, surroundings, 0.0, dead_after_s=30.0)
+
+
+def test_a_client_is_found_by_key_and_by_address(port: Port) -> None:
+    table = ClientTable()
+    proxy = client(7)
+    table.place(proxy, port, "here")
+    assert table.by_key(7) is proxy
+    assert port.clients == {"here": proxy}
+    assert table.place_of(proxy) == (port, "here")
+    assert (len(table), list(table)) == (1, [proxy])
+
+
+def test_a_client_that_moves_leaves_its_old_address(port: Port) -> None:
+    table = ClientTable()
+    proxy = client(7)
+    table.place(proxy, port, "here")
+    proxy.is_blocked = True
+    port.blocked[proxy] = None
+    other = Port(FakeLink(), batch=None)
+    table.place(proxy, other, "there")
+    assert not port.clients
+    assert not port.blocked
+    assert not proxy.is_blocked
+    assert other.clients == {"there": proxy}
+    assert len(table) == 1
+
+
+def test_only_sessions_below_0x80_are_found_by_the_key_in_a_header(port: Port) -> None:
+    table = ClientTable()
+    for key, session_id in ((1, 0x01), (2, 0x81)):
+        table.place(client(key, session_id), port, key)
+    assert table.keyed(1) is table.by_key(1)
+    assert table.keyed(2) is None
+    assert table.keyed(3) is None
+
+
+def test_a_removed_client_is_gone_everywhere(port: Port) -> None:
+    table = ClientTable()
+    proxy = client(7)
+    table.place(proxy, port, "here")
+    assert table.remove(proxy)
+    assert not table.remove(proxy)
+    assert table.by_key(7) is None
+    assert table.place_of(proxy) is None
+    assert not port.clients

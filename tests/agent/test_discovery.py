@@ -1,0 +1,85 @@
+"""Clients find the agent by multicast (case 72 of the reference)."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import AsyncIterator
+
+import pytest
+
+from msbot.agent import DISCOVERY_GROUP, DiscoveryResponder, host_addresses
+from msbot.agent.discovery import discovery_answer
+from msbot.errors import LinkDown
+
+QUESTION = bytes.fromhex("80000000 02010800 0009fffd 03000000")
+
+
+def test_the_answer_names_every_address() -> None:
+    # seen: two interfaces, port 28889
+    expected = bytes.fromhex(
+        "80000000 06012c00 0009fffd 0000 01 0d 58524345 0100 010f 00 01 0d 00 0100 0000 02000000"
+        "01 7f000001 00 d970 01 c0000202 00 d970"
+    )
+    assert discovery_answer(QUESTION, lambda: ["127.0.0.1", "192.0.2.2"], 28889) == expected
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [b"", b"\x80", QUESTION[:12], b"\x81" + QUESTION[1:], bytes.fromhex("80000000 0c010000"), bytes(16)],
+)
+def test_other_packets_are_not_answered(packet: bytes) -> None:
+    assert discovery_answer(packet, lambda: ["127.0.0.1"], 8888) is None
+
+
+def test_this_machine_has_at_least_the_loopback_address() -> None:
+    assert "127.0.0.1" in host_addresses()
+
+
+@contextlib.asynccontextmanager
+async def running(responder: DiscoveryResponder) -> AsyncIterator[int]:
+    """The responder on a free port, which is yielded."""
+    task = asyncio.create_task(responder.run())
+    while responder.address is None and not task.done():  # noqa: ASYNC110 - one turn is enough
+        await asyncio.sleep(0)
+    assert responder.address is not None
+    try:
+        yield responder.address[1]
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+async def ask(address: tuple[str, int], packet: bytes) -> bytes:
+    """One question from an ephemeral port, and the answer."""
+    loop = asyncio.get_running_loop()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.setblocking(False)
+        sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+        sock.bind(("127.0.0.1", 0))
+        await loop.sock_sendto(sock, b"junk", address)
+        await loop.sock_sendto(sock, packet, address)
+        async with asyncio.timeout(5):
+            return await loop.sock_recv(sock, 2048)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", DISCOVERY_GROUP])
+async def test_a_client_that_asks_is_told_the_service_port(host: str) -> None:
+    responder = DiscoveryResponder(3018, port=0, interface="127.0.0.1")
+    async with running(responder) as port:
+        answer = await ask((host, port), QUESTION)
+    assert answer == discovery_answer(QUESTION, lambda: ["127.0.0.1"], 3018)
+    assert responder.answers == 1
+    assert responder.address is None
+
+
+async def test_without_an_interface_all_addresses_are_announced() -> None:
+    async with running(DiscoveryResponder(3018, port=0)) as port:
+        answer = await ask(("127.0.0.1", port), QUESTION)
+    assert answer == discovery_answer(QUESTION, host_addresses, 3018)
+
+
+async def test_an_interface_that_is_not_there_is_said_in_words() -> None:
+    with pytest.raises(LinkDown, match=r"discovery on 239\.255\.0\.2:7400 is not possible"):
+        await DiscoveryResponder(3018, interface="192.0.2.77").run()
