@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError, RemoteProtocolError
+from msbot.errors import RemoteProtocolError
 from msbot.xrce import Data, DeliveryControl, ReadData, Submessage, WriteData, iter_submessages
 
 U16 = st.integers(0, 0xFFFF)
@@ -42,16 +42,18 @@ def test_other_formats_than_data_are_refused(submessage_id: int, flags: int, nam
         one(bytes.fromhex(f"{submessage_id:02x}{flags:02x}0800 001e0015 00000000"))
 
 
-@pytest.mark.parametrize("length", [0, 1, 2, 3])
+@pytest.mark.parametrize("length", [1, 2, 3])
 def test_data_of_less_than_4_octets_is_refused(length: int) -> None:
     with pytest.raises(RemoteProtocolError, match="DATA: "):
         one(bytes.fromhex(f"0901{length:02x}00 000000"))
 
 
-def test_data_of_64_kib_does_not_fit() -> None:
-    assert one(Data(1, 2, bytes(65531)).encode()) == Data(1, 2, bytes(65531))
-    with pytest.raises(LocalProtocolError, match="at most 65531"):
-        Data(1, 2, bytes(65532)).encode()
+@pytest.mark.parametrize("make", [WriteData, Data])
+@pytest.mark.parametrize(("size", "length"), [(65531, "ffff"), (65532, "0000"), (200_000, "0000")])
+def test_samples_above_64_kib_have_length_0(make: type[WriteData | Data], size: int, length: str) -> None:
+    sample = make(1, 2, bytes(size))
+    assert sample.encode()[2:4].hex() == length
+    assert one(sample.encode()) == sample
 
 
 @given(

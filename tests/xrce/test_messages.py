@@ -126,16 +126,6 @@ def test_write_data_of_length_0_reaches_to_the_end_of_the_message() -> None:
     assert decode(packet)[1] == [WriteData(31, 0x0015, bytes(range(5)))]
 
 
-def test_write_data_above_64_kib_is_sent_with_length_0() -> None:
-    write = WriteData(31, 0x0015, bytes(0xFFFF - 3))
-    body = write.encode()
-    assert body[:4] == bytes.fromhex("07010000")
-    assert list(iter_submessages(body, 0)) == [write]
-    largest = WriteData(31, 0x0015, bytes(0xFFFF - 4))
-    assert largest.encode()[:4] == bytes.fromhex("0701ffff")
-    assert list(iter_submessages(largest.encode(), 0)) == [largest]
-
-
 @pytest.mark.parametrize("length", [1, 2, 3])
 def test_write_data_of_1_to_3_octets_is_refused(length: int) -> None:
     # The genuine agent aborts here.

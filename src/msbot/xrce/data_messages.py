@@ -10,16 +10,13 @@ import struct
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from msbot.errors import LocalProtocolError, RemoteProtocolError
+from msbot.errors import RemoteProtocolError
 from msbot.xrce.cdr import CdrReader, CdrWriter
 from msbot.xrce.ids import SubmessageId
 from msbot.xrce.submessage import LITTLE_ENDIAN, MAX_LENGTH, frame
 
 FORMAT_MASK = 0x0E
 FORMAT_NAMES = {0x00: "DATA", 0x02: "SAMPLE", 0x08: "DATA_SEQ", 0x0A: "SAMPLE_SEQ", 0x0E: "PACKED_SAMPLES"}
-
-MAX_PAYLOAD = MAX_LENGTH - 4
-"""Largest sample in octets whose length can be told in a submessage header."""
 
 _IDS = struct.Struct(">HH")
 _DATA = struct.Struct("<BBHBBBB")
@@ -37,9 +34,7 @@ class WriteData:
 
     def encode(self) -> bytes:
         """The whole submessage; above 65531 octets its length is 0, then it must be the last of its message."""
-        length = len(self.payload) + 4
-        # eProsima's way to exceed 64 KiB: length 0 means "to the end of the message" (seen on the wire).
-        return _head(self.ID, length if length <= MAX_LENGTH else 0, self.request_id, self.object_id) + self.payload
+        return _head(self.ID, len(self.payload) + 4, self.request_id, self.object_id) + self.payload
 
     @classmethod
     def decode(cls, packet: bytes, start: int, end: int, flags: int) -> Self:
@@ -66,15 +61,8 @@ class Data:
     payload: bytes
 
     def encode(self) -> bytes:
-        """The whole submessage.
-
-        Raises:
-            LocalProtocolError: more than 65531 octets.
-        """
-        length = len(self.payload) + 4
-        if length > MAX_LENGTH:
-            raise LocalProtocolError(f"a DATA carries at most {MAX_PAYLOAD} octets, not {len(self.payload)}")
-        return _head(self.ID, length, self.request_id, self.object_id) + self.payload
+        """The whole submessage; above 65531 octets its length is 0, then it must be the last of its message."""
+        return _head(self.ID, len(self.payload) + 4, self.request_id, self.object_id) + self.payload
 
     @classmethod
     def decode(cls, packet: bytes, start: int, end: int, flags: int) -> Self:
@@ -90,6 +78,9 @@ class Data:
 
 
 def _head(submessage_id: int, length: int, request_id: int, object_id: int) -> bytes:
+    if length > MAX_LENGTH:
+        # eProsima's way to exceed 64 KiB: length 0 means "to the end of the message" (seen on the wire).
+        length = 0
     # One Struct for both headers: the ids are big endian, hence octet by octet.
     return _DATA.pack(
         submessage_id, LITTLE_ENDIAN, length, request_id >> 8, request_id & 0xFF, object_id >> 8, object_id & 0xFF

@@ -5,7 +5,8 @@ payload is as its flag says. The genuine peers do not use the length to find the
 unknown submessages can be skipped, with two exceptions that stock clients need:
 
 * CREATE_CLIENT is read by its contents: C clients leave the properties out of the length;
-* WRITE_DATA of length 0 reaches to the end of the message: eProsima's way to carry more than 64 KiB.
+* WRITE_DATA of length 0 reaches to the end of the message: eProsima's way to carry more than 64 KiB. Between our own
+  peers DATA does the same.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ _HEADER = struct.Struct("<BBH")
 _SUBMESSAGE = struct.Struct("<BBH")
 
 _CREATE_CLIENT = int(CreateClient.ID)
-_WRITE_DATA = int(WriteData.ID)
+_DATA_IDS = (int(WriteData.ID), int(Data.ID))
 
 _Decode: TypeAlias = Callable[[bytes, int, int, int], Submessage]
 _DECODERS: dict[int, _Decode] = {
@@ -159,7 +160,7 @@ def iter_submessages(packet: bytes, offset: int) -> Iterator[Submessage]:
                 client, end = CreateClient.decode_by_content(packet, start, size, flags)
                 yield client
             else:
-                end = size if length == 0 and submessage_id == _WRITE_DATA else start + length
+                end = size if length == 0 and submessage_id in _DATA_IDS else start + length
                 if end > size:
                     raise RemoteProtocolError(f"{length} octets announced where {size - start} are left")
                 decode = _DECODERS.get(submessage_id)
