@@ -137,9 +137,10 @@ class _Ports:
         elif slot is None:
             right = suggestion(endpoint.slot, list(self._slots), none_known="add the slot first")
             table.problem(f'"{endpoint}": there is no slot "{endpoint.slot}"; {right}', *steps)
-        elif part_type := self._library.get(slot.part):
-            if _check_port(table, binding, endpoint, part_type, direction, *steps):
-                self._check_one_topic(table, binding, endpoint, direction, *steps)
+        elif (part_type := self._library.get(slot.part)) and _check_port(
+            table, binding, endpoint, part_type, direction, *steps
+        ):
+            self._check_one_topic(table, binding, endpoint, direction, *steps)
 
     def _check_one_topic(
         self, table: Table, binding: Binding, endpoint: Endpoint, direction: Direction, *steps: str | int

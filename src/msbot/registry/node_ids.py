@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from msbot.link.can_nodes import MemoryNodeIds
+from msbot.link import MemoryNodeIds
 from msbot.registry import store
 from msbot.registry.writer import Writer
 

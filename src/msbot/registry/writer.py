@@ -52,7 +52,9 @@ class Writer:
         self._waiting: deque[Change] = deque()
         self._in_hand: Sequence[Change] = ()
         self._fault = ""
-        self._failures = 0
+        self._tries = 0
+        self._last_failed = 0
+        """Number of the last try that failed."""
         self._hurry = False
         self._closing = False
         self._thread = Thread(target=self._serve, name="msbot registry writer", daemon=True)
@@ -88,10 +90,11 @@ class Writer:
         """Wait until everything handed over is stored; False: a try has just failed, or it took too long."""
         until = monotonic() + timeout_s
         with self._changed:
-            failures = self._failures
-            self._hurry = True
+            # A try that runs already may have met what has been mended since; the next one counts.
+            last_try = self._tries
+            self._hurry = self.pending > 0
             self._changed.notify_all()
-            while self.pending and self._failures == failures and self._thread.is_alive():
+            while self.pending and self._last_failed <= last_try and self._thread.is_alive():
                 if not self._changed.wait(until - monotonic()):
                     break
             return not self.pending
@@ -108,8 +111,8 @@ class Writer:
                        self._database, left, self._fault or "it is too slow")  # fmt: skip
 
     def _serve(self) -> None:
-        while self._take():
-            self._store()
+        while self._take() and self._store():
+            pass
 
     def _take(self) -> bool:
         """Take the next changes in hand; False when the writer shall end."""
@@ -121,8 +124,8 @@ class Writer:
             self._in_hand = [self._waiting.popleft() for _ in range(min(BATCH, len(self._waiting)))]
             return True
 
-    def _store(self) -> None:
-        """Store what is in hand; returns when that is done, or when the writer shall end."""
+    def _store(self) -> bool:
+        """Store what is in hand; False: the writer shall end before that could be done."""
         pause_s = self._first_retry_s
         at_once = len(self._in_hand)
         while self._in_hand:
@@ -133,15 +136,18 @@ class Writer:
                 pause_s = self._first_retry_s
             elif is_about_the_database(error):
                 if not self._wait_after(error, pause_s):
-                    return
+                    return False
                 pause_s = min(2 * pause_s, LONGEST_RETRY_S)
             elif at_once > 1:
                 at_once = 1  # find the one that is wrong
             else:
                 self._give_up(error)
+        return True
 
     def _try(self, changes: Sequence[Change]) -> Exception | None:
         """Store all of the changes or none; gives the error."""
+        with self._changed:
+            self._tries += 1
         try:
             with self._engine.connect() as connection, connection.begin():
                 for change in changes:
@@ -165,7 +171,7 @@ class Writer:
                 _log.warning("the database %s %s; until then changes are kept in memory", self._database,
                              fault_words(error))  # fmt: skip
             self._fault = fault_words(error)
-            self._failures += 1
+            self._last_failed = self._tries
             self._changed.notify_all()
             self._changed.wait_for(lambda: self._hurry or self._closing, pause_s)
             self._hurry = False

@@ -1,0 +1,19 @@
+"""What the registry gives back."""
+
+import dataclasses
+
+from msbot.registry.records import PartRecord, uid_text
+
+PART = PartRecord("R", b"", "ABCD", "ABCD-local", "AA", "active", "because", "udp", 1, 2)
+
+
+def test_a_part_is_called_by_its_local_name_else_slot_else_number() -> None:
+    assert PART.name == "ABCD-local"
+    assert dataclasses.replace(PART, local_name="").name == "AA"
+    assert dataclasses.replace(PART, local_name="", slot=None).name == "ABCD"
+
+
+def test_a_uid_is_16_digits_and_no_uid_is_empty() -> None:
+    assert uid_text(bytes.fromhex("00112233445566ff")) == "00112233445566ff"
+    assert uid_text(b"") == ""
+    assert uid_text(bytes(8)) == ""

@@ -1,0 +1,147 @@
+"""Opening, locking, closing: a real file, other connections, other processes."""
+
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from msbot.config import Blueprint, Library
+from msbot.errors import RegistryError
+from msbot.pnp import PartState
+from msbot.registry import Registry, open_registry
+from tests.registry.events import changed
+
+LOCKED = (
+    "is locked by another program: close the other msbot or database tool that writes to it, or choose another --db"
+)
+
+
+def _refused(path: Path) -> str:
+    with pytest.raises(RegistryError) as caught:
+        open_registry(path, busy_timeout_s=0.01)
+    return str(caught.value)
+
+
+def test_a_database_is_made_and_opened_again(path: Path, blueprint: Blueprint, library: Library) -> None:
+    with open_registry(path) as registry:
+        robot = registry.apply_blueprint(blueprint, library)
+        assert registry.database == str(path)
+    with open_registry(f"sqlite:///{path}", create=False) as registry:
+        assert registry.robots() == [robot]
+
+
+def test_nothing_is_made_when_it_shall_not_be(path: Path) -> None:
+    with pytest.raises(RegistryError, match="there is no database"):
+        open_registry(path, create=False)
+    with pytest.raises(RegistryError, match="there is no database"):
+        open_registry(path, read_only=True)
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("lock", ["BEGIN EXCLUSIVE", "BEGIN IMMEDIATE"])
+def test_a_new_database_that_another_program_holds(path: Path, lock: str) -> None:
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute(lock)
+        assert _refused(path) == f"the database {path} {LOCKED}"
+
+
+def test_a_database_that_another_program_writes_can_be_read_but_not_changed(
+    impatient: Registry, path: Path, blueprint: Blueprint, library: Library
+) -> None:
+    robot = impatient.apply_blueprint(blueprint, library)
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        assert impatient.robots() == [robot]
+        with pytest.raises(RegistryError) as caught:
+            impatient.apply_blueprint(blueprint, library)
+        assert str(caught.value) == f"the database {path} {LOCKED}"
+    impatient.apply_blueprint(blueprint, library)
+
+
+def test_a_running_robot_is_not_disturbed_by_a_lock(
+    impatient: Registry, path: Path, blueprint: Blueprint, library: Library
+) -> None:
+    store = impatient.store_for(impatient.apply_blueprint(blueprint, library))
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        store.journal(changed(PartState.ACTIVE))
+        assert not impatient.flush()
+        assert impatient.trouble == (
+            f"the database {path} {LOCKED}; 1 changes are kept in memory and stored as soon as it can be written"
+        )
+    assert impatient.flush()
+    assert impatient.trouble is None
+    assert impatient.lost == 0
+    assert [part.state for part in impatient.parts()] == ["active"]
+
+
+def test_a_damaged_database(path: Path, blueprint: Blueprint, library: Library) -> None:
+    with open_registry(path) as registry:
+        registry.apply_blueprint(blueprint, library)
+    octets = bytearray(path.read_bytes())
+    octets[100:] = b"\xff" * (len(octets) - 100)
+    path.write_bytes(octets)
+    assert _refused(path) == (
+        f"the database {path} is damaged: move the file away and put a backup in its place, or choose another --db"
+    )
+
+
+def test_reading_only_changes_nothing(registry: Registry, path: Path, blueprint: Blueprint, library: Library) -> None:
+    robot = registry.apply_blueprint(blueprint, library)
+    store = registry.store_for(robot)
+    store.journal(changed(PartState.ACTIVE))
+    registry.flush()
+    with open_registry(path, read_only=True) as reader:
+        assert [part.state for part in reader.parts(robot)] == ["active"]
+        assert [entry.number for entry in reader.journal()] == [1]
+        assert (reader.trouble, reader.lost, reader.flush()) == (None, 0, True)
+        for write in (
+            lambda: reader.apply_blueprint(blueprint, library),
+            lambda: reader.store_for(robot),
+            lambda: reader.node_ids(robot, "can:can0"),
+            lambda: reader.block("why", number="ABCD"),
+        ):
+            with pytest.raises(RegistryError, match="was opened for reading only"):
+                write()
+
+
+def test_a_registry_that_cannot_be_opened_leaves_no_thread_and_no_connection(path: Path) -> None:
+    path.write_bytes(b"SQLite format 3\0 but then nothing that makes sense" * 100)
+    assert "is no database" in _refused(path) or "is damaged" in _refused(path)
+    path.unlink()
+    open_registry(path).close()
+
+
+READER = """
+import sys
+from msbot.registry import open_registry
+
+print("ready", flush=True)
+last = 0
+with open_registry(sys.argv[1], read_only=True) as registry:
+    while last < int(sys.argv[2]):
+        numbers = [entry.number for entry in registry.journal(10_000)]
+        assert numbers == list(range(1, len(numbers) + 1)), numbers
+        assert len(numbers) >= last
+        last = len(numbers)
+print("read", last)
+"""
+
+
+def test_another_process_reads_while_this_one_writes(
+    registry: Registry, path: Path, blueprint: Blueprint, library: Library
+) -> None:
+    store = registry.store_for(registry.apply_blueprint(blueprint, library))
+    command = [sys.executable, "-W", "error", "-c", READER, str(path), "300"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as reader:
+        assert reader.stdout is not None
+        assert reader.stderr is not None
+        assert reader.stdout.readline() == "ready\n"
+        for _ in range(300):
+            store.journal(changed(PartState.ACTIVE))
+            assert registry.flush()
+        out, err = reader.communicate(timeout=60)
+    assert (out, err) == ("read 300\n", "")
