@@ -16,6 +16,8 @@ from msbot.part.part import Part
 from msbot.part.run import run
 from tests.part.wire import SmallMaster, publishes
 
+TWO = {"ABCD": [publishes("out", "T")], "EFGH": [publishes("out", "U")]}
+
 PROGRAM = """
 from msbot import HelloWorld, Part, run
 
@@ -35,9 +37,8 @@ run(*parts)
 
 
 @asynccontextmanager
-async def master_on_udp() -> AsyncIterator[tuple[SmallMaster, str]]:
+async def master_on_udp(bindings: dict[str, list[plug.PortBinding]]) -> AsyncIterator[tuple[SmallMaster, str]]:
     server = UdpServerLink("127.0.0.1", 0)
-    bindings: dict[str, list[plug.PortBinding]] = {"ABCD": [publishes("out", "T")], "EFGH": [publishes("out", "U")]}
     master = SmallMaster(bindings, server=server)
     master.start()
     await until(lambda: server.port != 0)
@@ -70,7 +71,7 @@ async def start(
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 async def test_a_program_joins_over_udp_and_ends_politely_on_a_signal(tmp_path: Path, number: signal.Signals) -> None:
-    async with master_on_udp() as (master, link):
+    async with master_on_udp(TWO) as (master, link):
         process = await start(tmp_path, link, "--quiet", numbers="AE")
         await until(
             lambda: len(master.parts) == 2 and [kind for kind, _ in master.requests].count("configuration") == 2
@@ -86,7 +87,7 @@ async def test_a_program_joins_over_udp_and_ends_politely_on_a_signal(tmp_path: 
 
 
 async def test_a_wrong_port_is_one_sentence_and_status_2(tmp_path: Path) -> None:
-    async with master_on_udp() as (_, link):
+    async with master_on_udp(TWO) as (_, link):
         process = await start(tmp_path, link, "--quiet", port="outt")
         _, err = await process.communicate()
         assert process.returncode == 2
@@ -95,7 +96,7 @@ async def test_a_wrong_port_is_one_sentence_and_status_2(tmp_path: Path) -> None
 
 
 async def test_the_story_of_the_part_is_told_unless_quiet(tmp_path: Path) -> None:
-    async with master_on_udp() as (master, link):
+    async with master_on_udp(TWO) as (master, link):
         process = await start(tmp_path, link)
         await until(lambda: ("configuration", "ABCD") in master.requests)
         process.send_signal(signal.SIGINT)

@@ -1,0 +1,15 @@
+from msbot import Message, Part, float32
+
+part = Part("LUX-1", local_name="left eye")  # a kind of your own: docs/tutorial/first_part.md shows its library file
+
+
+class Light(Message):
+    lux: float32
+
+
+@part.every(0.5)
+def measure():
+    part.publish("light", Light(lux=42.0 * float(part.settings.get("gain", "1"))))
+
+
+part.run()
