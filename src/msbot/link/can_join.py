@@ -46,8 +46,9 @@ BEACON_PERIOD_S: Final = 1.0
 BEACON_TIMEOUT_S: Final = 3.5
 """Without a beacon for this long a part has lost its master."""
 FIRST_PAUSE_S: Final = 0.010
-LONGEST_PAUSE_S: Final = 1.0
 JITTER: Final = 0.25
+LONGEST_PAUSE_S: Final = 1.0 / (1 + JITTER)
+"""So that no pause is longer than 1 s, and the jitter still spreads the parts of a bus without a master."""
 STARTING_S: Final = 1.5
 """While a master starts, another master's beacon stops it; the other answers ours at once, so this is ample."""
 SILENT_S: Final = 10.0
@@ -151,7 +152,7 @@ class ComponentJoin:
             return False
         self._awaiting_departure = False
         jitter = 1 + JITTER * (2 * self._random.random() - 1)
-        self._due = now + min(self._pause * jitter, LONGEST_PAUSE_S)
+        self._due = now + self._pause * jitter
         self._pause = min(2 * self._pause, LONGEST_PAUSE_S)
         return True
 

@@ -185,8 +185,9 @@ class CanPort:
             self._owner.bus_down(reason, lost, now)
 
     def _wake(self) -> None:
+        now = self.now() if self._timer_at is None else max(self.now(), self._timer_at)
         self._timer = self._timer_at = None
-        self._owner.handle_timer(self.now())
+        self._owner.handle_timer(now)
         self.arm()
 
     def _frame(self, frame: Frame, now: float) -> None:

@@ -46,6 +46,8 @@ class BusCounters:
     """Frames that went well."""
     bits: int = 0
     """Bits on the bus, intermission and error frames included."""
+    busy_s: float = 0.0
+    """Time in seconds that these bits took."""
     errors: int = 0
     """Attempts that failed."""
     by_error: dict[str, int] = field(default_factory=dict)

@@ -323,6 +323,7 @@ class SimBus:
 
     def _account(self, attempt: Attempt) -> None:
         self.counters.bits += attempt.bits
+        self.counters.busy_s += attempt.free_at - attempt.starts_at
         if attempt.sent or (attempt.received and not attempt.error):
             self.counters.frames += 1
         if attempt.error:
