@@ -1,0 +1,33 @@
+"""The reference page says what the code says."""
+
+from dataclasses import fields
+from pathlib import Path
+
+from msbot.part.client_settings import ClientSettings
+from msbot.part.joining import TRANSITIONS, JoinEvent, JoinState
+from msbot.part.part import Part, PartCounters
+
+PAGE = (Path(__file__).parents[2] / "docs/reference/part.md").read_text()
+
+
+def test_the_diagram_is_the_table_of_transitions() -> None:
+    edges: dict[tuple[JoinState, JoinState], list[JoinEvent]] = {}
+    for (before, event), after in TRANSITIONS.items():
+        if event is not JoinEvent.STOP:
+            edges.setdefault((before, after), []).append(event)
+    drawn = PAGE.partition("stateDiagram-v2\n")[2].partition("```")[0].splitlines()
+    assert drawn[1:] == [
+        f"    {name(before)} --> {name(after)}: {', '.join(event.value for event in events)}"
+        for (before, after), events in edges.items()
+    ]
+
+
+def name(state: JoinState) -> str:
+    return state.value.replace(" ", "_")
+
+
+def test_every_setting_counter_and_public_name_of_a_part_is_listed() -> None:
+    names = [field.name for field in (*fields(ClientSettings), *fields(PartCounters))]
+    names += [name for name in vars(Part) if not name.startswith("_")]
+    missing = [name for name in names if f"`{name}" not in PAGE and f"part.{name}" not in PAGE]
+    assert missing == []
