@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from sqlalchemy import Engine
+from sqlalchemy import Engine, create_mock_engine
 
 from msbot.config import Blueprint, Library
 from msbot.errors import RegistryError
-from msbot.registry import Registry, open_registry
+from msbot.registry import Registry, open_registry, schema
 from msbot.registry.engine import make_engine, parse_address
 from msbot.registry.schema import Migrations, bring_up_to_date, check_schema, folder_migrations, own_migrations
 from msbot.registry.tables import metadata
@@ -66,6 +66,14 @@ def test_the_migrations_make_the_tables_of_the_code(path: Path, engine: Engine) 
 
 def test_every_column_has_a_comment() -> None:
     assert [column for table in metadata.sorted_tables for column in table.columns if not column.comment] == []
+
+
+def test_a_server_gets_the_comments_too() -> None:
+    statements: list[str] = []
+    engine = create_mock_engine("postgresql+psycopg://", lambda element, *_, **__: statements.append(str(element)))
+    schema._write_comments(engine)  # type: ignore[arg-type]  # it stands in for a connection
+    assert "COMMENT ON COLUMN parts.uid IS 'UID of the hardware, empty when it has none'" in statements
+    assert len(statements) == sum(len(table.columns) for table in metadata.sorted_tables)
 
 
 def test_a_second_process_that_was_quicker_is_noticed(path: Path, engine: Engine) -> None:

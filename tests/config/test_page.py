@@ -1,0 +1,93 @@
+"""`docs/reference/blueprint.md` names every key, and its sample is the one that is written."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from msbot.config import PRESETS, SAMPLE_ROBOT_TOML, load_blueprint, load_library
+from msbot.config.check import RESERVED_TOPICS
+from msbot.config.reader import Table
+
+PAGE = (Path(__file__).parents[2] / "docs/reference/blueprint.md").read_text()
+
+TYPE = """
+number = "X"
+name = "x"
+[[port]]
+name = "p"
+direction = "subscribe"
+type = "T"
+safe = {}
+[[parameter]]
+name = "q"
+type = "int"
+default = 1
+min = 0
+max = 2
+"""
+
+
+def _sections() -> dict[str, str]:
+    """Text of the page by heading, without brackets and backticks."""
+    parts = re.split(r"(?m)^##+ (.*)$", PAGE)
+    return {heading.strip("`[]"): text for heading, text in zip(parts[1::2], parts[2::2], strict=True)}
+
+
+@pytest.fixture
+def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> set[tuple[str, str]]:
+    """(table, key) for everything the reader looks for."""
+    asked: set[tuple[str, str]] = set()
+    get = Table._get
+
+    def note(table: Table, key: str) -> object:
+        names = [step for step in table.path if isinstance(step, str)]
+        if not {"safe", "settings"}.intersection(names):
+            asked.add((names[-1] if names else "", key))
+        return get(table, key)
+
+    monkeypatch.setattr(Table, "_get", note)
+    folder = tmp_path / "library"
+    folder.mkdir()
+    (folder / "x.toml").write_text(TYPE)
+    library = load_library(folder)
+    asked = {(table or "The part library", key) for table, key in asked}
+    path = tmp_path / "robot.toml"
+    path.write_text(SAMPLE_ROBOT_TOML)
+    load_blueprint(path, library)
+    return asked
+
+
+def test_every_key_has_a_row_in_its_table(asked: set[tuple[str, str]]) -> None:
+    sections = _sections()
+    missing = [(table, key) for table, key in asked if table and f"| `{key}` |" not in sections[table]]
+    assert missing == []
+    assert {key for table, key in asked if not table} <= set(sections)
+
+
+def test_every_row_is_a_key(asked: set[tuple[str, str]]) -> None:
+    for heading, text in _sections().items():
+        for key in re.findall(r"(?m)^\| `(\w+)` \|", text):
+            assert (heading, key) in asked
+
+
+def test_the_sample_is_the_one_that_is_written() -> None:
+    assert f"```toml\n{SAMPLE_ROBOT_TOML}```" in PAGE
+
+
+def test_the_values_of_the_presets_are_right() -> None:
+    thesis, fast = PRESETS["thesis"], PRESETS["fast"]
+    for key in ("beat_period_s", "tick_period_s", "life", "profile_period_s"):
+        assert re.search(rf"\| `{key}` \|.*\| {getattr(thesis, key)} \| {getattr(fast, key)} \|", PAGE)
+
+
+def test_the_reserved_topics_are_named() -> None:
+    assert [topic for topic in RESERVED_TOPICS if f"`{topic}`" not in PAGE] == []
+
+
+def test_the_message_it_shows_is_what_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(SAMPLE_ROBOT_TOML.replace('"EFGH"', '"EFGX"').replace('"CC.in"', '"CC.out"'))
+    with pytest.raises(Exception, match="2 problems") as caught:
+        load_blueprint(path, load_library())
+    assert str(caught.value).replace(f"{tmp_path}/", "") in PAGE
