@@ -319,6 +319,14 @@ def test_samples_are_refused_while_the_window_is_full_and_invited_when_it_opens(
     assert bench.session.has_room(0x80)
 
 
+def test_samples_for_a_stream_too_many_are_dropped() -> None:
+    session = AgentSession(KEY, 0x81, MTU, epoch_ns=lambda: 0, settings=AgentSessionSettings(max_streams=1))
+    assert session.send_data(1, 0x16, b"", 0x80)
+    assert session.has_room(0x81)
+    assert session.send_data(1, 0x16, b"", 0x81)
+    assert session.dropped == {"too many streams": 2}
+
+
 def test_acknacks_are_bounded_by_the_queue_when_the_link_takes_nothing() -> None:
     bench = Bench(settings=AgentSessionSettings(queue_limit=3))
     for nr in range(5):

@@ -264,6 +264,15 @@ def test_logout_without_an_answer_ends_after_10_tries() -> None:
     assert bench.state() is ClientState.CLOSED
 
 
+def test_the_timer_is_the_earlier_of_heartbeat_and_logout() -> None:
+    bench = Bench(login_period_s=0.3)
+    bench.session.write(0x15, b"", 0x80)
+    bench.session.close(0.0)
+    bench.pull()
+    assert bench.session.timer() == 0.1
+    assert bench.wait(0.35) == [heartbeat(0, 0), heartbeat(0, 0), LOGOUT, heartbeat(0, 0)]
+
+
 def test_logout_is_possible_while_the_login_is_on_its_way() -> None:
     bench = Bench(connected=False)
     bench.session.connect(0.0)

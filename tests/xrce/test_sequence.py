@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.xrce.sequence import NOTHING_YET, distance, following, is_after
+from msbot.xrce.sequence import NOTHING_YET, distance, is_after
 
 numbers = st.integers(0, 0xFFFF)
 
@@ -27,12 +27,6 @@ numbers = st.integers(0, 0xFFFF)
 )
 def test_later_numbers_are_less_than_half_a_circle_ahead(sequence_nr: int, reference: int, after: bool) -> None:
     assert is_after(sequence_nr, reference) is after
-
-
-@given(numbers)
-def test_following_is_one_step_after(sequence_nr: int) -> None:
-    assert is_after(following(sequence_nr), sequence_nr)
-    assert distance(sequence_nr, following(sequence_nr)) == 1
 
 
 @given(numbers, numbers)

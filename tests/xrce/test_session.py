@@ -13,6 +13,7 @@ from msbot.errors import RemoteProtocolError
 from msbot.xrce import (
     AgentSession,
     ClientSession,
+    ClientSessionSettings,
     ClientState,
     DataReceived,
     DataWritten,
@@ -99,6 +100,16 @@ def test_every_reliable_sample_arrives_exactly_once_and_in_order(
     pair.settle()
     assert written(pair) == samples
     assert received(pair) == samples
+
+
+def test_a_client_with_a_history_of_4_is_served_by_a_window_of_16() -> None:
+    pair = Pair(seed=1, client_settings=ClientSessionSettings(window=4))
+    pair.loss = pair.reorder = 0.2
+    samples = [struct.pack(">I", number) for number in range(150)]
+    exchange(pair, samples)
+    pair.heal()
+    pair.settle()
+    assert written(pair) == received(pair) == samples
 
 
 def test_a_lost_message_is_repaired_in_about_two_round_trips_while_others_follow() -> None:

@@ -24,11 +24,6 @@ class Joiner:
         self._buffer = bytearray()
         self._refused = False
 
-    @property
-    def started(self) -> bool:
-        """Whether pieces of an incomplete message are held."""
-        return bool(self._buffer) or self._refused
-
     def add(self, piece: bytes, *, last: bool) -> bytes | None:
         """Take the next piece; the whole string of submessages when it was the last one, else None.
 

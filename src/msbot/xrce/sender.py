@@ -38,11 +38,6 @@ class Sender:
         self._best_effort: dict[int, BestEffortOutput] = {}
         self._reliable: dict[int, ReliableOutput] = {}
 
-    @property
-    def capacity(self) -> int:
-        """Largest body of one message in bytes."""
-        return self._envelope.capacity
-
     def answer(self, body: bytes) -> None:
         """Book a submessage outside of the streams (stream NONE); the caller sees to its size."""
         self.put_answer(self._answer_header + body)
@@ -153,10 +148,12 @@ class Sender:
 
     def timer(self) -> float | None:
         """When the next HEARTBEAT is due; None while messages wait to be pulled or nothing is unacknowledged."""
-        if not self.is_idle:
+        if self.outbox:
             return None
         due: float | None = None
         for stream in self._reliable.values():
+            if stream.missed:
+                return None
             at = stream.heartbeat_at
             if at is not None and (due is None or at < due):
                 due = at

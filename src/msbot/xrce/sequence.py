@@ -14,11 +14,6 @@ HALF = 0x8000
 """Distances from here on mean "behind"."""
 
 
-def following(sequence_nr: int) -> int:
-    """The number after this one."""
-    return (sequence_nr + 1) & 0xFFFF
-
-
 def distance(start: int, end: int) -> int:
     """How many steps forward lead from `start` to `end`, 0 to 65535."""
     return (end - start) & 0xFFFF
