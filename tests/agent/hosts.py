@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import count
 
+from msbot.agent.replies import ReplyExchange
 from msbot.agent.rpc import make_guid
 from msbot.agent.sides import ReadSide, Shape
 from msbot.agent.stats import TopicTraffic
@@ -13,8 +14,9 @@ from msbot.space import Guid, MemorySpace, Space
 class FakeHost:
     """Fits `EndpointHost`; everything it is told can be looked at."""
 
-    def __init__(self, space: Space | None = None, key: int = 1) -> None:
+    def __init__(self, space: Space | None = None, key: int = 1, replies: ReplyExchange | None = None) -> None:
         self.space: Space = space or MemorySpace()
+        self.replies = replies or ReplyExchange(self.space)
         self.key = key
         self.now = 0.0
         self.max_requests = 4

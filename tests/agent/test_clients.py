@@ -7,6 +7,7 @@ import pytest
 from msbot.agent.clients import ClientTable, Port
 from msbot.agent.gate import ClientInfo, OpenGate
 from msbot.agent.proxy import Proxy, Surroundings
+from msbot.agent.replies import ReplyExchange
 from msbot.agent.settings import AgentSettings
 from msbot.link import Peer
 from msbot.space import MemorySpace
@@ -20,8 +21,10 @@ def port() -> Port:
 
 
 def client(key: int, session_id: int = 0x81, peer: Peer = "peer") -> Proxy:
+    space = MemorySpace()
     surroundings = Surroundings(
-        space=MemorySpace(),
+        space=space,
+        replies=ReplyExchange(space),
         gate=OpenGate(),
         settings=AgentSettings(),
         clock=lambda: 0.0,

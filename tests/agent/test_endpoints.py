@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from msbot.agent.endpoints import DataReader, DataWriter, Replier, Requester
+from msbot.agent.replies import ReplyExchange
 from msbot.agent.rpc import client_key_of, decode_identity, encode_identity
 from msbot.agent.shapes import NoEchoShape
 from msbot.space import MemorySpace, Qos, Sample, Topic
@@ -24,7 +25,8 @@ class Service:
 
     def __init__(self, *, read: bool = True) -> None:
         space = MemorySpace()
-        self.server, self.asker, self.other = (FakeHost(space, key) for key in (9, 1, 2))
+        replies = ReplyExchange(space)
+        self.server, self.asker, self.other = (FakeHost(space, key, replies) for key in (9, 1, 2))
         self.replier = Replier(self.server, REPLIER, REQUEST, REPLY, Qos())
         self.requester = Requester(self.asker, REQUESTER, REQUEST, REPLY, Qos(depth=4))
         self.stranger = Requester(self.other, REQUESTER, REQUEST, REPLY, Qos(depth=4))

@@ -6,6 +6,7 @@ import pytest
 
 from msbot.agent.gate import ClientInfo, OpenGate
 from msbot.agent.proxy import Proxy, Surroundings
+from msbot.agent.replies import ReplyExchange
 from msbot.agent.rpc import client_key_of
 from msbot.agent.settings import AgentSettings
 from msbot.space import MemorySpace, Qos, Sample, Topic
@@ -39,6 +40,7 @@ class Pair:
         self.space = MemorySpace()
         surroundings = Surroundings(
             space=self.space,
+            replies=ReplyExchange(self.space),
             gate=OpenGate(),
             settings=AgentSettings(probes=2, probe_period_s=1.0),
             clock=lambda: self.now,

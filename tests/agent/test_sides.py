@@ -21,7 +21,10 @@ def pair(*, depth: int = 16, latched: bool = False) -> tuple[FakeHost, WriteSide
     space = MemorySpace()
     one, other = FakeHost(space, key=1), FakeHost(space, key=2)
     writer = WriteSide(one, WRITER, TOPIC, Qos(transient_local=latched, depth=depth))
-    return one, writer, other, ReadSide(other, READER, TOPIC, Qos(depth=depth))
+    reader = ReadSide(other, READER, TOPIC, Qos(depth=depth))
+    for side in (writer, reader):
+        side.recheck()
+    return one, writer, other, reader
 
 
 def test_samples_wait_for_a_read_and_then_come_in_order() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -57,3 +59,17 @@ def test_every_owner_fires_at_the_earliest_time_it_asked_for(wishes: list[tuple[
             assert owner not in fired
             fired[owner] = now
     assert fired == expected
+
+
+def test_a_forgotten_owner_is_not_kept_alive() -> None:
+    class Client:
+        pass
+
+    heap: TimerHeap[Client] = TimerHeap()
+    client = Client()
+    gone = weakref.ref(client)
+    heap.schedule(client, 30.0)
+    heap.schedule(client, 20.0)
+    heap.forget(client)
+    del client
+    assert gone() is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msbot.agent.rpc import IDENTITY_SIZE, PendingRequests, decode_identity
 from msbot.agent.shapes import ReplyShape, RequestShape
 from msbot.agent.sides import EndpointHost, ReadSide, Shape, WriteSide
-from msbot.space import Qos, Topic
+from msbot.space import Deliver, Qos, Reader, Topic
 
 
 class Endpoint:
@@ -17,6 +17,7 @@ class Endpoint:
         self._host = host
         self.outgoing = outgoing
         self.incoming = incoming
+        self.recheck()
 
     @property
     def topic(self) -> str:
@@ -69,20 +70,20 @@ class DataReader(Endpoint):
     __slots__ = ()
 
     def __init__(self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, shape: Shape | None) -> None:
-        super().__init__(host, None, ReadSide(host, object_id, topic, qos, shape))
+        super().__init__(host, None, ReadSide(host, object_id, topic, qos, shape=shape))
 
 
 class Requester(Endpoint):
     """WRITE_DATA is a request; replies to it come back with its request id in front, each request's first one only."""
 
-    __slots__ = ("_pending", "_requests", "_shape")
+    __slots__ = ("_answers", "_pending", "_requests", "_shape")
 
     def __init__(self, host: EndpointHost, object_id: int, request: Topic, reply: Topic, qos: Qos) -> None:
         self._pending = PendingRequests(host.max_requests)
         self._shape = ReplyShape(object_id, self._pending)
         self._requests = WriteSide(host, object_id, request, qos)
-        super().__init__(host, self._requests, ReadSide(host, object_id, reply, qos, self._shape))
-        self._follow_writer()
+        self._answers = ReadSide(host, object_id, reply, qos, shape=self._shape, open_reader=self._open_reader)
+        super().__init__(host, self._requests, self._answers)
 
     @property
     def forgotten(self) -> int:
@@ -99,15 +100,19 @@ class Requester(Endpoint):
 
     def recheck(self) -> None:
         """Ask the gate again; open requests end when the writer has changed."""
-        super().recheck()
-        self._follow_writer()
-
-    def _follow_writer(self) -> None:
+        self._requests.recheck()
         writer = self._requests.writer
         guid = None if writer is None else writer.guid
         if guid != self._shape.guid:
+            self._answers.close()
             self._pending.clear()
             self._shape.guid = guid
+        if guid is not None:
+            self._answers.recheck()
+
+    def _open_reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> Reader:  # noqa: ARG002 - one for all requesters
+        assert self._shape.guid is not None
+        return self._host.replies.reader(topic, self._shape.guid, deliver)
 
 
 class Replier(Endpoint):
@@ -117,7 +122,7 @@ class Replier(Endpoint):
 
     def __init__(self, host: EndpointHost, object_id: int, request: Topic, reply: Topic, qos: Qos) -> None:
         self._replies = WriteSide(host, object_id, reply, qos)
-        super().__init__(host, self._replies, ReadSide(host, object_id, request, qos, RequestShape()))
+        super().__init__(host, self._replies, ReadSide(host, object_id, request, qos, shape=RequestShape()))
 
     def write(self, request_id: int, payload: bytes) -> None:  # noqa: ARG002 - a reply has no answer
         """Send a reply; one that is too short to name its request is dropped and counted."""

@@ -10,6 +10,7 @@ from itertools import count
 
 from msbot.agent.gate import ClientInfo, Gate
 from msbot.agent.objects import ObjectBudget, ObjectTree
+from msbot.agent.replies import ReplyExchange
 from msbot.agent.rpc import client_key_of, make_guid
 from msbot.agent.settings import AgentSettings
 from msbot.agent.shapes import NoEchoShape
@@ -49,6 +50,7 @@ class Surroundings:
     """8 octets, drawn anew for every agent: the first half of all its GUIDs."""
     mark: Callable[[Proxy], None]
     """Have the client's packets sent at the end of this turn of the loop."""
+    replies: ReplyExchange
     references: References | None = None
     topics: TopicTable = field(default_factory=lambda: TopicTable(4096))
     budget: ObjectBudget = field(default_factory=lambda: ObjectBudget(200_000))
@@ -67,6 +69,7 @@ class Proxy:
         self.info = info
         self.session = session
         self.space = surroundings.space
+        self.replies = surroundings.replies
         self.clock = surroundings.clock
         self.max_requests = settings.max_requests
         self.own_filter: Shape | None = None if echo else NoEchoShape(self._is_own)

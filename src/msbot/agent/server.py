@@ -21,6 +21,7 @@ from msbot.agent.gate import ClientInfo, Gate, OpenGate
 from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
 from msbot.agent.objects import ObjectBudget
 from msbot.agent.proxy import Proxy, Surroundings
+from msbot.agent.replies import ReplyExchange
 from msbot.agent.settings import AgentSettings
 from msbot.agent.stats import ClientView, TopicTable
 from msbot.agent.timers import TimerHeap
@@ -64,6 +65,7 @@ class Agent:
             clock=self._now,
             agent_id=agent_id or os.urandom(8),
             mark=self._mark,
+            replies=ReplyExchange(space),
             references=references,
             topics=TopicTable(self._settings.max_topics),
             budget=ObjectBudget(self._settings.max_objects_in_all),

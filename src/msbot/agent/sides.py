@@ -8,18 +8,24 @@ only: `WriteSide.write` of one client, the space, `ReadSide.deliver` of the othe
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Protocol
 
 from msbot.agent.delivery import NEVER, ReadTask
+from msbot.agent.replies import ReplyExchange
 from msbot.agent.stats import TopicTraffic
-from msbot.space import Guid, Qos, Reader, Sample, Space, Topic, Writer
+from msbot.space import Deliver, Guid, Qos, Reader, Sample, Space, Topic, Writer
 from msbot.xrce import DeliveryControl
+
+OpenReader = Callable[[Topic, Qos, Deliver], Reader]
 
 
 class EndpointHost(Protocol):
     """What an endpoint needs of the client it belongs to."""
 
     space: Space
+    replies: ReplyExchange
+    """Hands replies to the requester that asked."""
     max_requests: int
     """Open requests that a requester may have."""
     own_filter: Shape | None
@@ -54,7 +60,7 @@ class EndpointHost(Protocol):
 
 
 class WriteSide:
-    """The place of an endpoint among the writers of a topic."""
+    """The place of an endpoint among the writers of a topic; outside of the space until `recheck`."""
 
     __slots__ = ("_host", "_object_id", "_qos", "_topic", "_traffic", "published", "writer")
 
@@ -67,7 +73,6 @@ class WriteSide:
         self.writer: Writer | None = None
         """The writer in the space; None while the gate keeps it out."""
         self.published = 0
-        self.recheck()
 
     @property
     def topic(self) -> str:
@@ -106,11 +111,25 @@ class ReadSide:
     full window or link), all later ones wait behind it in the reader's bounded history until `pull` gets through.
     """
 
-    __slots__ = ("_host", "_object_id", "_on_hand", "_qos", "_shape", "_topic", "_traffic", "delivered",
+    __slots__ = ("_host", "_object_id", "_on_hand", "_open_reader", "_qos", "_shape", "_topic", "_traffic", "delivered",
                  "is_waiting", "read", "reader")  # fmt: skip
 
-    def __init__(self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, shape: Shape | None = None) -> None:
+    def __init__(
+        self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, *, shape: Shape | None = None,
+        open_reader: OpenReader | None = None,
+    ) -> None:  # fmt: skip
+        """Stay outside of the space until `recheck`.
+
+        Args:
+            host: the client.
+            object_id: its object, for the DATA.
+            topic: what to read.
+            qos: how to read it.
+            shape: what of the topic is for the client, and in which form; absent: everything as it is.
+            open_reader: makes the reader; the space if absent.
+        """
         self._host = host
+        self._open_reader = open_reader or host.space.reader
         self._object_id = object_id
         self._topic = topic
         self._qos = qos
@@ -124,7 +143,6 @@ class ReadSide:
         self.reader: Reader | None = None
         """The reader in the space; None while the gate keeps it out."""
         self.delivered = 0
-        self.recheck()
 
     @property
     def topic(self) -> str:
@@ -136,7 +154,7 @@ class ReadSide:
         if not self._host.may_read(self._topic.name):
             self.close()
         elif self.reader is None:
-            self.reader = self._host.space.reader(self._topic, self._qos, self.deliver)
+            self.reader = self._open_reader(self._topic, self._qos, self.deliver)
 
     def start(self, request_id: int, stream_id: int, control: DeliveryControl | None) -> None:
         """Begin a READ_DATA in place of the running one; a control with no samples only ends that one."""
