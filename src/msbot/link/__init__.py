@@ -121,6 +121,7 @@ from msbot.link.inproc import InprocEnd, InprocHub, inproc_pair  # noqa: E402
 from msbot.link.sim_driver import FrameTap, SimBusDriver  # noqa: E402
 from msbot.link.sim_events import BusCounters  # noqa: E402
 from msbot.link.simbus import SimBus  # noqa: E402
+from msbot.link.tcp import TcpClientLink, TcpServerLink  # noqa: E402
 from msbot.link.udp import UdpClientLink, UdpServerLink  # noqa: E402
 from msbot.link.virtual_time import VirtualTimeLoop, run_virtual  # noqa: E402
 
@@ -151,6 +152,8 @@ __all__ = [
     "SimBus",
     "SimBusDriver",
     "Tap",
+    "TcpClientLink",
+    "TcpServerLink",
     "UdpClientLink",
     "UdpServerLink",
     "VirtualTimeLoop",

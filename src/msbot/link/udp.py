@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import errno
-import os
 import socket
 from abc import ABC, abstractmethod
 from collections import deque
@@ -17,6 +16,7 @@ from collections.abc import Callable
 from msbot.errors import LinkDown, LinkFull
 from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
 from msbot.link.handlers import ignore_packet, ignore_room, ignore_signal
+from msbot.link.net import Address, addresses_of, cannot_listen, cannot_reach, joined
 
 UDP_MTU = 65507
 """Largest payload of a datagram over IPv4; DDS-XRCE clients announce much less."""
@@ -44,15 +44,12 @@ _PASSING = {
 }
 """Errors of one datagram or one peer, in words; they say nothing about the socket."""
 
-_Address = tuple[str, int] | tuple[str, int, int, int] | tuple[int, bytes]
-"""What `getaddrinfo` gives and `bind` takes."""
-
 
 class _UdpLink(ABC):
     """What server and client have in common."""
 
     def __init__(self, host: str, port: int) -> None:
-        self.info = LinkInfo(f"udp:{_joined(host, port)}", UDP_MTU)
+        self.info = LinkInfo(f"udp:{joined(host, port)}", UDP_MTU)
         self.counters = LinkCounters()
         self.tap: Tap | None = None
         self.remote: Peer | None = None
@@ -110,7 +107,7 @@ class _UdpLink(ABC):
         """The peer's address, `127.0.0.1:40123` or `[::1]:40123`."""
         match peer:
             case (str() as host, int() as port, *_):
-                return _joined(host, port)
+                return joined(host, port)
         return str(peer)
 
     async def run(self) -> None:
@@ -137,29 +134,23 @@ class _UdpLink(ABC):
             self._signal_handler(Signal.LINK_DOWN, None, "closed", loop.time())
 
     async def _open(self, loop: asyncio.AbstractEventLoop) -> socket.socket:
-        try:
-            found = await loop.getaddrinfo(self._host, self._port, type=socket.SOCK_DGRAM)
-        except socket.gaierror as error:
-            words = (
-                f"{self.info.name}: no such host as {self._host!r} ({error.strerror}): check the name or give a number"
-            )
-            raise LinkDown(words) from error
-        family, kind, protocol, _, address = found[0]
+        found = await addresses_of(loop, self.info.name, self._host, self._port, kind=socket.SOCK_DGRAM)
+        family, kind, protocol, address = found[0]
         try:
             opened = socket.socket(family, kind, protocol)
         except OSError as error:
-            raise LinkDown(self._why_not(error)) from error
+            raise self._why_not(error) from error
         try:
             opened.setblocking(False)
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
             self._take_address(opened, address)
         except OSError as error:
             opened.close()
-            raise LinkDown(self._why_not(error)) from error
+            raise self._why_not(error) from error
         return opened
 
     @abstractmethod
-    def _take_address(self, opened: socket.socket, address: _Address) -> None:
+    def _take_address(self, opened: socket.socket, address: Address) -> None:
         """Bind or connect the new socket."""
 
     @abstractmethod
@@ -167,7 +158,7 @@ class _UdpLink(ABC):
         """Give one packet to the kernel."""
 
     @abstractmethod
-    def _why_not(self, error: OSError) -> str:
+    def _why_not(self, error: OSError) -> LinkDown:
         """Why the socket cannot be opened, and what to do."""
 
     def _drain(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
@@ -233,22 +224,14 @@ class UdpServerLink(_UdpLink):
         port: 1 to 65535, or 0 for any free one (see `port`).
     """
 
-    def _take_address(self, opened: socket.socket, address: _Address) -> None:
+    def _take_address(self, opened: socket.socket, address: Address) -> None:
         opened.bind(address)
 
     def _transmit(self, opened: socket.socket, packet: bytes, peer: Peer) -> None:
         opened.sendto(packet, peer)  # type: ignore[call-overload]  # peers are what recvfrom gave
 
-    def _why_not(self, error: OSError) -> str:
-        remedies = {
-            errno.EADDRINUSE: f"another program listens there: end it (`ss -ulnp sport = :{self._port}` names it) "
-            "or choose another port",
-            errno.EACCES: "ports below 1024 belong to the system: choose a higher one",
-            errno.EADDRNOTAVAIL: f"no interface of this machine has the address {self._host}: "
-            "use 127.0.0.1, or 0.0.0.0 for all (`ip address` shows them)",
-            errno.EAFNOSUPPORT: "this machine has no IPv6: use an IPv4 address",
-        }
-        return f"cannot listen at {self.info.name}: {remedies.get(error.errno or 0, os.strerror(error.errno or 0))}"
+    def _why_not(self, error: OSError) -> LinkDown:
+        return cannot_listen(self.info.name, self._host, self._port, error, lister="ss -ulnp")
 
 
 class UdpClientLink(_UdpLink):
@@ -258,7 +241,7 @@ class UdpClientLink(_UdpLink):
         super().__init__(host, port)
         self.remote = (host, port)
 
-    def _take_address(self, opened: socket.socket, address: _Address) -> None:
+    def _take_address(self, opened: socket.socket, address: Address) -> None:
         opened.connect(address)
 
     def _transmit(self, opened: socket.socket, packet: bytes, peer: Peer) -> None:  # noqa: ARG002 - there is only one
@@ -269,14 +252,5 @@ class UdpClientLink(_UdpLink):
             self.counters.drop(NOBODY_LISTENS)
             opened.send(packet)
 
-    def _why_not(self, error: OSError) -> str:
-        remedies = {
-            errno.ENETUNREACH: "no way to that network: check the cable, the wireless network and `ip route`",
-            errno.EAFNOSUPPORT: "this machine has no IPv6: use an IPv4 address",
-            errno.EACCES: "that is a broadcast address: give the address of one machine",
-        }
-        return f"cannot reach {self.info.name}: {remedies.get(error.errno or 0, os.strerror(error.errno or 0))}"
-
-
-def _joined(host: str, port: int) -> str:
-    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    def _why_not(self, error: OSError) -> LinkDown:
+        return cannot_reach(self.info.name, error)

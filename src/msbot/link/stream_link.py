@@ -1,0 +1,171 @@
+"""What links over byte streams have in common: TCP connections, serial lines, pseudo terminals.
+
+A stream (one connection, one port) cuts what comes in into packets and frames what goes out; one stream may carry
+several peers. The link knows which peer is on which stream and has the verbs of `Link`. There is no task for a stream:
+its transport calls it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+
+from msbot.errors import LinkDown, LinkFull
+from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
+from msbot.link.handlers import ignore_packet, ignore_room, ignore_signal
+
+
+class Stream(ABC):
+    """One open byte stream; base of asyncio protocols, whose transport calls its methods."""
+
+    write_limit: int
+    """Bytes that may wait for the other side before there is no room."""
+
+    def __init__(self, link: StreamLink) -> None:
+        self.link = link
+        self.full = False
+        """Whether the other side does not take its data now."""
+        self.transport: asyncio.Transport | None = None
+        self.closed: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        """Why it has closed, in words."""
+
+    @abstractmethod
+    def decode(self, data: bytes) -> Iterable[tuple[Peer, bytes]]:
+        """Take octets; returns `(peer, packet)` for each packet that is now whole."""
+
+    @abstractmethod
+    def encode(self, packet: bytes, peer: Peer) -> bytes:
+        """One packet for a peer as it goes over the stream."""
+
+    @abstractmethod
+    def opened(self) -> None:
+        """The transport stands."""
+
+    @abstractmethod
+    def peers(self) -> Iterable[Peer]:
+        """Who is on the stream."""
+
+    def abort(self) -> None:
+        """Close at once; what waits is lost."""
+        if self.transport is not None:
+            self.transport.abort()
+
+    # What the transport calls (`asyncio.BaseProtocol`).
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The stream is open."""
+        assert isinstance(transport, asyncio.Transport)
+        transport.set_write_buffer_limits(high=self.write_limit, low=0)
+        self.transport = transport
+        self.opened()
+
+    def data_received(self, data: bytes) -> None:
+        """Octets came in."""
+        for peer, packet in self.decode(data):
+            self.link.received(packet, peer)
+
+    def pause_writing(self) -> None:
+        """The other side does not keep up."""
+        self.full = True
+
+    def resume_writing(self) -> None:
+        """The other side has caught up."""
+        self.full = False
+        for peer in tuple(self.peers()):
+            self.link.room_again(peer)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The stream is closed, by whomever."""
+        self.transport = None
+        if not self.closed.done():
+            words = "closed" if exc is None else f"broken: {getattr(exc, 'strerror', None) or exc}"
+            self.closed.set_result(words)
+            self.link.stream_closed(self, words)
+
+
+class StreamLink(ABC):
+    """The face of a `Link` over streams."""
+
+    def __init__(self, info: LinkInfo) -> None:
+        self.info = info
+        self.counters = LinkCounters()
+        self.tap: Tap | None = None
+        self.remote: Peer | None = None
+        self._streams: dict[Peer, Stream] = {}
+        self._packet_handler: PacketHandler = ignore_packet
+        self._signal_handler: SignalHandler = ignore_signal
+        self._room_handler: Callable[[Peer | None], None] = ignore_room
+
+    def on_packet(self, handler: PacketHandler) -> None:
+        """See `Link`."""
+        self._packet_handler = handler
+
+    def on_signal(self, handler: SignalHandler) -> None:
+        """See `Link`."""
+        self._signal_handler = handler
+
+    def on_room(self, handler: Callable[[Peer | None], None]) -> None:
+        """See `Link`."""
+        self._room_handler = handler
+
+    def has_room(self, peer: Peer) -> bool:
+        """See `Link`; False for a peer without a connection."""
+        stream = self._streams.get(peer)
+        return stream is not None and not stream.full
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        """Hand over one packet; never blocks.
+
+        Raises:
+            LinkFull: too much waits for the peer already.
+            LinkDown: the peer has no connection.
+        """
+        stream = self._streams.get(peer)
+        if stream is None or stream.transport is None:
+            raise LinkDown(f"{self.info.name}: there is no connection with {self.describe(peer)}")
+        if stream.full:
+            raise LinkFull(f"{self.info.name}: {self.describe(peer)} does not take its data")
+        stream.transport.write(stream.encode(packet, peer))
+        self.counters.packets_out += 1
+        self.counters.bytes_out += len(packet)
+        if self.tap is not None:
+            self.tap(asyncio.get_running_loop().time(), "out", peer, packet)
+
+    @abstractmethod
+    def describe(self, peer: Peer) -> str:
+        """See `Link`."""
+
+    # What streams call.
+
+    def received(self, packet: bytes, peer: Peer) -> None:
+        """A whole packet has come."""
+        counters = self.counters
+        counters.packets_in += 1
+        counters.bytes_in += len(packet)
+        now = asyncio.get_running_loop().time()
+        if self.tap is not None:
+            self.tap(now, "in", peer, packet)
+        self._packet_handler(packet, peer, now)
+
+    def room_again(self, peer: Peer) -> None:
+        """A slow peer has caught up."""
+        self._room_handler(peer)
+
+    @abstractmethod
+    def stream_closed(self, stream: Stream, words: str) -> None:
+        """A stream has ended; `words` say why."""
+
+    # For the links made of this.
+
+    def _tell(self, signal: Signal, peer: Peer | None, words: str) -> None:
+        self._signal_handler(signal, peer, words, asyncio.get_running_loop().time())
+
+    async def _close(self) -> None:
+        """Close all streams, and wait until their transports have let go; their peers are not said to be gone."""
+        streams = set(self._streams.values())
+        self._streams.clear()
+        for stream in streams:
+            stream.abort()
+        if streams:
+            await asyncio.wait([stream.closed for stream in streams])
