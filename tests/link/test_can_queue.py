@@ -49,6 +49,7 @@ def test_urgent_frames_go_first_and_an_equal_one_waits_only_once() -> None:
     assert queue.put_urgent(Frame(9, b"\1"))
     assert queue.put_urgent(Frame(9, b"\1"))
     assert queue.put_urgent(Frame(9, b"\2"))
+    assert FrameQueue().next(urgent_only=True) is None
     queue.put_stop(Frame(8, b"\0"), 3)
     queue.put_stop(Frame(8, b"\0"), 3)
     assert drain(queue) == [(8, 0), (8, 0), (8, 0), (9, 1), (9, 2), (1, 0)]

@@ -9,10 +9,10 @@ from itertools import chain, repeat
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.link.can_bits import WireBit, frame_bits, wire_bits
+from msbot.link.can_bits import WireBit, arbitration_rank, frame_bits, wire_bits
 from msbot.link.can_faults import ErrorCounters, is_tail
 from msbot.link.can_frames import Frame
-from msbot.link.sim_attempt import Attempt, Rates, SimNode, plan_attempt
+from msbot.link.sim_attempt import Attempt, Mail, Rates, SimNode, plan_attempt
 
 RATES = Rates(1.0, 1.0)
 """One second a bit, so that times are bits."""
@@ -20,7 +20,9 @@ RATES = Rates(1.0, 1.0)
 
 def node(name: str, *frames: Frame, fd: bool = True, passive: bool = False) -> SimNode:
     made = SimNode(name, fd)
-    made.mailbox.extend((0.0, frame) for frame in frames)
+    made.mailboxes = [Mail(0.0, arbitration_rank(frame), frame) for frame in frames]
+    if frames:
+        made.choose(1.0)
     if passive:
         made.counters = ErrorCounters(transmit=128)
     return made

@@ -26,7 +26,7 @@ class LateLoop(VirtualTimeLoop):
     """Every timer fires up to 5 ms late, as on a busy computer."""
 
     def call_at(
-        self, when: float, callback: Callable[[Unpack[_Ts]], object], *args: Unpack[_Ts], context: Context | None = None
+        self, when: float, callback: Callable[[Unpack[_Ts]], object], *args: *_Ts, context: Context | None = None
     ) -> asyncio.TimerHandle:
         late = when if when <= self.time() else (int(when / 0.005) + 1) * 0.005
         return super().call_at(late, callback, *args, context=context)

@@ -90,11 +90,12 @@ def test_who_gets_ready_within_the_first_bit_still_takes_part() -> None:
         assert [event.frame.can_id for event in bus.advance(1.0) if isinstance(event, Sent)] == order
 
 
-def test_frames_of_one_controller_keep_their_order() -> None:
-    bus, (a, _) = bus_of("A", "B")
-    for can_id in (0x300, 0x100, 0x200):
-        bus.submit(a, Frame(can_id), 0.0)
-    assert [can_id for _, can_id in deliveries(bus.advance(1.0))] == [0x300, 0x100, 0x200]
+def test_a_controller_tries_the_lowest_identifier_first_and_keeps_the_order_of_equal_ones() -> None:
+    bus, (a, b) = bus_of("A", "B")
+    for can_id, data in ((0x300, b"1"), (0x300, b"2"), (0x100, b"3")):
+        bus.submit(a, Frame(can_id, data), 0.0 if can_id == 0x300 else 50e-6)
+    got = [event.frame.data for event in bus.advance(1.0) if isinstance(event, Delivered) and event.node == b]
+    assert got == [b"1", b"3", b"2"], "0x100 came while the first was under way"
 
 
 def test_a_lone_node_repeats_gets_passive_and_never_off_and_is_heard_once_somebody_comes() -> None:
@@ -373,7 +374,7 @@ def test_load_is_busy_time_of_the_last_second() -> None:
         max_size=60,
     )
 )
-def test_every_frame_arrives_once_at_everybody_in_the_order_of_its_sender(
+def test_every_frame_arrives_once_at_everybody_and_those_of_one_identifier_in_order(
     story: list[tuple[int, int, bytes, float]],
 ) -> None:
     bus, nodes = bus_of("A", "B", "C", "D", "E")
@@ -397,12 +398,14 @@ def test_every_frame_arrives_once_at_everybody_in_the_order_of_its_sender(
         node = nodes[who]
         if bus.pending(node) < MAILBOXES:
             # The node stands in the identifier, so no two nodes ever use the same one.
-            frame = Frame(can_id & ~7 | who, data)
+            frame = Frame(can_id & 0x718 | who, data)
             given[node].append(frame)
             bus.submit(node, frame, now)
     let(now + 1.0)
-    assert sent == given
     for node in nodes:
+        for can_id in {frame.can_id for frame in given[node]}:
+            assert [f for f in sent[node] if f.can_id == can_id] == [f for f in given[node] if f.can_id == can_id]
+        assert len(sent[node]) == len(given[node])
         assert len(heard[node]) == sum(len(given[other]) for other in nodes if other != node)
     assert bus.counters.errors == 0
     assert ends == sorted(ends)

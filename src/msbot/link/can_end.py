@@ -12,7 +12,7 @@ from typing import Final
 
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
-from msbot.link.can_bus import CanBus, CanBusInfo
+from msbot.link.can_bus import BusState, CanBus, CanBusInfo
 from msbot.link.can_frames import COUNTER, REPEAT_S, Frame, Joiner, split
 from msbot.link.can_ids import CAN_FD, COMPRESSION, CanIds, stop_words
 from msbot.link.can_port import CanPort
@@ -97,6 +97,11 @@ class CanEnd(ABC):
         self._signal_handler: SignalHandler = ignore_signal
         self._room_handler: Callable[[Peer | None], None] = ignore_room
         self._port = CanPort(bus, self, ids=ids, queue_frames=queue_frames)
+
+    @property
+    def bus_state(self) -> BusState:
+        """Fault confinement state of the controller."""
+        return self._port.state
 
     def on_packet(self, handler: PacketHandler) -> None:
         """See `Link`."""

@@ -14,6 +14,8 @@ from msbot.link.can_frames import Frame
 from msbot.link.can_ids import CanIds, read_stop, stop_frame
 from msbot.link.can_queue import QUEUE_FRAMES, FrameQueue
 
+PACKET_FRAMES: Final = 2
+"""Frames of packets handed to the controller at a time; what is left of its three mailboxes is for urgent frames."""
 STOP_TIMES: Final = 3
 """A STOP frame is sent this often, so that one lost frame does not matter."""
 STOP_QUIET_S: Final = 0.1
@@ -60,6 +62,8 @@ class CanPort:
         self.queue = FrameQueue(queue_frames)
         self.is_up = False
         """The port runs and the controller takes part in the bus."""
+        self.state = BusState.ACTIVE
+        """Of the controller, as it told last."""
         self._owner = owner
         self._ids = ids
         self._stop_id = ids.stop
@@ -77,7 +81,7 @@ class CanPort:
         """Hand frames to the controller as long as it has room."""
         bus, queue = self.bus, self.queue
         while self.is_up and bus.has_room():
-            frame = queue.next()
+            frame = queue.next(urgent_only=bus.pending() >= PACKET_FRAMES)
             if frame is None:
                 if not bus.pending():
                     self._owner.drained(now)
@@ -208,6 +212,7 @@ class CanPort:
         self.pump(now)
 
     def _state(self, state: BusState, words: str, now: float) -> None:
+        self.state = state
         if self._ended is None:
             return
         if state in (BusState.OFF, BusState.GONE):

@@ -57,11 +57,11 @@ class FrameQueue:
         if frame not in self._urgent:
             self._urgent.extendleft([frame] * times)
 
-    def next(self) -> Frame | None:
-        """Take the frame whose turn it is."""
+    def next(self, *, urgent_only: bool = False) -> Frame | None:
+        """Take the frame whose turn it is; with `urgent_only` leave the frames of packets where they are."""
         if self._urgent:
             return self._urgent.popleft()
-        if not self._turns:
+        if urgent_only or not self._turns:
             return None
         peer = self._turns.popleft()
         lane = self._lanes[peer]

@@ -11,7 +11,6 @@ the bit in which it noticed, and disturbances of the intermission (overload fram
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -27,14 +26,27 @@ _ARBITRATION = ("ID", "SRR", "IDE", "RTR", "RRS")
 
 
 @dataclass(slots=True, eq=False)
+class Mail:
+    """A frame in a controller."""
+
+    ready_at: float
+    """When it was handed over."""
+    rank: int
+    """Its `arbitration_rank`."""
+    frame: Frame
+
+
+@dataclass(slots=True, eq=False)
 class SimNode:
     """One controller on the simulated bus."""
 
     name: str
     fd: bool
     """It understands CAN FD frames; a controller that does not destroys them."""
-    mailbox: deque[tuple[float, Frame]] = field(default_factory=deque)
-    """Frames to be sent, in order, with the time they were handed over."""
+    mailboxes: list[Mail] = field(default_factory=list)
+    """Frames to be sent, in the order they were handed over."""
+    choice: Mail | None = None
+    """The one it sends, or sends next."""
     counters: ErrorCounters = field(default_factory=ErrorCounters)
     plugged: bool = True
     plugged_at: float = float("-inf")
@@ -51,9 +63,19 @@ class SimNode:
     sent: int = 0
     received: int = 0
 
+    def ready(self) -> float:
+        """When it can begin to send, as far as it depends on itself; it holds a frame."""
+        return max(self.ready_at, min(mail.ready_at for mail in self.mailboxes))
+
+    def choose(self, by: float) -> Mail:
+        """Choose among the frames ready before `by`: the lowest identifier, of equal ones the oldest."""
+        self.choice = min((mail for mail in self.mailboxes if mail.ready_at < by), key=lambda mail: mail.rank)
+        return self.choice
+
     def outgoing(self) -> Frame:
-        """The frame it sends next, as its state makes it."""
-        frame = self.mailbox[0][1]
+        """The chosen frame, as the state of the controller makes it."""
+        assert self.choice is not None
+        frame = self.choice.frame
         return frame if not frame.fd or self.counters.active else replace(frame, esi=True)
 
 

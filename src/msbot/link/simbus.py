@@ -4,7 +4,8 @@ Theory of operation. The bus knows no clock. `submit` puts a frame into a node's
 bus can be free, the next attempt is worked out to its end (`sim_attempt`), and `next_event_at` says when its effects
 show. `advance` lets them happen. Nodes that get ready within the first bit of an attempt still take part in its
 arbitration: the attempt is worked out anew. A failed attempt leaves the frame in the controller, so it is repeated,
-as every CAN controller does. Frames of one controller leave in the order they came.
+as every CAN controller does. Of the frames in a controller the one with the lowest identifier is tried first, of equal
+ones the oldest (as in bxCAN and M_CAN), so STOP need not wait for what stands before it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from msbot.link.can_bus import BusState
 from msbot.link.can_faults import RECOVERY_BITS, RECOVERY_SEQUENCES, SUSPEND, ErrorCounters
 from msbot.link.can_frames import Frame, check_frame
 from msbot.link.load_meter import LoadMeter
-from msbot.link.sim_attempt import Attempt, Rates, SimNode, fall_silent, plan_attempt, plan_shorted
+from msbot.link.sim_attempt import Attempt, Mail, Rates, SimNode, fall_silent, plan_attempt, plan_shorted
 from msbot.link.sim_events import BusCounters, BusEvent, Delivered, Sent, StateChanged
 
 MAILBOXES: Final = 3
@@ -135,7 +136,7 @@ class SimBus:
 
     def pending(self, node: int) -> int:
         """Frames that wait in a node's controller, the one being sent included."""
-        return len(self._nodes[node].mailbox)
+        return len(self._nodes[node].mailboxes)
 
     def state(self, node: int) -> BusState:
         """The fault confinement state of a node."""
@@ -162,10 +163,10 @@ class SimBus:
             raise LocalProtocolError(f"{it.name} cannot send CAN FD frames on this bus")
         if it.counters.off:
             raise LinkDown(f"{it.name} is bus-off: restart it")
-        if len(it.mailbox) >= MAILBOXES:
+        if len(it.mailboxes) >= MAILBOXES:
             raise LinkFull(f"{it.name} holds {MAILBOXES} frames already")
-        it.mailbox.append((max(now, self._time), frame))
-        if len(it.mailbox) == 1 and it.plugged:
+        it.mailboxes.append(Mail(max(now, self._time), arbitration_rank(frame), frame))
+        if it.plugged:
             self._enlist(node, it, now)
 
     def next_event_at(self) -> float | None:
@@ -244,7 +245,7 @@ class SimBus:
         return self._attempt is not None and now < self._attempt.starts_at + self._rates.bit_s
 
     def _enlist(self, node: int, it: SimNode, now: float) -> None:
-        if it.mailbox and not it.counters.off:
+        if it.mailboxes and not it.counters.off:
             self._waiting[node] = it
             if self._attempt is None or self._is_open(now):
                 self._plan()
@@ -255,14 +256,15 @@ class SimBus:
         self._flipped = bool(self._flips)
         if not self._waiting:
             return
-        ready = [(max(it.mailbox[0][0], self._free_at, it.ready_at), it) for it in self._waiting.values()]
+        ready = [(max(it.ready(), self._free_at), it) for it in self._waiting.values()]
         start = min(at for at, _ in ready)
-        rivals = [it for at, it in ready if at < start + self._rates.bit_s]
+        closed_at = start + self._rates.bit_s
+        rivals = [(it.choose(closed_at).rank, it) for at, it in ready if at < closed_at]
         if self._shorted:
-            self._attempt = plan_shorted(start, rivals, self._rates)
+            self._attempt = plan_shorted(start, [it for _, it in rivals], self._rates)
             return
-        best = min(arbitration_rank(it.mailbox[0][1]) for it in rivals)
-        senders = [it for it in rivals if arbitration_rank(it.mailbox[0][1]) == best]
+        best = min(rank for rank, _ in rivals)
+        senders = [it for rank, it in rivals if rank == best]
         self._attempt = plan_attempt(start, senders, self._listeners(start, senders), self._rates, self._noise)
 
     def _listeners(self, start: float, senders: list[SimNode]) -> list[SimNode]:
@@ -304,10 +306,12 @@ class SimBus:
         for it in attempt.sent:
             it.counters.transmit_succeeded()
             it.sent += 1
-            frame = it.mailbox.popleft()[1]
-            if not it.mailbox:
+            mail, it.choice = it.choice, None
+            if mail is not None:
+                it.mailboxes.remove(mail)
+            if not it.mailboxes:
                 self._waiting.pop(self._ids[it], None)
-            events.append(Sent(attempt.ends_at, self._ids[it], frame))
+            events.append(Sent(attempt.ends_at, self._ids[it], attempt.frame))
         for it in attempt.senders:
             if not it.counters.active:
                 it.ready_at = attempt.free_at + SUSPEND * self._rates.bit_s
@@ -318,7 +322,7 @@ class SimBus:
             if it.counters.state is not state:
                 events.append(StateChanged(at, self._ids[it], it.counters.state))
                 if it.counters.off:
-                    it.mailbox.clear()
+                    it.mailboxes.clear()
                     self._waiting.pop(self._ids[it], None)
 
     def _account(self, attempt: Attempt) -> None:
