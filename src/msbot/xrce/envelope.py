@@ -21,7 +21,7 @@ class Envelope:
     def __init__(self, session_id: int, client_key: int, mtu: int, *, pads: bool) -> None:
         """Prepare for messages of at most `mtu` bytes, header included.
 
-        The client key is part of the header if the session id is below 0x80 (XRCE 1.0 §8.3.2.4). `pads` fills the
+        The client key is part of the header if the session id is below 0x80 (XRCE 1.0 §8.3.2). `pads` fills the
         messages of streams up to a multiple of 4, as C clients do and agents do not.
         """
         self._session_id = session_id

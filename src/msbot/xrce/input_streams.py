@@ -3,7 +3,7 @@
 Theory of operation. A best-effort stream takes every message that is newer than the newest it has seen. A reliable
 stream hands on every message exactly once and in order: the next one at once, those up to a window ahead are held until
 the gap before them is filled. Its state is told to the peer in an ACKNACK after every message and every HEARTBEAT, so a
-gap is repaired at the speed of the link (XRCE 1.0 §8.4.12 to §8.4.14).
+gap is repaired at the speed of the link (XRCE 1.0 §8.4).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Theory of operation. A submessage is booked, becomes (with others, if the stream packs) the body of a message, and gets
 its number when the window has room. From then on the finished message is kept until an ACKNACK covers it, and is sent
-again, byte for byte, when an ACKNACK reports it missing (XRCE 1.0 §8.4.13).
+again, byte for byte, when an ACKNACK reports it missing (XRCE 1.0 §8.4).
 
 A submessage larger than a message is cut into FRAGMENTs as the window moves. The genuine agent puts all pieces on the
 wire at once; here at most a window (16) of them is unacknowledged at any time. That is what one ACKNACK bitmap covers,

@@ -1,4 +1,4 @@
-"""Arithmetic on sequence numbers: 16 bits that wrap from 65535 to 0 (XRCE 1.0 §8.3.2.3, RFC 1982).
+"""Arithmetic on sequence numbers: 16 bits that wrap from 65535 to 0 (XRCE 1.0 §8.3.2, RFC 1982).
 
 The state "nothing yet" is the number before the first one, 65535. Two numbers exactly 32768 apart have no order:
 neither is after the other (seen on the wire: an agent refuses 0x7FFF as the first number of a best-effort stream and
