@@ -69,9 +69,7 @@ def test_a_running_robot_is_not_disturbed_by_a_lock(
         other.execute("BEGIN IMMEDIATE")
         store.journal(changed(PartState.ACTIVE))
         assert not impatient.flush()
-        assert impatient.trouble == (
-            f"the database {path} {LOCKED}; 1 changes are kept in memory and stored as soon as it can be written"
-        )
+        assert impatient.trouble == (f"the database {path} {LOCKED}; changes kept in memory until it can be written: 1")
     assert impatient.flush()
     assert impatient.trouble is None
     assert impatient.lost == 0

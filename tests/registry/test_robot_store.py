@@ -57,11 +57,13 @@ def test_an_unknown_slot_is_an_error(store: RobotStore) -> None:
 
 
 def test_the_robot_goes_on_with_what_it_knows(store: RobotStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert store.blocked(UID, "WXYZ") is None
     slots, configuration, motor = store.slots(), store.configuration("AA"), store.part_type("WXYZ")
     _break(monkeypatch, store)
     assert store.slots() == slots
     assert store.configuration("AA") == configuration
     assert store.part_type("WXYZ") == motor
+    assert store.blocked(UID, "WXYZ") is None
     with pytest.raises(RegistryError, match="is damaged"):
         store.part_type("ABCD")
     with pytest.raises(RegistryError, match="is damaged"):
@@ -70,14 +72,19 @@ def test_the_robot_goes_on_with_what_it_knows(store: RobotStore, monkeypatch: py
         store.blocked(UID, "ABCD")
 
 
-def test_types_kept_in_memory_are_bounded(store: RobotStore, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(robot_store, "MOST_TYPES_IN_MEMORY", 1)
+def test_what_is_kept_in_memory_are_bounded(store: RobotStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(robot_store, "MOST_IN_MEMORY", 1)
     assert store.part_type("ABCD") is not None
     assert store.part_type("EFGH") is not None
+    assert store.blocked(UID, "ABCD") is None
+    assert store.blocked(UID, "EFGH") is None
     _break(monkeypatch, store)
     assert store.part_type("ABCD") is not None
     with pytest.raises(RegistryError):
         store.part_type("EFGH")
+    assert store.blocked(UID, "ABCD") is None
+    with pytest.raises(RegistryError):
+        store.blocked(UID, "EFGH")
 
 
 def test_what_another_process_changes_is_seen(

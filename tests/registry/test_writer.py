@@ -89,7 +89,7 @@ def test_while_another_program_holds_the_database_changes_wait_in_memory(
         assert not writer.flush()
         assert writer.trouble == (
             "the database robot.db is locked by another program: close the other msbot or database tool that writes "
-            "to it, or choose another --db; 2 changes are kept in memory and stored as soon as it can be written"
+            "to it, or choose another --db; changes kept in memory until it can be written: 2"
         )
     assert writer.flush()
     assert _lines(path) == [1, 2]
@@ -217,7 +217,7 @@ def test_closing_while_locked_tells_what_is_lost(engine: Engine, path: Path, cap
     assert _lines(path) == []
     assert caplog.records[-1].levelno == logging.ERROR
     assert caplog.messages[-1].startswith(
-        "the database robot.db was closed before 2 changes could be stored: is locked by another program"
+        "the database robot.db was closed before all changes were stored, 2 are lost: it is locked by another program"
     )
 
 

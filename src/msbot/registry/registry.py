@@ -19,6 +19,7 @@ from msbot.registry.faults import told_as_registry_error
 from msbot.registry.node_ids import StoredNodeIds
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord, uid_text
 from msbot.registry.robot_store import JOURNAL_ROWS, STRANGERS, RobotStore
+from msbot.registry.run_lock import RunLock
 from msbot.registry.schema import Migrations, bring_up_to_date, check_schema, own_migrations
 from msbot.registry.writer import Writer
 
@@ -55,7 +56,7 @@ def open_registry(
     engine = make_engine(where, busy_timeout_s=busy_timeout_s, read_only=read_only)
     try:
         _prepare(engine, where, migrations or own_migrations(), read_only=read_only)
-        return Registry(engine, where, epoch_ns, read_only=read_only)
+        return Registry(engine, where, epoch_ns, busy_timeout_s=busy_timeout_s, read_only=read_only)
     except BaseException:
         engine.dispose()
         raise
@@ -75,7 +76,19 @@ def _prepare(engine: Engine, where: Address, migrations: Migrations, *, read_onl
 class Registry:
     """An open database; made by `open_registry`, closed by `close` or at the end of a `with`."""
 
-    def __init__(self, engine: Engine, address: Address, epoch_ns: Callable[[], int], *, read_only: bool) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        address: Address,
+        epoch_ns: Callable[[], int],
+        *,
+        busy_timeout_s: float,
+        read_only: bool,
+    ) -> None:
+        self._address = address
+        self._busy_timeout_s = busy_timeout_s
+        self._running: dict[int, RunLock] = {}
+        """Robots that this process runs, by number."""
         self.database = address.words
         """The database in words, without a password."""
         self._engine = engine
@@ -114,15 +127,18 @@ class Registry:
         """The `PartStore` for a run of this robot; parts that were active when the last run ended are lost now.
 
         Raises:
-            RegistryError: the database cannot be read or written.
+            RegistryError: another master runs this robot, or the database cannot be read or written.
         """
+        writer = self._open_writer()
+        if robot.id not in self._running:
+            self._running[robot.id] = RunLock(self._engine, self._address, robot, self._busy_timeout_s)
 
         def begin(connection: Connection) -> None:
             store.prune(connection, robot.id, JOURNAL_ROWS, STRANGERS)
             store.note_restart(connection, robot.id, "the master was started anew", self._epoch_ns())
 
         self._write(begin)
-        return RobotStore(self._engine, self._open_writer(), self.database, robot, self._epoch_ns)
+        return RobotStore(self._engine, writer, self.database, robot, self._epoch_ns)
 
     def node_ids(self, robot: RobotRecord, link: str) -> StoredNodeIds:
         """The addresses of the parts on one CAN bus, as `msbot.link.NodeIds`.
@@ -182,6 +198,9 @@ class Registry:
         """Store what is waiting and let go of the database."""
         if self._writer is not None:
             self._writer.close()
+        for lock in self._running.values():
+            lock.release()
+        self._running.clear()
         self._engine.dispose()
 
     def _open_writer(self) -> Writer:

@@ -25,7 +25,8 @@ STRANGERS = 1_000
 """Parts that never were in a slot and are kept nevertheless."""
 PRUNE_EVERY = 1_000
 """So many lines are written before old ones are looked for."""
-MOST_TYPES_IN_MEMORY = 10_000
+MOST_IN_MEMORY = 10_000
+"""Part types, and answers about blocks, that are kept in case the database cannot be read."""
 
 _T = TypeVar("_T")
 
@@ -53,6 +54,8 @@ class RobotStore:
         self._database = database
         self._epoch_ns = epoch_ns
         self._types: dict[str, PartType] = {}
+        self._blocks: dict[tuple[str, str], str | None] = {}
+        """What `blocked` said last."""
         self._configurations: dict[str, Configuration] = {}
         self._sessions: dict[str, int] = {}
         """Identity of each registered part -> its session; another session with that identity is a duplicate."""
@@ -70,7 +73,7 @@ class RobotStore:
             if number in self._types:
                 return self._types[number]
             raise
-        if found is not None and len(self._types) < MOST_TYPES_IN_MEMORY:
+        if found is not None and len(self._types) < MOST_IN_MEMORY:
             self._types[number] = found
         return found
 
@@ -105,7 +108,16 @@ class RobotStore:
 
     def blocked(self, uid: bytes, number: str) -> str | None:
         """See `PartStore.blocked`."""
-        return self._read(partial(store.find_block, uid=uid_text(uid), number=number))
+        key = (uid_text(uid), number)
+        try:
+            reason = self._read(partial(store.find_block, uid=key[0], number=number))
+        except RegistryError:
+            if key in self._blocks:
+                return self._blocks[key]
+            raise
+        if len(self._blocks) < MOST_IN_MEMORY:
+            self._blocks[key] = reason
+        return reason
 
     def journal(self, event: PartEvent) -> None:
         """See `PartStore.journal`."""

@@ -70,7 +70,7 @@ class Writer:
         """Why changes are not being stored, in words; None when all is well."""
         if not self._fault:
             return None
-        kept = f"{self.pending} changes are kept in memory and stored as soon as it can be written"
+        kept = f"changes kept in memory until it can be written: {self.pending}"
         return f"the database {self._database} {self._fault}; {kept}"
 
     def put(self, change: Change) -> None:
@@ -107,8 +107,8 @@ class Writer:
             self._changed.notify_all()
         self._thread.join(timeout_s)
         if left := self.pending:
-            _log.error("the database %s was closed before %d changes could be stored: %s",
-                       self._database, left, self._fault or "it is too slow")  # fmt: skip
+            _log.error("the database %s was closed before all changes were stored, %d are lost: it %s",
+                       self._database, left, self._fault or "is too slow")  # fmt: skip
 
     def _serve(self) -> None:
         while self._take() and self._store():
