@@ -166,6 +166,7 @@ class CanPort:
                     ended.result()
             raise LinkDown(f"link {self.bus.info.name}: the controller has closed")
         finally:
+            self._forget_restart()
             self._go_down("the link was closed", loop.time())
             ended, self._ended = self._ended, None
             ended.cancel()
@@ -179,9 +180,6 @@ class CanPort:
             self.arm()
 
     def _go_down(self, reason: str, now: float) -> None:
-        if self._restart is not None:
-            self._restart.cancel()
-            self._restart = None
         if self.is_up:
             self.is_up = False
             lost = self.queue.clear_all()
@@ -218,7 +216,21 @@ class CanPort:
         if state in (BusState.OFF, BusState.GONE):
             self._go_down(f"{state.value}: {words}", now)
             if state is BusState.OFF:
-                pause, self._restart_pause = self._restart_pause, min(2 * self._restart_pause, LONGEST_RESTART_S)
-                self._restart = asyncio.get_running_loop().call_later(pause, self.bus.restart)
+                self._restart_later()
         else:
+            self._forget_restart()
             self._go_up(now)
+
+    def _restart_later(self) -> None:
+        if self._restart is None:
+            pause, self._restart_pause = self._restart_pause, min(2 * self._restart_pause, LONGEST_RESTART_S)
+            self._restart = asyncio.get_running_loop().call_later(pause, self._restart_now)
+
+    def _restart_now(self) -> None:
+        self._restart = None
+        self.bus.restart()
+
+    def _forget_restart(self) -> None:
+        if self._restart is not None:
+            self._restart.cancel()
+            self._restart = None
