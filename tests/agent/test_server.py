@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from msbot.agent import Agent, AgentSettings, ClientInfo, OpenGate, client_key_of
 from msbot.agent.rpc import decode_identity
-from msbot.errors import LinkDown
+from msbot.errors import LinkDown, LinkFull
 from msbot.link import InprocHub, Peer, Signal, run_virtual
 from msbot.space import MemorySpace
 from msbot.xrce import (
@@ -564,6 +564,83 @@ def test_room_for_one_peer_is_not_room_for_all() -> None:
         assert one.received(readers[0]) == [b"x"]
 
     play(scenario)
+
+
+def test_a_slow_link_takes_sample_by_sample_so_that_the_rest_stays_fresh() -> None:
+    async def main() -> None:
+        agent = Agent(MemorySpace())
+        async with serving(agent, FakeLink("can:", bits_per_second=500_000)) as link:
+            (client,) = await connected(link, 1)
+            reader = await client.add_reader("light", qos=EndpointQos(depth=4), stream_id=STREAM_BEST_EFFORT)
+            writer = await client.add_writer("light")
+            link.room = 0
+            for number in range(20):
+                await client.write(writer, bytes([number]), stream_id=STREAM_BEST_EFFORT)
+                if number > 3:
+                    link.make_room(1)
+            link.make_room(None)
+            await client.settle()
+            got = [payload[0] for payload in client.received(reader)]
+            # Sample 0 was booked before the link was found full; of those behind it the newest four were kept.
+            assert got == [0, *range(2, 20)]
+
+    run_virtual(main())
+
+
+def test_a_link_that_fills_up_or_breaks_between_asking_and_sending() -> None:
+    class Treacherous(FakeLink):
+        error: Exception | None = None
+
+        def send(self, packet: bytes, peer: Peer) -> None:
+            if self.error is not None:
+                raise self.error
+            super().send(packet, peer)
+
+    async def main() -> None:
+        link = Treacherous()
+        agent = Agent(MemorySpace())
+        async with serving(agent, link):
+            (client,) = await connected(link, 1)
+            reader = await client.add_reader("light", stream_id=STREAM_BEST_EFFORT)
+            writer = await client.add_writer("light")
+            link.error = LinkFull("full after all")
+            await client.write(writer, b"waits", stream_id=STREAM_BEST_EFFORT)
+            link.inject(bytes.fromhex("80000000 02010800 000afffd 02000000"))
+            assert agent.dropped() == {"answer not sent: LinkFull": 1}
+            assert agent.clients()[0].waiting == 1
+            link.error = LinkDown("gone")
+            link.make_room(None)
+            assert agent.clients()[0].dropped == {"packet for a link that is down": 1}
+            link.error = None
+            await client.write(writer, b"goes", stream_id=STREAM_BEST_EFFORT)
+            assert client.received(reader) == [b"goes"]
+
+    run_virtual(main())
+
+
+def test_a_gate_may_end_other_sessions_when_one_leaves() -> None:
+    class Chain(StrictGate):
+        agent: Agent
+
+        def left(self, client: ClientInfo, reason: str) -> None:
+            super().left(client, reason)
+            for key in (1, 2, 3):
+                self.agent.disconnect(key, "with the others")
+
+    gate = Chain()
+
+    async def main() -> None:
+        gate.agent = Agent(MemorySpace(), gate=gate)
+        async with serving(gate.agent, FakeLink("first:"), FakeLink("second:")) as link:
+            await connected(link, 1, 2, 3)
+            gate.events.clear()
+            link.break_down()
+            await asyncio.sleep(0.1)
+            assert sorted(gate.events) == [
+                "1 left: link first: has ended", "2 left: with the others", "3 left: with the others"
+            ]  # fmt: skip
+
+    run_virtual(main())
 
 
 def test_all_packets_of_one_turn_are_answered_in_one_flush() -> None:

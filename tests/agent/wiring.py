@@ -53,8 +53,8 @@ UNLIMITED = DeliveryControl()
 class FakeLink:
     """A link to peers that are plain functions; it can be told to be full and to break."""
 
-    def __init__(self, name: str = "fake:", mtu: int = 65535) -> None:
-        self.info = LinkInfo(name, mtu)
+    def __init__(self, name: str = "fake:", mtu: int = 65535, bits_per_second: int | None = None) -> None:
+        self.info = LinkInfo(name, mtu, bits_per_second)
         self.counters = LinkCounters()
         self.tap: Tap | None = None
         self.remote: Peer | None = None

@@ -166,15 +166,26 @@ class Proxy:
         for endpoint in list(self._endpoints.values()):
             endpoint.recheck()
 
-    def pull(self) -> None:
-        """Send what waits in the readers, in turns, as far as it may go now."""
+    def pull(self, limit: int | None = None) -> int:
+        """Take samples that wait in the readers, in turns, as far as their streams have room; returns how many.
+
+        This is done for a link that has room, so it is done even while `is_blocked`.
+        """
         sides = [side for endpoint in self._endpoints.values() if (side := endpoint.incoming) and side.is_waiting]
-        if sides:
-            self._turn += 1
-            first = self._turn % len(sides)
-            sides = sides[first:] + sides[:first]
-        while sides:
-            sides = [side for side in sides if side.pull_one()]
+        if not sides:
+            return 0
+        blocked, self.is_blocked = self.is_blocked, False
+        self._turn += 1
+        first = self._turn % len(sides)
+        queue = deque(sides[first:] + sides[:first])
+        taken = 0
+        while queue and taken != limit:
+            side = queue.popleft()
+            if side.pull_one():
+                taken += 1
+                queue.append(side)
+        self.is_blocked = blocked
+        return taken
 
     def close(self) -> None:
         """Leave the space with everything."""
@@ -269,7 +280,7 @@ class Proxy:
                 session.send_status(event.request_id, event.object_id, Status.OK, event.stream_id)
                 self._tree.clear()
                 self.is_over = True
-            case WindowOpened() | SessionReset():
+            case WindowOpened() | SessionReset() if not self.is_blocked:
                 self.pull()
 
     def _read(self, event: ReadRequested) -> None:

@@ -110,8 +110,6 @@ class Agent:
             LinkDown: a link could not be opened, or the last one has gone.
         """
         self._loop = asyncio.get_running_loop()
-        if self._marked:
-            self._loop.call_soon(self._flush)
         try:
             async with asyncio.TaskGroup() as group:
                 self._group = group
@@ -252,8 +250,8 @@ class Agent:
             return
         proxy.is_marked = True
         self._marked.append(proxy)
-        if len(self._marked) == 1 and self._loop is not None:
-            self._loop.call_soon(self._flush)
+        if len(self._marked) == 1:
+            asyncio.get_running_loop().call_soon(self._flush)
 
     def _flush(self) -> None:
         now = self._now()
@@ -274,16 +272,19 @@ class Agent:
         port, peer = place
         link = port.link
         outbox = proxy.outbox
+        pulled_all = False
         while link.has_room(peer):
-            if not outbox:
+            if not outbox and not pulled_all:
                 outbox.extend(proxy.session.packets_to_send(now, port.batch))
-                if not outbox:
-                    if not proxy.is_blocked:
-                        return
+                pulled_all = port.batch is None or not outbox
+            if not outbox:
+                if not proxy.is_blocked:
+                    return
+                if not proxy.pull(port.batch):
                     proxy.is_blocked = False
                     del port.blocked[proxy]
-                    proxy.pull()
-                    continue
+                pulled_all = False
+                continue
             packet = outbox[0]
             try:
                 link.send(packet, peer)
@@ -306,14 +307,14 @@ class Agent:
 
     def _arm(self) -> None:
         times = [when for when in (self._timers.next_at(), self._lives.next_at()) if when is not None]
-        if not times or self._loop is None:
+        if not times:
             return
         when = min(times)
         if self._alarm is not None:
             if self._alarm.when() <= when:
                 return
             self._alarm.cancel()
-        self._alarm = self._loop.call_at(when, self._alarm_rang)
+        self._alarm = asyncio.get_running_loop().call_at(when, self._alarm_rang)
 
     def _alarm_rang(self) -> None:
         self._alarm = None

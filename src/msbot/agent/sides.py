@@ -182,7 +182,7 @@ class ReadSide:
 
     def pull_one(self) -> bool:
         """Send one sample that waits; False when there is none or it may not go now."""
-        if self.reader is None:
+        if self.reader is None or self.read is None:
             return False
         sample = self._on_hand.popleft() if self._on_hand else self.reader.take()
         if sample is None:
