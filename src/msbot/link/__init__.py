@@ -118,6 +118,8 @@ from msbot.link.can_link import CanMasterLink, CanPartLink  # noqa: E402
 from msbot.link.can_nodes import MemoryNodeIds, NodeIds  # noqa: E402
 from msbot.link.faults import LossyLink  # noqa: E402
 from msbot.link.inproc import InprocEnd, InprocHub, inproc_pair  # noqa: E402
+from msbot.link.pty import PtyServerLink  # noqa: E402
+from msbot.link.serial import SerialClientLink, SerialServerLink  # noqa: E402
 from msbot.link.sim_driver import FrameTap, SimBusDriver  # noqa: E402
 from msbot.link.sim_events import BusCounters  # noqa: E402
 from msbot.link.simbus import SimBus  # noqa: E402
@@ -147,6 +149,9 @@ __all__ = [
     "NodeIds",
     "PacketHandler",
     "Peer",
+    "PtyServerLink",
+    "SerialClientLink",
+    "SerialServerLink",
     "Signal",
     "SignalHandler",
     "SimBus",

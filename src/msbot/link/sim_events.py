@@ -10,10 +10,10 @@ from msbot.link.can_frames import Frame
 
 @dataclass(frozen=True, slots=True)
 class Delivered:
-    """A frame has arrived at a node."""
+    """A frame has arrived at these nodes."""
 
     at: float
-    node: int
+    nodes: list[int]
     frame: Frame
 
 

@@ -1,0 +1,195 @@
+"""`msbot demo`: the sample robot, live in the terminal, as lines, or as one JSON object."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import re
+import signal
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+
+import click
+
+from msbot.cli.demo_json import as_json
+from msbot.cli.keys import Keys
+from msbot.config import load_blueprint, load_library, write_sample
+from msbot.demo import DemoRobot, Wire
+from msbot.errors import ConfigError
+from msbot.registry import open_registry
+
+REFRESH_S = 0.2
+STATUS_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class ScriptStep:
+    """One thing to do on time."""
+
+    at_s: float
+    verb: str
+    """`plug` or `unplug`."""
+    part: str
+
+
+class ScriptType(click.ParamType[list[ScriptStep]]):
+    """`3:unplug AA;12:plug AA`."""
+
+    name = "script"
+
+    def convert(
+        self, value: str | list[ScriptStep], param: click.Parameter | None, ctx: click.Context | None
+    ) -> list[ScriptStep]:
+        """The steps, in order of time."""
+        if isinstance(value, list):
+            return value
+        steps = []
+        for text in filter(None, (piece.strip() for piece in value.split(";"))):
+            match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*:\s*(plug|unplug)\s+(\S+)", text)
+            if match is None:
+                self.fail(
+                    f"{text!r} is no step; write SECONDS:plug PART or SECONDS:unplug PART, for example 3:unplug AA",
+                    param,
+                    ctx,
+                )
+            steps.append(ScriptStep(float(match[1]), match[2], match[3]))
+        return sorted(steps, key=lambda step: step.at_s)
+
+
+@dataclass(frozen=True, slots=True)
+class _Options:
+    wire: Wire
+    bitrate: int
+    data_bitrate: int
+    seconds: float | None
+    script: list[ScriptStep]
+    json: bool
+    seed: int | None
+
+
+@click.command("demo")
+@click.option("--link", "wire", type=click.Choice([wire.value for wire in Wire]), default="can", show_default=True,
+              help="The wire: simulated classic CAN, simulated CAN FD, or UDP on this machine.")  # fmt: skip
+@click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), default=500_000, show_default=True,
+              help="Bit rate of the CAN bus, bit/s.")  # fmt: skip
+@click.option("--data-bitrate", type=click.IntRange(10_000, 8_000_000), default=2_000_000, show_default=True,
+              help="Bit rate of the data phase of CAN FD, bit/s.")  # fmt: skip
+@click.option("--seconds", type=click.FloatRange(min=0.1), help="End by itself after that time.")
+@click.option("--script", type=ScriptType(), default="", help='Pull and plug parts on time: "3:unplug AA;12:plug AA".')
+@click.option("--json", "as_json_object", is_flag=True, help="Print one JSON object at the end and nothing else.")
+@click.option("--seed", type=int, help="Draw the same random values every time.")
+@click.option(
+    "--db", type=click.Path(path_type=Path), help="Keep the robot's database in this file (else it is forgotten)."
+)
+def command(
+    *, wire: str, bitrate: int, data_bitrate: int, seconds: float | None, script: list[ScriptStep],
+    as_json_object: bool, seed: int | None, db: Path | None,
+) -> None:  # fmt: skip
+    """Run the sample robot on this machine: a master and the parts AA, BB and CC in a ring.
+
+    In a terminal the keys a, b and c pull a part out and plug it in again, q ends the robot.
+    """
+    options = _Options(Wire(wire), bitrate, data_bitrate, seconds, script, as_json_object, seed)
+    if as_json_object and seconds is None:
+        raise click.UsageError("--json prints at the end: say when with --seconds N")
+    with tempfile.TemporaryDirectory(prefix="msbot-demo-") as folder, contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_main(options, Path(folder), db))
+
+
+async def _main(options: _Options, folder: Path, db: Path | None) -> None:
+    path = folder / "robot.toml"
+    write_sample(path)
+    library = load_library()
+    blueprint = load_blueprint(path, library)
+    registry = open_registry(db or folder / "robot.db")
+    try:
+        robot = DemoRobot(
+            blueprint,
+            registry.store_for(registry.apply_blueprint(blueprint, library)),
+            wire=options.wire,
+            bitrate=options.bitrate,
+            data_bitrate=options.data_bitrate,
+            random=None if options.seed is None else Random(options.seed),
+        )
+        _check_script(options.script, robot)
+        await _run(robot, options)
+    finally:
+        registry.close()
+
+
+def _check_script(script: list[ScriptStep], robot: DemoRobot) -> None:
+    for step in script:
+        if step.part not in robot.names:
+            raise ConfigError(f"--script: there is no part {step.part!r}; there are {', '.join(robot.names)}")
+
+
+async def _run(robot: DemoRobot, options: _Options) -> None:
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError):
+            loop.add_signal_handler(number, robot.finish)
+    for step in options.script:
+        action: Callable[[str], None] = robot.plug if step.verb == "plug" else robot.unplug
+        loop.call_later(step.at_s, action, step.part)
+    if options.seconds is not None:
+        loop.call_later(options.seconds, robot.finish)
+    if options.json:
+        await robot.run()
+        click.echo(json.dumps(as_json(robot)))
+    elif sys.stdout.isatty():
+        await _run_live(robot)
+    else:
+        await _run_plain(robot)
+
+
+async def _run_live(robot: DemoRobot) -> None:
+    from rich.live import Live
+
+    from msbot.cli.demo_view import live_view
+
+    keys = {name[0].lower(): name for name in robot.names}
+
+    def pressed(key: str) -> None:
+        if key in ("q", "\x03", "\x04"):
+            robot.finish()
+        elif key in keys:
+            name = keys[key]
+            (robot.unplug if robot.is_plugged(name) else robot.plug)(name)
+
+    with Keys(pressed), Live(live_view(robot.snapshot(), []), screen=False, auto_refresh=False) as live:
+        async with asyncio.TaskGroup() as tasks:
+            drawing = tasks.create_task(
+                _every(REFRESH_S, lambda: live.update(live_view(robot.snapshot(), robot.events), refresh=True))
+            )
+            try:
+                await robot.run()
+            finally:
+                drawing.cancel()
+
+
+async def _run_plain(robot: DemoRobot) -> None:
+    from msbot.cli.demo_view import event_words, status_words
+
+    def say(text: str) -> None:
+        click.echo(text)
+        sys.stdout.flush()
+
+    robot.on_event = lambda event: say(event_words(event))
+    async with asyncio.TaskGroup() as tasks:
+        reporting = tasks.create_task(_every(STATUS_S, lambda: say(status_words(robot.snapshot()))))
+        try:
+            await robot.run()
+        finally:
+            reporting.cancel()
+    say(f"{robot.snapshot().robot} has ended.")
+
+
+async def _every(seconds: float, action: Callable[[], None]) -> None:
+    while True:
+        await asyncio.sleep(seconds)
+        action()

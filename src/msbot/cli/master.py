@@ -1,0 +1,59 @@
+"""`msbot master`: a robot's master on real links."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from pathlib import Path
+
+import click
+
+from msbot.cli.options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside, db_option
+from msbot.cli.running import run_until_signal
+from msbot.config import Blueprint, Library, load_blueprint, load_library
+from msbot.link import Link, open_link
+from msbot.master import Master
+from msbot.pnp import PartEvent
+from msbot.registry import open_registry
+
+
+@click.command("master")
+@click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
+@click.option("--link", "addresses", multiple=True, default=(DEFAULT_LINK,), show_default=True,
+              help="Where parts come in; may be given several times.")  # fmt: skip
+@click.option("--library", "folders", multiple=True, type=click.Path(path_type=Path),
+              help="A folder with more part types (TOML files); may be given several times.")  # fmt: skip
+@db_option
+@click.option("-v", "--verbose", is_flag=True, help="Say more.")
+def command(
+    blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], db: str | None, *, verbose: bool
+) -> None:
+    """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C."""
+    logging.basicConfig(
+        level=logging.INFO if verbose else logging.WARNING, format="%(asctime)s %(message)s", datefmt="%H:%M:%S"
+    )
+    library = load_library(*folders)
+    robot = load_blueprint(blueprint, library)
+    links = [open_link(address, serve=True) for address in addresses]
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_main(robot, library, links, db or database_beside(blueprint)))
+
+
+async def _main(blueprint: Blueprint, library: Library, links: list[Link], db: str) -> None:
+    with open_registry(db) as registry:
+        master = Master(blueprint, registry.store_for(registry.apply_blueprint(blueprint, library)))
+        master.inventory.on_event(_say)
+        for link in links:
+            master.add_link(link)
+        where = ", ".join(link.info.name for link in links)
+        profile = master.profile
+
+        def greet() -> None:
+            click.echo(f"{profile.name} {profile.version} is up on {where}; database {db}. Ctrl-C ends it.")
+
+        await run_until_signal(master.run(), ready=master.ready, say=greet)
+
+
+def _say(event: PartEvent) -> None:
+    click.echo(event.sentences()[0])

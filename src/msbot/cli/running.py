@@ -1,0 +1,43 @@
+"""How a command runs something until it ends, Ctrl-C or SIGTERM, and what it says when that goes wrong."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+from collections.abc import Callable, Coroutine
+
+from msbot.errors import MsbotError
+from msbot.master import first_error
+
+
+async def run_until_signal(
+    work: Coroutine[object, object, None], *, ready: asyncio.Event | None = None, say: Callable[[], None] | None = None
+) -> None:
+    """Run until the work ends or SIGINT or SIGTERM comes, which is a clean end.
+
+    Args:
+        work: what to run.
+        ready: set by the work when it is up.
+        say: called then.
+
+    Raises:
+        MsbotError: what ended the work, taken out of the group it came in.
+    """
+    loop = asyncio.get_running_loop()
+    try:
+        async with asyncio.TaskGroup() as tasks:
+            working = tasks.create_task(work)
+            for number in (signal.SIGINT, signal.SIGTERM):
+                with contextlib.suppress(NotImplementedError):
+                    loop.add_signal_handler(number, working.cancel)
+            if ready is not None and say is not None:
+                greeting = tasks.create_task(_say_when(ready, say))
+                working.add_done_callback(lambda _: greeting.cancel())
+    except* MsbotError as errors:
+        raise first_error(errors) from None
+
+
+async def _say_when(ready: asyncio.Event, say: Callable[[], None]) -> None:
+    await ready.wait()
+    say()

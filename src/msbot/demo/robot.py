@@ -1,0 +1,281 @@
+"""The sample robot in one process: a master and the thesis' three parts on one wire, parts that can be pulled out.
+
+Nothing here is a mock: master, agent, parts and the bus are the ones a real robot has; only the wire is simulated
+(CAN, bit by bit) or local (UDP on 127.0.0.1). It runs in real time and, on the simulated bus, in virtual time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from random import Random
+
+from msbot.config import Blueprint
+from msbot.demo.snapshot import BusSnapshot, DemoEvent, DemoSnapshot, PartSnapshot, TopicSnapshot
+from msbot.demo.wiring import Wire, Wiring
+from msbot.errors import ConfigError, MsbotError
+from msbot.link import FrameTap
+from msbot.master import Master, first_error
+from msbot.part import Part, SimGpio, make_sample
+from msbot.pnp import PartEvent, PartInfo, PartState, PartStore
+
+SAMPLES = ("AA", "BB", "CC")
+"""The parts of the sample robot, by the names of their slots."""
+START_LOOK_S = 0.02
+"""How often the demo looks whether the whole ring is wired up, until it is."""
+SETTLE_S = 0.25
+"""Longest wait at the end for samples that are on their way."""
+SETTLE_LOOKS = 25
+"""How often it is looked meanwhile whether they have arrived."""
+
+
+class _Plug:
+    """One part's place in the demo: the part that is plugged in now, and what earlier ones there did."""
+
+    def __init__(self, name: str, part_number: str, uid: bytes, board: SimGpio) -> None:
+        self.name = name
+        self.part_number = part_number
+        self.uid = uid
+        self.board = board
+        """The board survives unplugging, as a real one would; its pins do what the part last told them."""
+        self.part: Part | None = None
+        self.task: asyncio.Task[None] | None = None
+        self.plugged_at = 0.0
+        self.active_at: float | None = None
+        self.earlier_in = 0
+        self.earlier_out = 0
+
+    @property
+    def messages_in(self) -> int:
+        """Samples that arrived in the part, over all pluggings."""
+        return self.earlier_in + (self.part.counters.messages_in if self.part is not None else 0)
+
+    @property
+    def messages_out(self) -> int:
+        """Samples the part published, over all pluggings."""
+        return self.earlier_out + (self.part.counters.messages_out if self.part is not None else 0)
+
+
+class DemoRobot:
+    """The sample robot on one wire. Must be made inside a running event loop.
+
+    Args:
+        blueprint: the sample blueprint, or one with the same slots and topics.
+        store: library, slots and journal.
+        wire: what connects the parts.
+        bitrate: nominal bit rate of a CAN wire, bit/s.
+        data_bitrate: bit rate of the data phase of CAN FD, bit/s.
+        names: which parts take part.
+        random: draws everything that is drawn; a seeded one makes a run in virtual time repeatable.
+        epoch_ns: wall clock, nanoseconds since 1970.
+    """
+
+    def __init__(
+        self,
+        blueprint: Blueprint,
+        store: PartStore,
+        *,
+        wire: Wire = Wire.CAN,
+        bitrate: int = 500_000,
+        data_bitrate: int = 2_000_000,
+        names: tuple[str, ...] = SAMPLES,
+        random: Random | None = None,
+        epoch_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self.on_event: Callable[[DemoEvent], None] = lambda _event: None
+        """Called with every change of a part's state."""
+        self.events: list[DemoEvent] = []
+        self._random = random or Random()
+        self._epoch_ns = epoch_ns
+        self._loop = asyncio.get_running_loop()
+        self._started_at = self._loop.time()
+        self.master = Master(blueprint, store, random=self._random, epoch_ns=epoch_ns)
+        self._wiring = Wiring(wire, bitrate, data_bitrate, self.master.profile.profile_hash(), self._random)
+        self.master.add_link(self._wiring.master_link)
+        self.master.inventory.on_event(self._changed)
+        self._plugs: dict[str, _Plug] = {}
+        for name in names:
+            slot = blueprint.slot(name)
+            if slot is None:
+                raise ConfigError(
+                    f"the demo needs a slot {name!r}; the blueprint has none: use the sample of `msbot init`"
+                )
+            self._plugs[name] = _Plug(name, slot.part, self._random.randbytes(8), SimGpio())
+        self._baseline: dict[str, tuple[int, int]] = {}
+        self._tasks: asyncio.TaskGroup | None = None
+        self._finished = asyncio.Event()
+        self._final: DemoSnapshot | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parts of the robot."""
+        return tuple(self._plugs)
+
+    async def run(self) -> None:
+        """Run the robot with all parts plugged in, until `finish` or cancellation.
+
+        Raises:
+            LinkDown: the wire cannot be opened.
+        """
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                self._tasks = tasks
+                background = [tasks.create_task(self.master.run())]
+                await self.master.ready.wait()
+                for name in self._plugs:
+                    self.plug(name)
+                self._watch_start()
+                await self._finished.wait()
+                await self._settle()
+                self._final = self._look()
+                for task in background + [plug.task for plug in self._plugs.values() if plug.task is not None]:
+                    task.cancel()
+        except* MsbotError as errors:
+            raise first_error(errors) from None
+        finally:
+            self._tasks = None
+
+    def on_frame(self, tap: FrameTap) -> None:
+        """Call `tap` with every frame on the simulated bus; there are none over UDP."""
+        if self._wiring.driver is not None:
+            self._wiring.driver.tap = tap
+
+    def finish(self) -> None:
+        """End `run`."""
+        self._finished.set()
+
+    def is_plugged(self, name: str) -> bool:
+        """Whether that part is on the wire."""
+        return self._plug(name).part is not None
+
+    def plug(self, name: str) -> None:
+        """Plug a part in; nothing happens if it is."""
+        plug = self._plug(name)
+        if plug.part is not None or self._tasks is None:
+            return
+        plug.part = make_sample(name, uid=plug.uid, random=Random(self._random.getrandbits(64)), board=plug.board)
+        plug.plugged_at = self._loop.time()
+        plug.active_at = None
+        link = self._wiring.part_link(name, plug.uid)
+        plug.task = self._tasks.create_task(plug.part.run_async(link, epoch_ns=self._epoch_ns))
+
+    def unplug(self, name: str) -> None:
+        """Pull a part out: it is off the wire and without power at once, and nobody is told."""
+        plug = self._plug(name)
+        if plug.part is None or plug.task is None:
+            return
+        self._wiring.pull(name)
+        plug.earlier_in, plug.earlier_out = plug.messages_in, plug.messages_out
+        plug.task.cancel()
+        plug.part = plug.task = None
+
+    def snapshot(self) -> DemoSnapshot:
+        """The robot now, or when it ended."""
+        return self._final or self._look()
+
+    async def _settle(self) -> None:
+        """Let samples that are on their way arrive, so that the final count does not call them lost."""
+        for _ in range(SETTLE_LOOKS):
+            if all(topic.delivered >= topic.published for topic in self._topic_snapshots()):
+                return
+            await asyncio.sleep(SETTLE_S / SETTLE_LOOKS)
+
+    def _look(self) -> DemoSnapshot:
+        now = self._loop.time()
+        infos = {info.slot: info for info in self.master.inventory.view(now) if info.slot is not None}
+        return DemoSnapshot(
+            robot=self.master.profile.name,
+            link=self._wiring.name,
+            at_s=now - self._started_at,
+            parts=tuple(self._part_snapshot(plug, infos.get(plug.name)) for plug in self._plugs.values()),
+            topics=tuple(self._topic_snapshots()),
+            bus=self._bus_snapshot(now),
+        )
+
+    def _part_snapshot(self, plug: _Plug, info: PartInfo | None) -> PartSnapshot:
+        return PartSnapshot(
+            name=plug.name,
+            part_number=plug.part_number,
+            slot=(info.slot or "") if info is not None else "",
+            state=info.state.value if info is not None else PartState.NEW.value,
+            plugged=plug.part is not None,
+            life=info.life if info is not None else 0,
+            beat_age_s=info.beat_age_s if info is not None else None,
+            beats=info.beats if info is not None else 0,
+            messages_in=plug.messages_in,
+            messages_out=plug.messages_out,
+            plug_in_to_active_ms=None if plug.active_at is None else (plug.active_at - plug.plugged_at) * 1000,
+            outputs=tuple(plug.board.levels()),
+        )
+
+    def _topic_snapshots(self) -> list[TopicSnapshot]:
+        snapshots = []
+        for name, (published, delivered) in self._traffic().items():
+            published_before, delivered_before = self._baseline.get(name, (published, delivered))
+            snapshots.append(TopicSnapshot(name, published - published_before, delivered - delivered_before))
+        return snapshots
+
+    def _traffic(self) -> dict[str, tuple[int, int]]:
+        """Samples accepted by the agent and arrived in the parts, by topic, since the start."""
+        accepted = {name: published for name, published, _ in self.master.agent.topics()}
+        return {
+            binding.topic: (
+                accepted.get(binding.topic, 0),
+                sum(self._plugs[target.slot].messages_in for target in binding.targets if target.slot in self._plugs),
+            )
+            for binding in self.master.blueprint.bindings
+        }
+
+    def _bus_snapshot(self, now: float) -> BusSnapshot | None:
+        driver = self._wiring.driver
+        if driver is None:
+            return None
+        bus = driver.bus
+        return BusSnapshot(
+            bitrate=bus.bitrate,
+            frames=bus.counters.frames,
+            bits=bus.counters.bits,
+            load_percent=100 * bus.counters.busy_s / max(now - self._started_at, bus.counters.busy_s, 1e-9),
+            load_now_percent=100 * bus.load(now),
+            errors=bus.counters.errors,
+        )
+
+    def _changed(self, event: PartEvent) -> None:
+        if self._final is not None:
+            return  # what the end of the robot itself brings about is no news
+        name = event.slot or event.part
+        plug = self._plugs.get(name)
+        if plug is not None and event.to_state is PartState.ACTIVE and plug.active_at is None:
+            plug.active_at = event.at
+        shown = DemoEvent(
+            at_s=event.at - self._started_at,
+            part=name,
+            from_state="" if event.from_state is None else event.from_state.value,
+            to_state=event.to_state.value,
+            reason=event.reason,
+        )
+        self.events.append(shown)
+        self.on_event(shown)
+
+    def _watch_start(self) -> None:
+        """Traffic counts from the moment when every part of the ring can hear its partner for the first time."""
+        ends = [end for binding in self.master.blueprint.bindings for end in (binding.source, *binding.targets)]
+        wanted = sum(end.slot in self._plugs for end in ends)
+        topics = {binding.topic for binding in self.master.blueprint.bindings}
+        attached = sum(
+            endpoint.attached and endpoint.kind != "topic" and endpoint.topic in topics
+            for client in self.master.agent.clients()
+            for endpoint in client.objects
+        )
+        if attached >= wanted:
+            # What the agent has handed out and a part has yet to get counts neither as published nor as delivered.
+            self._baseline = {name: (published, out) for name, published, out in self.master.agent.topics()}
+        else:
+            self._loop.call_later(START_LOOK_S, self._watch_start)
+
+    def _plug(self, name: str) -> _Plug:
+        plug = self._plugs.get(name)
+        if plug is None:
+            raise ConfigError(f"there is no part {name!r} in the demo; there are {', '.join(self._plugs)}")
+        return plug

@@ -1,0 +1,52 @@
+"""The wire of the demo: a simulated CAN bus, or UDP on this machine."""
+
+from __future__ import annotations
+
+from enum import Enum
+from random import Random
+
+from msbot.link import CanMasterLink, CanPartLink, Link, SimBus, SimBusDriver, UdpClientLink, UdpServerLink
+
+
+class Wire(Enum):
+    """What connects the robot; the value is what a person types."""
+
+    CAN = "can"
+    FD = "fd"
+    UDP = "udp"
+
+
+class Wiring:
+    """The wire and the way of each part onto it."""
+
+    def __init__(self, wire: Wire, bitrate: int, data_bitrate: int, profile_hash: int, random: Random) -> None:
+        self.wire = wire
+        self.driver: SimBusDriver | None = None
+        self._random = random
+        self._server: UdpServerLink | None = None
+        if wire is Wire.UDP:
+            self._server = UdpServerLink("127.0.0.1", 0)
+            self.master_link: Link = self._server
+            self.name = "UDP on 127.0.0.1"
+            return
+        fd = wire is Wire.FD
+        bus = SimBus(bitrate, data_bitrate=data_bitrate if fd else None, fd=fd)
+        self.driver = SimBusDriver(bus)
+        # A bus needs two nodes before any frame is acknowledged: the monitor hears, as a student's adapter would.
+        self.driver.attach("monitor")
+        self.master_link = CanMasterLink(self.driver.attach("master"), profile_hash=profile_hash, random=random, fd=fd)
+        self.name = f"simulated CAN {'FD ' if fd else ''}bus, {bitrate // 1000} kbit/s" + (
+            f" and {data_bitrate // 1000} kbit/s" if fd else ""
+        )
+
+    def part_link(self, name: str, uid: bytes) -> Link:
+        """A fresh way for a part that has just been plugged in."""
+        if self.driver is not None:
+            return CanPartLink(self.driver.attach(name), uid=uid, random=self._random)
+        assert self._server is not None
+        return UdpClientLink("127.0.0.1", self._server.port)
+
+    def pull(self, name: str) -> None:
+        """Cut a part off without a word."""
+        if self.driver is not None:
+            self.driver.detach(name)

@@ -1,0 +1,156 @@
+"""The composition root: puts agent, inventory, profile and links together. The only place that knows everybody.
+
+The master and the inventory are clients of the agent like any other (thesis 3.11), over an in-process link; what they
+decide reaches the agent through its one hook, the gate.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import random as random_module
+import time
+from collections.abc import Callable, Sequence
+
+from msbot.agent import Agent, AgentSettings
+from msbot.config import Blueprint
+from msbot.errors import MsbotError
+from msbot.link import InprocHub, Link, Peer, Signal
+from msbot.part import Client
+from msbot.pnp import Access, Inventory, PartStore, Profile, Timing
+from msbot.pnp.services import InventoryService, MasterService
+from msbot.space import MemorySpace, Space
+
+MASTER_KEY = 0x4D734D01
+INVENTORY_KEY = 0x4D734D02
+"""Client keys of the robot's own services; the gate refuses them to anybody on another link."""
+
+
+class Master:
+    """One robot's master: profile, health inventory and agent on any number of links.
+
+    Must be made inside a running event loop, whose clock becomes the robot's clock.
+    """
+
+    def __init__(
+        self,
+        blueprint: Blueprint,
+        store: PartStore,
+        *,
+        space: Space | None = None,
+        agent_settings: AgentSettings | None = None,
+        random: random_module.Random | None = None,
+        epoch_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        """Put a master together; it serves once `run` is awaited.
+
+        Args:
+            blueprint: what the robot is.
+            store: library, slots, configurations and journal: the registry, or memory.
+            space: where the agent acts for its clients; memory if absent.
+            agent_settings: limits and periods of the agent.
+            random: draws leases and identities; the system's source if absent.
+            epoch_ns: wall clock for time synchronisation, nanoseconds since 1970.
+
+        Raises:
+            ConfigError: the timing makes no sense.
+            RegistryError: the slots cannot be read.
+        """
+        loop = asyncio.get_running_loop()
+        dice = random or random_module.SystemRandom()
+        self.blueprint = blueprint
+        self.profile = profile_of(blueprint)
+        self.inventory = Inventory(store, random=dice, now=loop.time(), timing=timing_of(blueprint))
+        self.access = Access(self.inventory, clock=loop.time, free_topics=frozenset(blueprint.options.free_topics))
+        self.agent = Agent(
+            space or MemorySpace(),
+            gate=self.access,
+            settings=agent_settings,
+            epoch_ns=epoch_ns,
+            agent_id=dice.randbytes(8),
+        )
+        self.access.recheck = self.agent.recheck
+        self.agent.on_signal = self._link_signalled
+        self.ready = asyncio.Event()
+        """Set when the robot's own services answer and every link is open."""
+        self._serving = False
+        self._opening: set[str] = set()
+        hub = InprocHub()
+        self.agent.add_link(hub.server)
+        self._links: list[Link] = []
+        self._master = MasterService(
+            Client(hub.connect(), key=MASTER_KEY, epoch_ns=epoch_ns, random=dice),
+            self.profile,
+            period_s=blueprint.timing.profile_period_s,
+        )
+        self._inventory = InventoryService(
+            Client(hub.connect(), key=INVENTORY_KEY, epoch_ns=epoch_ns, random=dice),
+            self.inventory,
+            explain=blueprint.options.explain,
+        )
+
+    def add_link(self, link: Link) -> None:
+        """Let parts come in by a link, too; before or during `run`."""
+        self._links.append(link)
+        if self._serving:
+            self._serve(link)
+
+    async def run(self) -> None:
+        """Serve until cancelled.
+
+        Raises:
+            LinkDown: a link cannot be opened; the text names the remedy.
+        """
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self.agent.run())
+                tasks.create_task(self._inventory.run())
+                tasks.create_task(self._master.run())
+                # Nobody is let in before there is somebody to ask.
+                await self._inventory.until_ready()
+                self._serving = True
+                for link in self._links:
+                    self._serve(link)
+        except* MsbotError as errors:
+            raise first_error(errors) from None
+        finally:
+            self._serving = False
+            self.ready.clear()
+
+    def _serve(self, link: Link) -> None:
+        self._opening.add(link.info.name)
+        self.agent.add_link(link)
+
+    def _link_signalled(self, link: Link, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:  # noqa: ARG002
+        if signal is Signal.LINK_UP and link.info.name in self._opening:
+            self._opening.discard(link.info.name)
+            if not self._opening:
+                self.ready.set()
+        elif signal is Signal.PEER_JOINED:
+            self.access.peer_joined(link.info.name, peer, now)
+
+
+def profile_of(blueprint: Blueprint) -> Profile:
+    """What the master publishes of a robot."""
+    robot = blueprint.robot
+    return Profile(
+        name=robot.name,
+        version=robot.version,
+        serial_number=robot.serial_number,
+        released=robot.released,
+        manufacturer=robot.manufacturer,
+    )
+
+
+def timing_of(blueprint: Blueprint) -> Timing:
+    """The robot's periods as the inventory takes them."""
+    timing = blueprint.timing
+    return Timing(beat_s=timing.beat_period_s, tick_s=timing.tick_period_s, life=timing.life)
+
+
+def first_error(errors: BaseExceptionGroup[MsbotError]) -> MsbotError:
+    """The first error in a group that ended a `TaskGroup`: the one a person has to mend."""
+    leaves: Sequence[BaseException] = errors.exceptions
+    while isinstance(leaves[0], BaseExceptionGroup):
+        leaves = leaves[0].exceptions
+    assert isinstance(leaves[0], MsbotError)
+    return leaves[0]

@@ -1,0 +1,99 @@
+"""Runs `msbot` as a user does: in processes of its own, with what they print at hand."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+MSBOT = (sys.executable, "-m", "msbot")
+PATIENCE_S = 30.0
+"""How long a test waits for a line before it fails; nothing in the product is this slow."""
+
+
+class Process:
+    """One running command; its output is read line by line."""
+
+    def __init__(self, *arguments: str, cwd: Path, env: dict[str, str] | None = None) -> None:
+        self._process = subprocess.Popen(
+            [*MSBOT, *arguments],
+            cwd=cwd,
+            env={**os.environ, "PYTHONUNBUFFERED": "1", **(env or {})},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            text=True,
+        )
+        self.lines: list[str] = []
+        self._queue: queue.Queue[str | None] = queue.Queue()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self._queue.put(line.rstrip("\n"))
+        self._queue.put(None)
+
+    def wait_for(self, *words: str, patience_s: float = PATIENCE_S) -> str:
+        """The next line that has all the words; fails when the process ends or takes too long."""
+        until = time.monotonic() + patience_s
+        while True:
+            try:
+                line = self._queue.get(timeout=max(0.0, until - time.monotonic()))
+            except queue.Empty:
+                line = None
+            if line is None:
+                self._queue.put(None)
+                raise AssertionError(f"no line with {words}; the process said:\n" + "\n".join(self.lines))
+            self.lines.append(line)
+            if all(word in line for word in words):
+                return line
+
+    def send(self, number: signal.Signals) -> None:
+        """Send a signal to the process."""
+        self._process.send_signal(number)
+
+    def end(self, number: signal.Signals = signal.SIGTERM) -> int:
+        """End it and return its exit status."""
+        if self._process.poll() is None:
+            self._process.send_signal(number)
+        status = self._process.wait(PATIENCE_S)
+        self._reader.join(PATIENCE_S)
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+        while not self._queue.empty():
+            line = self._queue.get()
+            if line is not None:
+                self.lines.append(line)
+        return status
+
+
+@contextlib.contextmanager
+def running(*arguments: str, cwd: Path, env: dict[str, str] | None = None) -> Iterator[Process]:
+    """A command that is killed at the latest when the test is over."""
+    process = Process(*arguments, cwd=cwd, env=env)
+    try:
+        yield process
+    finally:
+        process.end(signal.SIGKILL)
+
+
+def run(*arguments: str, cwd: Path | None = None, timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
+    """A command that ends by itself."""
+    return subprocess.run(
+        [*MSBOT, *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=timeout_s,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )

@@ -1,0 +1,86 @@
+"""The promises of `msbot demo`, kept in real time, by the command itself."""
+
+import json
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.processes import run, running
+
+Json = dict[str, object]
+
+
+def demo(*arguments: str) -> dict[str, list[Json]]:
+    done = run("demo", "--json", *arguments)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    result: dict[str, list[Json]] = json.loads(done.stdout)
+    return result
+
+
+@pytest.mark.parametrize("link", ["can", "fd", "udp"])
+def test_three_parts_join_and_the_ring_runs(link: str) -> None:
+    result = demo("--seconds", "6", "--link", link)
+    assert [part["name"] for part in result["parts"]] == ["AA", "BB", "CC"]
+    for part in result["parts"]:
+        assert part["state"] == "active"
+        assert part["life"] in (2, 3)
+        assert float(str(part["plug_in_to_active_ms"])) < 250
+        assert int(str(part["beats"])) >= 4
+    assert len(result["topics"]) == 3
+    for topic in result["topics"]:
+        assert int(str(topic["published"])) >= 4
+        assert int(str(topic["delivered"])) >= 0.95 * int(str(topic["published"]))
+    if link == "udp":
+        assert result["bus"] is None
+    else:
+        bus = result["bus"]
+        assert isinstance(bus, dict)
+        assert bus["bitrate"] == 500_000
+        assert bus["frames"] > 100
+        assert 0 < bus["load_percent"] < 30
+        assert bus["errors"] == 0
+
+
+@pytest.mark.parametrize("link", ["can", "udp"])
+def test_an_unplugged_part_is_lost_after_4_to_6_s_and_comes_back(link: str) -> None:
+    result = demo("--seconds", "11", "--link", link, "--script", "1.5:unplug BB;9:plug BB")
+    changes = [
+        (float(str(event["at_s"])), event["from"], event["to"]) for event in result["events"] if event["part"] == "BB"
+    ]
+    lost = [at for at, _, after in changes if after == "lost"]
+    assert len(lost) == 1
+    assert 4.0 <= lost[0] - 1.5 <= 6.5
+    assert any(after == "active" and at > 9.0 for at, _, after in changes)
+    others = [event for event in result["events"] if event["part"] != "BB" and event["to"] in ("lost", "late")]
+    assert others == []
+    assert [part["state"] for part in result["parts"]] == ["active"] * 3
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_without_a_terminal_it_prints_lines_and_ends_cleanly(number: signal.Signals, tmp_path: Path) -> None:
+    with running("demo", "--link", "udp", cwd=tmp_path) as process:
+        process.wait_for("AA", "active")
+        process.wait_for("AA active life 3", "BB active life 3", "CC active life 3")
+        assert process.end(number) == 0
+    assert process.lines[-1] == "MSBOT_MASTER has ended."
+    assert not [line for line in process.lines if "Traceback" in line]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--json"], "--seconds"),
+        (["--script", "soon:unplug AA"], "3:unplug AA"),
+        (["--script", "1:unplug DD", "--seconds", "1"], "AA, BB, CC"),
+        (["--link", "carrier-pigeon"], "'can', 'fd', 'udp'"),
+        (["--bitrate", "0"], "10000<=x<=1000000"),
+    ],
+)
+def test_wrong_options_are_one_message_and_status_2(arguments: list[str], words: str) -> None:
+    done = run("demo", *arguments)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""

@@ -1,0 +1,53 @@
+"""The docs say what there is: commands and options, links that lead somewhere, no page left out."""
+
+import re
+from pathlib import Path
+
+import click
+import pytest
+
+from msbot.cli import COMMANDS, msbot
+
+ROOT = Path(__file__).parent.parent
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+
+
+def options_of(command: click.Command) -> list[str]:
+    own = [max(param.opts, key=len) for param in command.params if isinstance(param, click.Option)]
+    if isinstance(command, click.Group):
+        own += [option for sub in command.commands.values() for option in options_of(sub)]
+    return own
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_and_option_is_documented(name: str) -> None:
+    page = (DOCS / "reference/commands.md").read_text()
+    section = page.partition(f"## `msbot {name}`")[2].partition("\n## ")[0]
+    assert section, f"docs/reference/commands.md has no section for `msbot {name}`"
+    command = msbot.get_command(click.Context(msbot), name)
+    assert command is not None
+    missing = [option for option in options_of(command) if option not in section and option != "--port"]
+    assert not missing
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)
+def test_every_link_leads_somewhere(page: Path) -> None:
+    targets = re.findall(r"\]\((?!https?://|#)([^)#]+)(?:#[^)]*)?\)", page.read_text())
+    missing = [target for target in targets if not (page.parent / target).exists()]
+    assert not missing
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    navigation = (ROOT / "mkdocs.yml").read_text()
+    assert [str(page.relative_to(DOCS)) for page in PAGES if str(page.relative_to(DOCS)) not in navigation] == []
+    listed = re.findall(r": (\S+\.md)$", navigation, re.MULTILINE)
+    assert [name for name in listed if not (DOCS / name).exists()] == []
+
+
+def test_the_readme_shows_the_examples_as_they_are() -> None:
+    readme = (ROOT / "README.md").read_text()
+    shown = re.findall(r"`(examples/\w+\.py)`:\n\n```python\n(.*?)```", readme, re.DOTALL)
+    assert len(shown) == 3
+    for name, code in shown:
+        assert code.strip() == (ROOT / name).read_text().strip()
