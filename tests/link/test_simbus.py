@@ -26,7 +26,7 @@ def bus_of(*names: str, **settings: float | Random) -> tuple[SimBus, list[int]]:
 
 def deliveries(events: list[BusEvent]) -> list[tuple[int, int]]:
     """(receiver, identifier) in order."""
-    return [(event.node, event.frame.can_id) for event in events if isinstance(event, Delivered)]
+    return [(node, event.frame.can_id) for event in events if isinstance(event, Delivered) for node in event.nodes]
 
 
 def seconds(frame: Frame) -> float:
@@ -78,7 +78,7 @@ def test_arbitration_is_won_by_the_first_dominant_bit(winner: Frame, loser: Fram
     bus.submit(b, winner, 0.0)
     events = bus.advance(1.0)
     assert [event.frame for event in events if isinstance(event, Sent)] == [winner, loser]
-    assert [event.frame for event in events if isinstance(event, Delivered) and event.node == c] == [winner, loser]
+    assert [event.frame for event in events if isinstance(event, Delivered) and c in event.nodes] == [winner, loser]
     assert bus.counters.errors == 0
 
 
@@ -94,7 +94,7 @@ def test_a_controller_tries_the_lowest_identifier_first_and_keeps_the_order_of_e
     bus, (a, b) = bus_of("A", "B")
     for can_id, data in ((0x300, b"1"), (0x300, b"2"), (0x100, b"3")):
         bus.submit(a, Frame(can_id, data), 0.0 if can_id == 0x300 else 50e-6)
-    got = [event.frame.data for event in bus.advance(1.0) if isinstance(event, Delivered) and event.node == b]
+    got = [event.frame.data for event in bus.advance(1.0) if isinstance(event, Delivered) and b in event.nodes]
     assert got == [b"1", b"3", b"2"], "0x100 came while the first was under way"
 
 
@@ -123,7 +123,7 @@ def test_one_identifier_with_different_data_hurts_both_until_one_gives_way() -> 
     bus.advance(1e-4)
     assert bus.error_counters(a) == bus.error_counters(b) == (8, 0)
     events = bus.advance(1.0)
-    assert sorted(event.frame.data for event in events if isinstance(event, Delivered) and event.node == c) == [
+    assert sorted(event.frame.data for event in events if isinstance(event, Delivered) and c in event.nodes) == [
         b"\x00",
         b"\x01",
     ]
@@ -387,7 +387,8 @@ def test_every_frame_arrives_once_at_everybody_and_those_of_one_identifier_in_or
     def let(until: float) -> None:
         for event in bus.advance(until):
             if isinstance(event, Delivered):
-                heard[event.node].append(event.frame)
+                for node in event.nodes:
+                    heard[node].append(event.frame)
             elif isinstance(event, Sent):
                 sent[event.node].append(event.frame)
                 ends.append(event.at)

@@ -43,6 +43,8 @@ class SimNode:
     name: str
     fd: bool
     """It understands CAN FD frames; a controller that does not destroys them."""
+    node_id: int = 0
+    """Its number on the bus."""
     mailboxes: list[Mail] = field(default_factory=list)
     """Frames to be sent, in the order they were handed over."""
     choice: Mail | None = None
@@ -60,8 +62,6 @@ class SimNode:
     """Frames it will miss next."""
     deafness: float = 0.0
     """Probability of missing a frame."""
-    sent: int = 0
-    received: int = 0
 
     def ready(self) -> float:
         """When it can begin to send, as far as it depends on itself; it holds a frame."""

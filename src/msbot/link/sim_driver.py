@@ -161,12 +161,16 @@ class SimBusDriver:
             self.arm()
 
     def _tell(self, event: BusEvent) -> None:
-        port = self._ports.get(event.node)
-        if port is None:
-            return  # removed by the handler of an earlier event of this moment
+        ports = self._ports
         if isinstance(event, Delivered):
-            port.frame_handler(event.frame, event.at)
-        elif isinstance(event, Sent):
+            for node in event.nodes:
+                if node in ports:  # else it was removed by the handler of another node
+                    ports[node].frame_handler(event.frame, event.at)
+            return
+        port = ports.get(event.node)
+        if port is None:
+            return
+        if isinstance(event, Sent):
             if self.tap is not None:
                 self.tap(event.at, port.name, event.frame)
             port.room_handler(event.at)

@@ -62,7 +62,8 @@ class SimBus:
         self._nodes: dict[int, SimNode] = {}
         self._waiting: dict[int, SimNode] = {}
         self._recovering: list[SimNode] = []
-        self._ids: dict[SimNode, int] = {}
+        self._hearing: list[SimNode] | None = None
+        """Nodes that are plugged in and not bus-off; None = to be found again."""
         self._next_id = 0
         self._rates = Rates(1 / bitrate, 1 / (data_bitrate or bitrate))
         self._bit_error_rate = 0.0
@@ -80,17 +81,15 @@ class SimBus:
 
     def attach(self, name: str, *, fd: bool | None = None) -> int:
         """Add a controller, plugged in and integrated; `fd` says whether it bears CAN FD (None = as the bus)."""
-        node = SimNode(name, self.fd if fd is None else fd)
         self._next_id += 1
-        self._nodes[self._next_id] = node
-        self._ids[node] = self._next_id
+        self._nodes[self._next_id] = SimNode(name, self.fd if fd is None else fd, self._next_id)
+        self._hearing = None
         return self._next_id
 
     def detach(self, node: int, now: float) -> None:
         """Remove a controller and what it still had to send."""
         self.unplug(node, now)
         it = self._nodes.pop(node)
-        del self._ids[it]
         if it in self._recovering:
             self._recovering.remove(it)
 
@@ -100,6 +99,7 @@ class SimBus:
         if not it.plugged:
             return
         it.plugged = False
+        self._hearing = None
         self._waiting.pop(node, None)
         attempt = self._attempt
         if attempt is None or self._is_open(now):
@@ -118,6 +118,7 @@ class SimBus:
         it = self._nodes[node]
         if not it.plugged:
             it.plugged = True
+            self._hearing = None
             it.plugged_at = now
             it.ready_at = max(it.ready_at, now + RECOVERY_BITS * self._rates.bit_s)
             self._enlist(node, it, now)
@@ -268,11 +269,12 @@ class SimBus:
         self._attempt = plan_attempt(start, senders, self._listeners(start, senders), self._rates, self._noise)
 
     def _listeners(self, start: float, senders: list[SimNode]) -> list[SimNode]:
-        return [
-            it
-            for it in self._nodes.values()
-            if it.plugged and it.plugged_at <= start and not it.counters.off and it not in senders
-        ]
+        if self._hearing is None:
+            self._hearing = [it for it in self._nodes.values() if it.plugged and not it.counters.off]
+        if len(senders) == 1:
+            sender = senders[0]
+            return [it for it in self._hearing if it is not sender and it.plugged_at <= start]
+        return [it for it in self._hearing if it not in senders and it.plugged_at <= start]
 
     def _noise(self, bits: int) -> int | None:
         if self._flips:
@@ -294,24 +296,25 @@ class SimBus:
         self._account(attempt)
         if self._flipped:
             self._flips.popleft()
-        before = {it: it.counters.state for it in (*attempt.senders, *attempt.listeners)}
+        before = {it: it.counters.state for it in attempt.received if it.counters.receive}
+        before |= {it: it.counters.state for it in attempt.sent}
+        before |= {failure.node: failure.node.counters.state for failure in attempt.failures}
         for failure in attempt.failures:
-            before.setdefault(failure.node, failure.node.counters.state)
             failure.apply()
+        hearing = [it for it in attempt.received if not (it.deaf_frames or it.deafness) or not self._misses(it)]
+        if hearing:
+            events.append(Delivered(attempt.ends_at, [it.node_id for it in hearing], attempt.frame))
         for it in attempt.received:
-            it.counters.receive_succeeded()
-            if not self._misses(it):
-                it.received += 1
-                events.append(Delivered(attempt.ends_at, self._ids[it], attempt.frame))
+            if it.counters.receive:
+                it.counters.receive_succeeded()
         for it in attempt.sent:
             it.counters.transmit_succeeded()
-            it.sent += 1
             mail, it.choice = it.choice, None
             if mail is not None:
                 it.mailboxes.remove(mail)
             if not it.mailboxes:
-                self._waiting.pop(self._ids[it], None)
-            events.append(Sent(attempt.ends_at, self._ids[it], attempt.frame))
+                self._waiting.pop(it.node_id, None)
+            events.append(Sent(attempt.ends_at, it.node_id, attempt.frame))
         for it in attempt.senders:
             if not it.counters.active:
                 it.ready_at = attempt.free_at + SUSPEND * self._rates.bit_s
@@ -320,10 +323,11 @@ class SimBus:
     def _tell_states(self, before: dict[SimNode, BusState], at: float, events: list[BusEvent]) -> None:
         for it, state in before.items():
             if it.counters.state is not state:
-                events.append(StateChanged(at, self._ids[it], it.counters.state))
+                events.append(StateChanged(at, it.node_id, it.counters.state))
                 if it.counters.off:
+                    self._hearing = None
                     it.mailboxes.clear()
-                    self._waiting.pop(self._ids[it], None)
+                    self._waiting.pop(it.node_id, None)
 
     def _account(self, attempt: Attempt) -> None:
         self.counters.bits += attempt.bits
@@ -359,4 +363,5 @@ class SimBus:
             self._recovering.remove(it)
             it.recovering_from = None
             it.counters = ErrorCounters()
-            events.append(StateChanged(at, self._ids[it], BusState.ACTIVE))
+            self._hearing = None
+            events.append(StateChanged(at, it.node_id, BusState.ACTIVE))
