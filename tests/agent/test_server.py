@@ -587,6 +587,40 @@ def test_a_slow_link_takes_sample_by_sample_so_that_the_rest_stays_fresh() -> No
     run_virtual(main())
 
 
+def test_what_a_slow_link_lost_is_asked_for_again() -> None:
+    async def main() -> None:
+        agent = Agent(MemorySpace())
+        async with serving(agent, FakeLink("can:", bits_per_second=500_000)) as link:
+            one, other = await connected(link, 1, 2)
+            reader = await other.add_reader("light")
+            writer = await one.add_writer("light")
+            link.room = 0
+            await one.write(writer, b"x")
+            other.unplugged = True
+            link.make_room(None)
+            await other.settle()
+            other.unplugged = False
+            await asyncio.sleep(0.25)
+            assert other.received(reader) == [b"x"]
+
+    run_virtual(main())
+
+
+def test_an_ended_session_needs_no_timer() -> None:
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        (client,) = await connected(link, 1)
+        await client.add_reader("light")
+        writer = await client.add_writer("light")
+        client.session.write(writer, b"x", STREAM_RELIABLE)
+        client.transmit()
+        agent.disconnect(1, "in the same turn")
+        link.sent.clear()
+        await asyncio.sleep(100.0)
+        assert link.sent == []
+
+    play(scenario)
+
+
 def test_a_link_that_fills_up_or_breaks_between_asking_and_sending() -> None:
     class Treacherous(FakeLink):
         error: Exception | None = None

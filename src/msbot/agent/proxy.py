@@ -80,7 +80,7 @@ class Proxy:
         self.is_marked = False
         """Whether the server will flush this client at the end of the turn."""
         self.is_over = False
-        """Whether the client has deleted its session."""
+        """Whether the session has ended: deleted by the client, or given up by the agent."""
         self.bytes_in = 0
         self.bytes_out = 0
         self._surroundings = surroundings

@@ -216,7 +216,8 @@ class Agent:
         now = self._now()
         for proxy in list(port.blocked):
             if peer is None or port.clients.get(peer) is proxy:
-                self._send(proxy, now)
+                self._attend(proxy, now)
+        self._arm()
 
     # Sessions begin and end.
 
@@ -237,6 +238,7 @@ class Agent:
     def _end_session(self, proxy: Proxy, reason: str) -> None:
         if not self._clients.remove(proxy):
             return
+        proxy.is_over = True
         self._timers.forget(proxy)
         self._lives.forget(proxy)
         proxy.close()
@@ -258,11 +260,16 @@ class Agent:
         marked, self._marked = self._marked, []
         for proxy in marked:
             proxy.is_marked = False
-            self._send(proxy, now)
-            when = proxy.timer()
-            if when is not None:
-                self._timers.schedule(proxy, when)
+            if not proxy.is_over:
+                self._attend(proxy, now)
         self._arm()
+
+    def _attend(self, proxy: Proxy, now: float) -> None:
+        """Send for a client; what was sent decides when to look again."""
+        self._send(proxy, now)
+        when = proxy.timer()
+        if when is not None:
+            self._timers.schedule(proxy, when)
 
     def _send(self, proxy: Proxy, now: float) -> None:
         """Send what the client's session has, as far as the link takes it."""

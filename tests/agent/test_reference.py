@@ -1,0 +1,34 @@
+"""docs/reference/agent.md says what there is."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+from pathlib import Path
+
+from msbot.agent import AgentSettings
+
+ROOT = Path(__file__).parent.parent.parent
+PAGE = (ROOT / "docs/reference/agent.md").read_text()
+SOURCES = sorted((ROOT / "src/msbot/agent").glob("*.py"))
+
+
+def test_every_setting_is_in_the_table_with_its_default() -> None:
+    table = dict(re.findall(r"^\| `(\w+)` \| ([\d.,]+) \|", PAGE, re.MULTILINE))
+    assert {name: float(text.replace(",", "")) for name, text in table.items()} == {
+        item.name: float(getattr(AgentSettings(), item.name)) for item in fields(AgentSettings)
+    }
+
+
+def test_every_reason_for_dropping_is_explained() -> None:
+    reasons = {
+        reason
+        for source in SOURCES
+        for reason in re.findall(r'(?:\.drop|dropped\.add)\(f?"([^"{]+)', source.read_text())
+    }
+    assert len(reasons) >= 8
+    assert [reason for reason in reasons if reason.strip() not in PAGE] == []
+
+
+def test_every_file_is_in_the_table() -> None:
+    assert [source.name for source in SOURCES if f"`{source.name}`" not in PAGE] == ["__init__.py"]
