@@ -3,7 +3,16 @@ from __future__ import annotations
 import pytest
 
 from msbot.errors import ConfigError
-from msbot.link import UdpClientLink, UdpServerLink, open_link
+from msbot.link import (
+    PtyServerLink,
+    SerialClientLink,
+    SerialServerLink,
+    TcpClientLink,
+    TcpServerLink,
+    UdpClientLink,
+    UdpServerLink,
+    open_link,
+)
 from msbot.link.address import parse_host_and_port
 
 
@@ -27,6 +36,48 @@ def test_udp_addresses_name_a_host_and_a_port(address: str, name: str) -> None:
 
 
 @pytest.mark.parametrize(
+    "address",
+    ["tcp:127.0.0.1:8888", "tcp:[::1]:2018"],
+)
+def test_tcp_addresses_name_a_host_and_a_port(address: str) -> None:
+    client, server = open_link(address), open_link(address, serve=True)
+    assert isinstance(client, TcpClientLink)
+    assert isinstance(server, TcpServerLink)
+    assert client.info.name == server.info.name == address
+
+
+@pytest.mark.parametrize(
+    ("address", "name", "baudrate"),
+    [
+        ("serial:/dev/ttyUSB0", "serial:/dev/ttyUSB0", 115200),
+        ("serial:COM3?baudrate=9600", "serial:COM3", 9600),
+        ("serial:/dev/serial/by-path/pci-0:1.0", "serial:/dev/serial/by-path/pci-0:1.0", 115200),
+    ],
+)
+def test_serial_addresses_name_a_port(address: str, name: str, baudrate: int) -> None:
+    client, server = open_link(address), open_link(address, serve=True)
+    assert isinstance(client, SerialClientLink)
+    assert isinstance(server, SerialServerLink)
+    for link in (client, server):
+        assert (link.info.name, link.info.bits_per_second) == (name, baudrate)
+
+
+def test_a_client_on_a_shared_line_has_an_address_of_its_own() -> None:
+    link = open_link("serial:/dev/ttyUSB0?address=7&baudrate=57600")
+    assert isinstance(link, SerialClientLink)
+    assert link.address == 7
+
+
+def test_a_server_takes_several_serial_ports_or_all() -> None:
+    assert open_link("serial:/dev/a, /dev/b", serve=True).info.name == "serial:/dev/a,/dev/b"
+    assert open_link("serial:auto", serve=True).info.name == "serial:auto"
+
+
+def test_a_pseudo_terminal_has_a_name() -> None:
+    assert isinstance(open_link("pty:/tmp/robot.tty", serve=True), PtyServerLink)
+
+
+@pytest.mark.parametrize(
     ("address", "words"),
     [
         ("", "unknown kind of link ''; there are `udp:127.0.0.1:8888`"),
@@ -40,6 +91,16 @@ def test_udp_addresses_name_a_host_and_a_port(address: str, name: str) -> None:
         ("udp:[127.0.0.1]:8888", "'127.0.0.1' is no IPv6 address"),
         ("udp:127.0.0.1:0", "port 0 is not from 1 to 65535"),
         ("udp:127.0.0.1:65536", "port 65536 is not from 1 to 65535"),
+        ("tcp:8888", "it needs a host and a port; write it like `tcp:127.0.0.1:8888`"),
+        ("serial:", "it needs the one port that leads to the master; write it like `serial:/dev/ttyUSB0?baudrate"),
+        ("serial:auto", "it needs the one port"),
+        ("serial:/dev/a,/dev/b", "it needs the one port"),
+        ("serial:/dev/a?speed=1", "there is no option 'speed'; there are baudrate, address"),
+        ("serial:/dev/a?baudrate=fast", "option baudrate is 'fast', not a number"),
+        ("serial:/dev/a?baudrate", "option baudrate is '', not a number"),
+        ("serial:/dev/a?baudrate=1", "baud rate 1 is not from 50 to 20000000"),
+        ("serial:/dev/a?address=256", "serial address 256 is not from 0 to 255"),
+        ("pty:/tmp/robot.tty", "a part opens the other end, as a serial port: `serial:/tmp/robot.tty`"),
     ],
 )
 def test_a_wrong_address_is_answered_with_a_right_one(address: str, words: str) -> None:
@@ -53,3 +114,18 @@ def test_a_server_may_ask_for_any_free_port() -> None:
     assert parse_host_and_port("[::]:0", any_port=True) == ("::", 0)
     with pytest.raises(ConfigError, match="port 65536 is not from 0 to 65535"):
         open_link("udp:127.0.0.1:65536", serve=True)
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        ("serial:", "it needs a port, or `auto` for every USB serial port"),
+        ("serial:/dev/a,,/dev/b", "it needs a port"),
+        ("serial:/dev/a?address=1", "there is no option 'address'"),
+        ("pty:", "it needs the name that the terminal shall have; write it like `pty:/tmp/robot.tty`"),
+    ],
+)
+def test_a_wrong_address_of_a_server_is_answered_with_a_right_one(address: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        open_link(address, serve=True)
+    assert words in str(caught.value)

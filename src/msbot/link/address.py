@@ -1,6 +1,7 @@
-"""Addresses of links as people write them: `udp:127.0.0.1:8888`.
+"""Addresses of links as people write them: `udp:127.0.0.1:8888`, `serial:/dev/ttyUSB0?baudrate=115200`.
 
-What stands before the first colon chooses the kind of link; every kind reads the rest in its own way.
+What stands before the first colon chooses the kind of link; every kind reads the rest in its own way. Options stand
+behind a question mark.
 """
 
 from __future__ import annotations
@@ -12,6 +13,10 @@ from dataclasses import dataclass
 
 from msbot.errors import ConfigError
 from msbot.link import Link
+from msbot.link.lines import CLIENT_ADDRESS
+from msbot.link.pty import PtyServerLink
+from msbot.link.serial import AUTO, DEFAULT_BAUDRATE, SerialClientLink, SerialServerLink
+from msbot.link.tcp import TcpClientLink, TcpServerLink
 from msbot.link.udp import UdpClientLink, UdpServerLink
 
 
@@ -81,5 +86,58 @@ def _open_udp(rest: str, serve: bool) -> Link:
     return UdpServerLink(host, port) if serve else UdpClientLink(host, port)
 
 
-SCHEMES: dict[str, Scheme] = {"udp": Scheme("udp:127.0.0.1:8888", _open_udp)}
+def _open_tcp(rest: str, serve: bool) -> Link:
+    host, port = parse_host_and_port(rest, any_port=serve)
+    return TcpServerLink(host, port) if serve else TcpClientLink(host, port)
+
+
+def parse_options(text: str, **defaults: int) -> tuple[str, dict[str, int]]:
+    """`/dev/ttyUSB0?baudrate=9600&address=2` as what stands before the question mark, and the numbers behind it.
+
+    Args:
+        text: what stands in the address.
+        defaults: the options there are, with the values of those that are left out.
+
+    Raises:
+        ConfigError: there is no such option, or its value is no number.
+    """
+    path, _, query = text.partition("?")
+    options = dict(defaults)
+    for item in filter(None, query.split("&")):
+        name, _, value = item.partition("=")
+        if name not in options:
+            raise ConfigError(f"there is no option {name!r}; there are {', '.join(defaults)}")
+        if not (value.isascii() and value.isdigit()):
+            raise ConfigError(f"option {name} is {value!r}, not a number")
+        options[name] = int(value)
+    return path, options
+
+
+def _open_serial(rest: str, serve: bool) -> Link:
+    if serve:
+        path, options = parse_options(rest, baudrate=DEFAULT_BAUDRATE)
+        ports = [port.strip() for port in path.split(",")]
+        if not all(ports):
+            raise ConfigError(f"it needs a port, or `{AUTO}` for every USB serial port")
+        return SerialServerLink([] if ports == [AUTO] else ports, baudrate=options["baudrate"])
+    path, options = parse_options(rest, baudrate=DEFAULT_BAUDRATE, address=CLIENT_ADDRESS)
+    if not path or path == AUTO or "," in path:
+        raise ConfigError("it needs the one port that leads to the master")
+    return SerialClientLink(path, baudrate=options["baudrate"], address=options["address"])
+
+
+def _open_pty(rest: str, serve: bool) -> Link:
+    if not serve:
+        raise ConfigError(f"a part opens the other end, as a serial port: `serial:{rest}`")
+    if not rest:
+        raise ConfigError("it needs the name that the terminal shall have")
+    return PtyServerLink(rest)
+
+
+SCHEMES: dict[str, Scheme] = {
+    "udp": Scheme("udp:127.0.0.1:8888", _open_udp),
+    "tcp": Scheme("tcp:127.0.0.1:8888", _open_tcp),
+    "serial": Scheme("serial:/dev/ttyUSB0?baudrate=115200", _open_serial),
+    "pty": Scheme("pty:/tmp/robot.tty", _open_pty),
+}
 """Every kind of link that an address can name."""

@@ -122,7 +122,7 @@ class StreamLink(ABC):
             LinkDown: the peer has no connection.
         """
         stream = self._streams.get(peer)
-        if stream is None or stream.transport is None:
+        if stream is None or stream.transport is None or stream.transport.is_closing():
             raise LinkDown(f"{self.info.name}: there is no connection with {self.describe(peer)}")
         if stream.full:
             raise LinkFull(f"{self.info.name}: {self.describe(peer)} does not take its data")
@@ -161,11 +161,11 @@ class StreamLink(ABC):
     def _tell(self, signal: Signal, peer: Peer | None, words: str) -> None:
         self._signal_handler(signal, peer, words, asyncio.get_running_loop().time())
 
-    async def _close(self) -> None:
-        """Close all streams, and wait until their transports have let go; their peers are not said to be gone."""
-        streams = set(self._streams.values())
+    async def _close(self, streams: Iterable[Stream]) -> None:
+        """Close streams, and wait until their transports have let go; their peers are not said to be gone."""
+        closing = set(streams)
         self._streams.clear()
-        for stream in streams:
+        for stream in closing:
             stream.abort()
-        if streams:
-            await asyncio.wait([stream.closed for stream in streams])
+        if closing:
+            await asyncio.wait([stream.closed for stream in closing])

@@ -138,7 +138,7 @@ class TcpServerLink(StreamLink):
         finally:
             server.close()
             self._listening = None
-            await self._close()
+            await self._close(self._streams.values())
             self._tell(Signal.LINK_DOWN, None, "closed")
 
     def stream_opened(self, stream: TcpStream, address: Address) -> None:
@@ -215,7 +215,7 @@ class TcpClientLink(StreamLink):
                 await asyncio.sleep(RECONNECT_S)
         finally:
             was_open = bool(self._streams)
-            await self._close()
+            await self._close(self._streams.values())
             if was_open:
                 self._tell(Signal.LINK_DOWN, self.remote, "closed")
 
