@@ -594,6 +594,7 @@ def test_what_a_slow_link_lost_is_asked_for_again() -> None:
             one, other = await connected(link, 1, 2)
             reader = await other.add_reader("light")
             writer = await one.add_writer("light")
+            await asyncio.sleep(1.0)
             link.room = 0
             await one.write(writer, b"x")
             other.unplugged = True
