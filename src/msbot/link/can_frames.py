@@ -28,8 +28,8 @@ MTU = 4096
 TIMEOUT_S = 0.25
 """Longest pause between two frames of one message."""
 REPEAT_S = 0.005
-"""A frame that comes again within this time is CAN's own repetition. Shorter than 64 full frames on any real bus
-(7.1 ms at 1 Mbit/s classic), so it cannot be a new frame whose counter has come round."""
+"""A frame out of its turn that is equal to one heard within this time is CAN's own repetition. Shorter than 64 full
+frames on any real bus (7.1 ms at 1 Mbit/s classic), so it cannot be a new frame whose counter has come round."""
 
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Data lengths a CAN FD frame can have, by data length code (ISO 11898-1:2015 table 5)."""
@@ -193,12 +193,12 @@ class Joiner:
             return None
         header = data[0]
         q = header & COUNTER
-        if self._recent[q] == data and now - self._recent_at[q] < self._repeat_s:
+        skipped = q != self._expected
+        if skipped and self._recent[q] == data and now - self._recent_at[q] < self._repeat_s:
             self._count(REPEATED)
             return None
         self._recent[q] = data
         self._recent_at[q] = now
-        skipped = q != self._expected
         first_ever = self._expected < 0
         self._expected = q + 1 & COUNTER
         parts = self._parts
