@@ -118,7 +118,7 @@ async def test_a_port_that_vanishes_takes_its_peers_along_and_brings_them_back(b
         with pytest.raises(LinkDown, match=r"there is no connection with .* address 1"):
             link.send(b"x", peers[0])
         board.plug()
-        assert [await end.told(Signal.PEER_JOINED) for _ in range(2)] == [
+        assert [await end.told(Signal.PEER_BACK) for _ in range(2)] == [
             (peer, "its port is there again") for peer in peers
         ]
         link.send(b"still there?", peers[0])

@@ -23,6 +23,8 @@ class Signal(Enum):
     LINK_DOWN = "link down"
     PEER_JOINED = "peer joined"
     PEER_GONE = "peer gone"
+    PEER_BACK = "peer back"
+    """A peer that had gone is there again: the same one, as far as the link can tell (a serial port's name)."""
     STOP = "stop"
 
 

@@ -2,7 +2,7 @@
 
 What serial ports and pseudo terminals have in common. A peer is `(port, address)`: the port's name and the address
 octet that stands as the source in its frames. A line that breaks takes its peers along (PEER_GONE); when the port is
-there again they are taken to be, too (PEER_JOINED): a robot whose cable was pulled goes on where it was.
+there again they are taken to be, too (PEER_BACK): a robot whose cable was pulled goes on where it was.
 """
 
 from __future__ import annotations
@@ -104,11 +104,11 @@ class LineServer(LineLink):
         """See `LineLink`."""
         super().line_opened(line)
         for peer in sorted(self._gone.pop(line.port, ()), key=str):
-            self._add(line, peer, "its port is there again")
+            self._add(line, peer, Signal.PEER_BACK, "its port is there again")
 
     def newcomer(self, line: Line, source: int) -> bool:
         """See `LineLink`."""
-        self._add(line, (line.port, source), "heard for the first time")
+        self._add(line, (line.port, source), Signal.PEER_JOINED, "heard for the first time")
         return True
 
     def stream_closed(self, stream: Stream, words: str) -> None:
@@ -122,7 +122,7 @@ class LineServer(LineLink):
             del self._streams[peer]
             self._tell(Signal.PEER_GONE, peer, f"port {words}")
 
-    def _add(self, line: Line, peer: Peer, words: str) -> None:
+    def _add(self, line: Line, peer: Peer, signal: Signal, words: str) -> None:
         line.known.add(peer)
         self._streams[peer] = line
-        self._tell(Signal.PEER_JOINED, peer, words)
+        self._tell(signal, peer, words)
