@@ -240,7 +240,7 @@ def test_63_lost_frames_are_noticed_although_the_counter_comes_round() -> None:
 
 
 def test_a_fast_stream_of_equal_frames_is_no_repetition() -> None:
-    """On a virtual bus 64 frames may pass in no time; in their turn they are all new."""
+    """On a virtual bus 64 frames may pass in no time; they are all new."""
     dropped: dict[str, int] = {}
     joiner = Joiner(dropped=dropped)
     got = [packet for part in split(bytes(4096), 0, False) if (packet := joiner.receive(part, 0.0)) is not None]
