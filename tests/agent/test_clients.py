@@ -60,6 +60,20 @@ def test_a_client_that_moves_leaves_its_old_address(port: Port) -> None:
     assert len(table) == 1
 
 
+def test_any_number_of_clients_with_keys_may_share_an_address(port: Port) -> None:
+    table = ClientTable()
+    keyed = [client(key, 0x01) for key in (1, 2)]
+    plain = client(3)
+    for proxy in (*keyed, plain):
+        table.place(proxy, port, "gateway")
+    assert port.clients == {"gateway": plain}
+    assert port.members == dict.fromkeys((*keyed, plain), "gateway")
+    for proxy in (*keyed, plain):
+        assert table.remove(proxy)
+    assert not port.members
+    assert not port.clients
+
+
 def test_only_sessions_below_0x80_are_found_by_the_key_in_a_header(port: Port) -> None:
     table = ClientTable()
     for key, session_id in ((1, 0x01), (2, 0x81)):

@@ -460,6 +460,29 @@ def test_a_session_with_its_key_in_every_header_is_found_from_any_address() -> N
     play(scenario)
 
 
+def test_several_sessions_with_keys_share_an_address() -> None:
+    gate = StrictGate()
+
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        login = "00000000 {0:08x} 00011000 58524345 0100 010f {0:08x} 0100fc01"
+        ping = "01000000 {:08x} 02010800 000a fffd 02000000"
+        for key in (1, 2):
+            link.inject(bytes.fromhex(login.format(key)), "gateway")
+        link.take_sent()
+        for key in (1, 2):
+            link.inject(bytes.fromhex(ping.format(key)), "gateway")
+        await asyncio.sleep(0)
+        answers = [packet.hex() for packet in link.take_sent("gateway")]
+        assert [answer[:16] for answer in answers] == ["0100000000000001", "0100000000000002"]
+        assert all(answer[34:36] == "01" for answer in answers), "the agent knows them"
+        link.inject(bytes.fromhex("80000000 02010800 000afffd 02000000"), "gateway")
+        assert link.take_sent("gateway")[0][13] == 0, "not by address"
+        link.signal(Signal.PEER_GONE, "gateway", "cable pulled")
+        assert agent.clients() == []
+
+    play(scenario, gate=gate)
+
+
 def test_a_key_does_not_open_a_session_that_has_none_in_its_headers() -> None:
     async def scenario(agent: Agent, link: FakeLink) -> None:
         await connected(link, 7)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from msbot.agent.proxy import Proxy
 from msbot.agent.stats import Tally
 from msbot.link import Link, Peer
+from msbot.xrce import SESSION_NONE
 
 
 @dataclass(slots=True, eq=False)
@@ -23,6 +24,9 @@ class Port:
     batch: int | None
     """Packets that are pulled out of a session at once; None = all."""
     clients: dict[Peer, Proxy] = field(default_factory=dict)
+    """The clients without keys in their headers, by address: one for each."""
+    members: dict[Proxy, Peer] = field(default_factory=dict)
+    """All clients; any number with keys in their headers may share an address."""
     blocked: dict[Proxy, None] = field(default_factory=dict)
     """Clients with packets that the link had no room for, in the order they met that."""
     opened: bool = False
@@ -55,14 +59,16 @@ class ClientTable:
         then speak for its owner from any address.
         """
         proxy = self._by_key.get(client_key)
-        return proxy if proxy is not None and proxy.session.session_id < 0x80 else None
+        return proxy if proxy is not None and _has_key_in_headers(proxy) else None
 
     def place(self, proxy: Proxy, port: Port, peer: Peer) -> None:
         """Enter a client, or move it to another address: the old one then belongs to nobody."""
         self._leave_place(proxy)
         self._by_key[proxy.info.key] = proxy
         self._places[proxy] = (port, peer)
-        port.clients[peer] = proxy
+        port.members[proxy] = peer
+        if not _has_key_in_headers(proxy):
+            port.clients[peer] = proxy
 
     def place_of(self, proxy: Proxy) -> tuple[Port, Peer] | None:
         """Where the client's packets go; None for one that was removed."""
@@ -80,7 +86,13 @@ class ClientTable:
         place = self._places.pop(proxy, None)
         if place is not None:
             port, peer = place
-            del port.clients[peer]
+            del port.members[proxy]
+            if not _has_key_in_headers(proxy):
+                del port.clients[peer]
             if proxy.is_blocked:
                 proxy.is_blocked = False
                 del port.blocked[proxy]
+
+
+def _has_key_in_headers(proxy: Proxy) -> bool:
+    return proxy.session.session_id < SESSION_NONE

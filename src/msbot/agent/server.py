@@ -182,7 +182,7 @@ class Agent:
             proxy = port.clients.get(peer)
         elif 0 < session_id < 0x80:
             proxy = self._clients.keyed(int.from_bytes(packet[4:8], "big"))
-            if proxy is not None and port.clients.get(peer) is not proxy:
+            if proxy is not None and port.members.get(proxy) != peer:
                 self._receive_from_elsewhere(proxy, port, packet, peer, now)
                 return
         if proxy is None:
@@ -207,15 +207,16 @@ class Agent:
     def _signal_received(self, port: Port, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
         if signal is Signal.LINK_UP:
             port.opened = True
-        elif signal is Signal.PEER_GONE and peer in port.clients:
-            self._end_session(port.clients[peer], f"gone: {reason}")
+        elif signal is Signal.PEER_GONE:
+            for proxy in [proxy for proxy, place in port.members.items() if place == peer]:
+                self._end_session(proxy, f"gone: {reason}")
         if self.on_signal is not None:
             self.on_signal(port.link, signal, peer, reason, now)
 
     def _room_gained(self, port: Port, peer: Peer | None) -> None:
         now = self._now()
         for proxy in list(port.blocked):
-            if peer is None or port.clients.get(peer) is proxy:
+            if peer is None or port.members[proxy] == peer:
                 self._attend(proxy, now)
         self._arm()
 
@@ -348,7 +349,7 @@ class Agent:
         except LinkDown as error:
             failure = error
             logger.warning("link %s has ended: %s", port.link.info.name, error)
-        for proxy in list(port.clients.values()):
+        for proxy in list(port.members):
             self._end_session(proxy, f"link {port.link.info.name} has ended")
         del self._tasks[port]
         if not self._tasks or (failure is not None and not port.opened):
