@@ -118,6 +118,7 @@ from msbot.link.can_frames import Frame  # noqa: E402
 from msbot.link.can_ids import CanIds  # noqa: E402
 from msbot.link.can_link import CanMasterLink, CanPartLink  # noqa: E402
 from msbot.link.can_nodes import MemoryNodeIds, NodeIds  # noqa: E402
+from msbot.link.canfd_eprosima import CanFdEprosimaLink  # noqa: E402
 from msbot.link.faults import LossyLink  # noqa: E402
 from msbot.link.inproc import InprocEnd, InprocHub, inproc_pair  # noqa: E402
 from msbot.link.pty import PtyServerLink  # noqa: E402
@@ -135,6 +136,7 @@ __all__ = [
     "CanBus",
     "CanBusInfo",
     "CanIds",
+    "CanFdEprosimaLink",
     "CanMasterLink",
     "CanPartLink",
     "Codec",

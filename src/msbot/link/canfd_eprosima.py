@@ -1,0 +1,171 @@
+"""CAN FD as eProsima's agent and clients use it (their transport `canfd`): one frame is one packet.
+
+A client chooses a 29-bit identifier, sends with it and listens to it; the agent hears every frame, takes the
+identifier for the client, and answers with the same one. Byte 0 of a frame is the length of the packet, 1 to 63; what
+follows the packet is padding. There are no segments: longer messages are fragmented by DDS-XRCE itself.
+
+Agent and client may both send with one identifier, which CAN does not allow: when they begin in the same bit, the
+frames destroy each other, both are repeated at once and may end in bus-off, from which the port returns. The native
+mode (`can_link`) has no such weakness; this one is for boards whose firmware is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from msbot.errors import ConfigError, LocalProtocolError
+from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
+from msbot.link.can_bus import CanBus
+from msbot.link.can_frames import Frame, pad_fd
+from msbot.link.can_ids import CanIds, stop_words
+from msbot.link.can_port import CanPort
+from msbot.link.can_queue import QUEUE_FRAMES
+from msbot.link.handlers import ignore_packet, ignore_room, ignore_signal
+
+MTU: Final = 63
+IDENTIFIERS: Final = 1 << 29
+
+MAX_PEERS: Final = 1024
+"""Identifiers with a queue of their own; the one served first gives way, and what waits for it is counted."""
+
+WRONG_LENGTH: Final = "length byte does not fit the frame"
+BUS_LEFT: Final = "still waiting when the controller left the bus"
+GAVE_WAY: Final = "too many identifiers: the oldest one's packets gave way"
+
+
+class CanFdEprosimaLink:
+    """The agent's end, or with `can_id` a client's. A peer is the 29-bit identifier. Satisfies `Link`."""
+
+    def __init__(self, bus: CanBus, *, can_id: int | None = None, queue_frames: int = QUEUE_FRAMES) -> None:
+        """Make the link; `run` opens it.
+
+        Args:
+            bus: a controller that bears CAN FD.
+            can_id: the client's identifier; None = the agent, which hears all of them.
+            queue_frames: packets that may wait for one client.
+
+        Raises:
+            ConfigError: the controller is a classic one, or there is no such identifier.
+        """
+        if not bus.info.fd:
+            raise ConfigError(f"link {bus.info.name}: eProsima's mode needs a CAN FD controller, this one is classic")
+        if can_id is not None and not 0 <= can_id < IDENTIFIERS:
+            raise ConfigError(f"CAN identifier {can_id:#x} is not from 0 to {IDENTIFIERS - 1:#x}")
+        self.info = LinkInfo(bus.info.name, MTU, bus.info.bits_per_second, shared_bus=True)
+        self.counters = LinkCounters()
+        self.tap: Tap | None = None
+        self.remote: Peer | None = can_id
+        self.foreign = 0
+        """Frames of other equipment, and on a client's side of other clients."""
+        self._packet_handler: PacketHandler = ignore_packet
+        self._signal_handler: SignalHandler = ignore_signal
+        self._room_handler: Callable[[Peer | None], None] = ignore_room
+        self._port = CanPort(bus, self, ids=CanIds(), queue_frames=queue_frames)
+        self._peers: dict[int, None] = {}
+
+    def on_packet(self, handler: PacketHandler) -> None:
+        """See `Link`."""
+        self._packet_handler = handler
+
+    def on_signal(self, handler: SignalHandler) -> None:
+        """See `Link`."""
+        self._signal_handler = handler
+
+    def on_room(self, handler: Callable[[Peer | None], None]) -> None:
+        """See `Link`."""
+        self._room_handler = handler
+
+    def has_room(self, peer: Peer) -> bool:
+        """See `Link`."""
+        return isinstance(peer, int) and self._port.is_up and self._port.queue.has_room(peer)
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        """See `Link`.
+
+        Raises:
+            LinkFull: the peer's queue is full.
+            LinkDown: the link is not on the bus.
+            LocalProtocolError: the packet does not fit a frame, or the peer is no identifier.
+        """
+        self._port.check_up()
+        if not isinstance(peer, int):
+            raise LocalProtocolError(f"{peer!r} is no CAN identifier")
+        if not 0 < len(packet) <= MTU:
+            raise LocalProtocolError(f"a CAN FD frame carries a packet of 1 to {MTU} bytes, not {len(packet)}")
+        self._port.check_room(peer, self.describe(peer))
+        self._note(peer)
+        frame = Frame(peer, pad_fd(bytes((len(packet),)) + packet), extended=True, fd=True)
+        now = self._port.now()
+        if self.tap is not None:
+            self.tap(now, "out", peer, packet)
+        self.counters.packets_out += 1
+        self.counters.bytes_out += len(packet)
+        self._port.queue.put(peer, [frame])
+        self._port.pump(now)
+
+    def describe(self, peer: Peer) -> str:
+        """See `Link`."""
+        return f"CAN identifier {peer:#x}" if isinstance(peer, int) else str(peer)
+
+    async def run(self) -> None:
+        """See `Link`."""
+        await self._port.run()
+
+    # What the port tells (`PortOwner`).
+
+    def frame_received(self, frame: Frame, now: float) -> None:
+        """See `PortOwner`."""
+        if not frame.extended or not frame.fd or frame.error or self.remote not in (None, frame.can_id):
+            self.foreign += 1
+            return
+        data = frame.data
+        if not data or not 0 < data[0] <= min(MTU, len(data) - 1):
+            self.counters.drop(WRONG_LENGTH)
+            return
+        packet = data[1 : 1 + data[0]]
+        self.counters.packets_in += 1
+        self.counters.bytes_in += len(packet)
+        if self.tap is not None:
+            self.tap(now, "in", frame.can_id, packet)
+        self._packet_handler(packet, frame.can_id, now)
+
+    def stopped(self, reason: int, now: float) -> None:
+        """See `PortOwner`."""
+        self._signal_handler(Signal.STOP, None, stop_words(reason), now)
+
+    def room_again(self, peer: int) -> None:
+        """See `PortOwner`."""
+        self._room_handler(peer)
+
+    def drained(self, now: float) -> None:
+        """See `PortOwner`."""
+
+    def bus_up(self, now: float) -> None:
+        """See `PortOwner`."""
+        self._signal_handler(Signal.LINK_UP, self.remote, "on the bus", now)
+
+    def bus_down(self, reason: str, lost_frames: int, now: float) -> None:
+        """See `PortOwner`."""
+        self._peers.clear()
+        for _ in range(lost_frames):
+            self.counters.drop(BUS_LEFT)
+        self._signal_handler(Signal.LINK_DOWN, self.remote, reason, now)
+
+    def timer(self) -> float | None:
+        """See `PortOwner`."""
+        return None
+
+    def handle_timer(self, now: float) -> None:
+        """See `PortOwner`."""
+
+    def _note(self, peer: int) -> None:
+        """Bound the queues: on a bus full of noise there may be any number of identifiers."""
+        if peer in self._peers:
+            return
+        if len(self._peers) >= MAX_PEERS:
+            oldest = next(iter(self._peers))
+            del self._peers[oldest]
+            for _ in range(self._port.queue.clear(oldest)):
+                self.counters.drop(GAVE_WAY)
+        self._peers[peer] = None
