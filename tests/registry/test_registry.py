@@ -143,3 +143,44 @@ def test_another_process_reads_while_this_one_writes(
             assert registry.flush()
         out, err = reader.communicate(timeout=60)
     assert (out, err) == ("read 300\n", "")
+
+
+def test_parts_are_lost_with_their_master(path: Path, blueprint: Blueprint, library: Library) -> None:
+    with open_registry(path) as registry:
+        store = registry.store_for(registry.apply_blueprint(blueprint, library))
+        store.journal(changed(PartState.ACTIVE))
+        registry.flush()
+        with open_registry(path, read_only=True) as reader:
+            assert [(part.state, part.reason) for part in reader.parts()] == [("active", "because")]
+    with open_registry(path, read_only=True) as reader:
+        assert [(part.state, part.reason) for part in reader.parts()] == [("lost", "the master has ended")]
+        (*_, last) = reader.journal(part="AA")
+        assert last.event.sentences() == ["ABCD-local: active -> lost in slot AA: the master has ended"]
+
+
+KILLED = """
+import os, signal, sys
+from msbot.pnp import PartState
+from msbot.registry import open_registry
+from tests.registry.events import changed
+
+registry = open_registry(sys.argv[1])
+store = registry.store_for(registry.robots()[0])
+store.journal(changed(PartState.ACTIVE))
+store.journal(changed(PartState.LEFT, slot="BB", number="EFGH", uid=b"part BB."))
+registry.flush()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_after_the_master_was_killed_no_part_is_shown_as_active(
+    path: Path, blueprint: Blueprint, library: Library
+) -> None:
+    with open_registry(path) as registry:
+        registry.apply_blueprint(blueprint, library)
+    subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False)
+    with open_registry(path, read_only=True) as reader:
+        assert [(part.state, part.reason) for part in reader.parts()] == [
+            ("lost", "its robot has no master at the moment"),
+            ("left", "because"),
+        ]

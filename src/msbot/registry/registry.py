@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -13,13 +14,13 @@ from sqlalchemy import Connection, Engine
 
 from msbot.config import Blueprint, Library
 from msbot.errors import RegistryError
-from msbot.registry import blueprint_store, store
+from msbot.pnp import PartState
+from msbot.registry import blueprint_store, run_lock, store
 from msbot.registry.engine import WRITE, Address, check_file, make_engine, parse_address, use_write_ahead_log
 from msbot.registry.faults import told_as_registry_error
 from msbot.registry.node_ids import StoredNodeIds
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord, uid_text
 from msbot.registry.robot_store import JOURNAL_ROWS, STRANGERS, RobotStore
-from msbot.registry.run_lock import RunLock
 from msbot.registry.schema import Migrations, bring_up_to_date, check_schema, own_migrations
 from msbot.registry.writer import Writer
 
@@ -87,7 +88,7 @@ class Registry:
     ) -> None:
         self._address = address
         self._busy_timeout_s = busy_timeout_s
-        self._running: dict[int, RunLock] = {}
+        self._running: dict[int, run_lock.RunLock] = {}
         """Robots that this process runs, by number."""
         self.database = address.words
         """The database in words, without a password."""
@@ -131,11 +132,11 @@ class Registry:
         """
         writer = self._open_writer()
         if robot.id not in self._running:
-            self._running[robot.id] = RunLock(self._engine, self._address, robot, self._busy_timeout_s)
+            self._running[robot.id] = run_lock.RunLock(self._engine, self._address, robot, self._busy_timeout_s)
 
         def begin(connection: Connection) -> None:
             store.prune(connection, robot.id, JOURNAL_ROWS, STRANGERS)
-            store.note_restart(connection, robot.id, "the master was started anew", self._epoch_ns())
+            store.end_run(connection, robot.id, "the master was started anew", self._epoch_ns())
 
         self._write(begin)
         return RobotStore(self._engine, writer, self.database, robot, self._epoch_ns)
@@ -160,10 +161,17 @@ class Registry:
     def parts(self, robot: RobotRecord | None = None) -> list[PartRecord]:
         """All parts that were ever seen, as after their last change of state; those in slots first.
 
+        While nobody runs a robot, none of its parts is active: those that were when the master was killed are lost.
+
         Raises:
             RegistryError: the database cannot be read.
         """
-        return self._read(partial(store.list_parts, robot_id=None if robot is None else robot.id))
+        records = []
+        for one in self.robots() if robot is None else [robot]:
+            found = self._read(partial(store.list_parts, robot_id=one.id))
+            is_run = one.id in self._running or run_lock.is_run(self._engine, self._address, one)
+            records.extend(found if is_run else [_without_master(record) for record in found])
+        return records
 
     def journal(
         self, limit: int = 100, part: str | None = None, *, robot: RobotRecord | None = None
@@ -197,11 +205,20 @@ class Registry:
     def close(self) -> None:
         """Store what is waiting and let go of the database."""
         if self._writer is not None:
+            self._end_runs()
             self._writer.close()
         for lock in self._running.values():
             lock.release()
         self._running.clear()
         self._engine.dispose()
+
+    def _end_runs(self) -> None:
+        """Tell the journal that parts are lost with their master."""
+        now_ns = self._epoch_ns()
+        for robot_id in self._running:
+            self._open_writer().put(
+                partial(store.end_run, robot_id=robot_id, reason="the master has ended", now_ns=now_ns)
+            )
 
     def _open_writer(self) -> Writer:
         if self._writer is None:
@@ -217,3 +234,9 @@ class Registry:
         engine = self._engine.execution_options(**{WRITE: True})
         with told_as_registry_error(self.database), engine.connect() as connection, connection.begin():
             return write(connection)
+
+
+def _without_master(record: PartRecord) -> PartRecord:
+    if not PartState(record.state).is_registered:
+        return record
+    return replace(record, state=PartState.LOST.value, reason="its robot has no master at the moment")

@@ -51,11 +51,25 @@ class RunLock:
             self._release = None
 
 
+def is_run(engine: Engine, address: Address, robot: RobotRecord) -> bool:
+    """Whether a master runs this robot at the moment."""
+    if address.path is not None and not _lock_file(address.path, robot).exists():
+        return False
+    try:
+        RunLock(engine, address, robot, 0.0).release()
+    except RegistryError:
+        return True
+    return False
+
+
+def _lock_file(database: Path, robot: RobotRecord) -> Path:
+    return database.with_name(f"{database.name}.running{robot.id}")
+
+
 def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> Callable[[], None] | None:
     """Take the lock; gives the way to release it, or None when somebody else has it."""
     # The file is left behind: taking it away could let two waiting masters lock two files of one name.
-    path = database.with_name(f"{database.name}.running{robot.id}")
-    connection = sqlite3.connect(path, timeout=timeout_s, isolation_level=None)
+    connection = sqlite3.connect(_lock_file(database, robot), timeout=timeout_s, isolation_level=None)
     try:
         connection.execute("BEGIN EXCLUSIVE")
     except sqlite3.OperationalError as error:

@@ -125,8 +125,8 @@ def note_state(connection: Connection, robot_id: int, event: PartEvent, now_ns: 
     upsert(connection, parts, key, values, first_seen_ns=now_ns)
 
 
-def note_restart(connection: Connection, robot_id: int, reason: str, now_ns: int) -> None:
-    """Parts that were registered when the last run ended are lost until they claim again."""
+def end_run(connection: Connection, robot_id: int, reason: str, now_ns: int) -> None:
+    """Parts that are registered when a run ends are lost until they claim again."""
     query = _PART_QUERY.where(parts.c.robot_id == robot_id, parts.c.state.in_(_REGISTERED))
     for record in [_part(row) for row in connection.execute(query)]:
         event = PartEvent(
@@ -150,11 +150,10 @@ def _slot_id(connection: Connection, robot_id: int, name: str) -> int | None:
     return connection.execute(query).scalar()
 
 
-def list_parts(connection: Connection, robot_id: int | None) -> list[PartRecord]:
-    """All parts of a robot, or of all robots; those in slots first."""
-    query = _PART_QUERY.order_by(parts.c.robot_id, slots.c.position.is_(None), slots.c.position, parts.c.first_seen_ns)
-    if robot_id is not None:
-        query = query.where(parts.c.robot_id == robot_id)
+def list_parts(connection: Connection, robot_id: int) -> list[PartRecord]:
+    """All parts of a robot; those in slots first."""
+    order = (slots.c.position.is_(None), slots.c.position, parts.c.first_seen_ns)
+    query = _PART_QUERY.where(parts.c.robot_id == robot_id).order_by(*order)
     return [_part(row) for row in connection.execute(query)]
 
 
