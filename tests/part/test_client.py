@@ -357,6 +357,30 @@ def test_a_new_address_of_the_client_is_found_out_and_mended() -> None:
     play(scenario)
 
 
+def test_a_late_packet_of_the_old_session_does_not_stop_the_new_one_for_ever() -> None:
+    async def scenario(bench: Bench) -> None:
+        client = bench.client(1)
+        writer = make_writer(client)
+        await client.connect(1.0)
+        await client.until_all_statuses()
+        for number in range(20):
+            client.write(writer, b"%d" % number)
+            await asyncio.sleep(0.01)
+        client.reconnect("for the test")
+        await client.connect(1.0)
+        # A HEARTBEAT of the old session, overtaken by the login: the agent now waits for message 10 and beyond.
+        bench.links[0]._link.send(bytes.fromhex("810000000b0105000a00140080"), 0)
+        await asyncio.sleep(7.0)
+        assert client.counters.logins == 3
+        await client.until_all_statuses(0.5)
+        client.reconnect("nothing without a session")
+        client.reconnect("nothing without a session")
+        await client.connect(1.0)
+        assert client.counters.logins == 4
+
+    play(scenario)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_reliable_samples_survive_loss_duplication_and_reordering(seed: int) -> None:
     async def scenario(bench: Bench) -> None:

@@ -7,6 +7,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from msbot.part.joining import (
     TRANSITIONS,
     Action,
+    BeginAnew,
     Changed,
     CheckAgent,
     ExpectedRobot,
@@ -198,9 +199,11 @@ def test_a_silent_inventory_is_left_after_three_and_a_half_beats() -> None:
         now = joining.timer() or 0.0
         joining.handle_timer(now)
     assert 3.5 <= now <= 4.0
-    assert SendClaim() in actions(joining)
-    assert joining.state is JoinState.CLAIMING
+    taken = actions(joining)
+    assert changes(taken) == [(JoinState.ACTIVE, JoinState.LOST)]
+    assert taken[-1] == BeginAnew("the inventory has not answered any beat lately")
     assert joining.lease == 0
+    assert joining.timer() is None
 
 
 def test_an_unknown_lease_makes_it_claim_again() -> None:

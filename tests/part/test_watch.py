@@ -1,6 +1,6 @@
 """When a client pings, and when it gives up."""
 
-from msbot.part.watch import Watch, WatchStep
+from msbot.part.watch import Stall, Watch, WatchStep
 
 
 def watch() -> Watch:
@@ -55,3 +55,11 @@ def test_stopped_it_says_nothing() -> None:
     made = watch()
     made.stop()
     assert made.step(100.0) is None
+
+
+def test_waiting_without_progress_is_a_stall() -> None:
+    stall = Stall(5.0)
+    assert stall.waits(10.0) == 15.0
+    assert stall.waits(14.0) == 15.0
+    stall.progress()
+    assert stall.waits(14.5) == 19.5

@@ -226,7 +226,7 @@ class SmallMaster:
             self.requests.append(("rubbish", body.hex()))
             return
         answer = self._answer(request, client_key_of(identity[:16]))
-        if answer is not None:
+        if answer is not None and self.client.has_room():
             self.client.reply(self._replier, identity, answer.encode())
 
     def _answer(

@@ -17,6 +17,7 @@ from msbot.link import Link, Peer, Signal, SignalHandler
 from msbot.part.client_settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
 from msbot.part.connection import Connection, Hooks
 from msbot.part.entities import Entity, EntityTable, Reading
+from msbot.part.watch import Stall
 from msbot.xrce import (
     RELIABLE_QOS,
     STREAM_RELIABLE,
@@ -90,7 +91,7 @@ class Client:
         Args:
             link: a link with one remote peer; the client takes over its handlers.
             key: client key, unique at the agent, 1 to 0xFFFFFFFF.
-            settings: periods and limits.
+            settings: periods and limits; those that fit the link if absent.
             epoch_ns: wall clock for time synchronisation, in ns since 1970.
             random: spreads the retries of refused clients.
 
@@ -99,7 +100,7 @@ class Client:
         """
         if not 0 < key <= 0xFFFFFFFF:
             raise LocalProtocolError(f"client key {key} is out of range: choose 1 to 0xFFFFFFFF")
-        self.settings = settings or ClientSettings()
+        self.settings = settings or ClientSettings.for_link(link.info)
         self.on_state: Callable[[ConnectionState, str], None] = lambda *_: None
         """(state, reason in words) at every change."""
         self.on_signal: SignalHandler = lambda *_: None
@@ -115,6 +116,7 @@ class Client:
         self.on_room: Callable[[], None] = lambda: None
         """After a LinkFull there is room again."""
         self._entities = EntityTable(answer_s=self.settings.answer_s)
+        self._stall = Stall(self.settings.stall_s)
         self._connection = Connection(
             link,
             self._hooks(),
@@ -189,6 +191,11 @@ class Client:
     def check_agent(self) -> None:
         """Suspect that the agent is gone or has forgotten us: find out now, and log in again if so."""
         self._connection.check_agent()
+
+    def reconnect(self, reason: str) -> None:
+        """Give the session up, for a reason in words, and open another one; does nothing without a session."""
+        if self._connection.is_open:
+            self._connection.lose(reason, self._connection.now())
 
     # Objects
 
@@ -322,15 +329,18 @@ class Client:
 
     def _session_over(self) -> None:
         self._entities.restart()
+        self._stall.progress()
 
     def _event_received(self, event: ClientEvent, now: float) -> None:  # noqa: ARG002 - the hook's signature
         match event:
             case DataReceived():
                 self._sample_received(event)
             case StatusReceived():
+                self._stall.progress()
                 self._entities.answered(event.request_id, event.status)
                 self.on_status(event.request_id, event.object_id, event.status)
             case WindowOpened():
+                self._stall.progress()
                 self.on_room()
 
     def _sample_received(self, event: DataReceived) -> None:
@@ -355,4 +365,14 @@ class Client:
         while session.has_room(STREAM_RELIABLE) and (wanted := entities.next_to_read()) is not None:
             entity, reading = wanted
             reading.request_id = session.read(entity.object_id, reading.stream_id, reading.control)
-        return entities.timer()
+        has_room = session.has_room(STREAM_RELIABLE)
+        if has_room and entities.timer() is None:
+            self._stall.progress()
+            return None
+        stalled_at = self._stall.waits(now)
+        if now >= stalled_at:
+            self._connection.lose("the agent is there but takes nothing: streams out of step", now)
+            return None
+        # Without room there is nothing more to be asked: WindowOpened comes first.
+        asked_again_at = entities.timer() if has_room else None
+        return stalled_at if asked_again_at is None else min(stalled_at, asked_again_at)

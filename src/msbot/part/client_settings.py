@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Self
 
 from msbot.errors import ConfigError
+from msbot.link import LinkInfo
 from msbot.xrce import SESSION_DEFAULT, SESSION_NONE
 
 
@@ -44,8 +46,15 @@ class ClientSettings:
     """Pings without an answer after which the agent is lost."""
     answer_s: float = 2.0
     """A creation without a status for that long is asked for again."""
+    stall_s: float = 5.0
+    """Creations without a status, or a full window, for that long without any progress: the session is begun anew."""
     close_s: float = 1.0
     """How long a polite end waits for the agent's answer."""
+
+    @classmethod
+    def for_link(cls, info: LinkInfo) -> Self:
+        """The defaults, with more patience where many share a slow medium and others may go first."""
+        return cls(ping_s=1.0, answer_s=10.0, stall_s=30.0) if info.shared_bus else cls()
 
     def __post_init__(self) -> None:
         if not (0 < self.session_id < SESSION_NONE - 1 or SESSION_NONE < self.session_id < 0xFF):

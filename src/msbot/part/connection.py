@@ -37,6 +37,9 @@ from msbot.xrce import (
     status_words,
 )
 
+_GOES_DOWN = (Signal.LINK_DOWN, Signal.PEER_GONE)
+_COMES_UP = (Signal.LINK_UP, Signal.PEER_JOINED, Signal.PEER_BACK)
+
 _log = logging.getLogger(__name__)
 
 
@@ -161,6 +164,13 @@ class Connection:
         self._watch.check(self._turn.now())
         self._turn.book()
 
+    def lose(self, reason: str, now: float) -> None:
+        """Give the session up and log in anew."""
+        self._watch.stop()
+        self._hooks.session_over()
+        self._set_state(ConnectionState.LOST, reason)
+        self._login(now)
+
     def now(self) -> float:
         """The loop's time."""
         return self._turn.now()
@@ -178,7 +188,7 @@ class Connection:
                 if not self._heard:
                     raise
                 reason = str(error)
-            self._lose(reason, loop.time())
+            self.lose(reason, loop.time())
             await asyncio.sleep(self.settings.reopen_s)
 
     def _new_session(self) -> ClientSession:
@@ -197,12 +207,6 @@ class Connection:
         self.session.connect(now)
         self._turn.book()
 
-    def _lose(self, reason: str, now: float) -> None:
-        self._watch.stop()
-        self._hooks.session_over()
-        self._set_state(ConnectionState.LOST, reason)
-        self._login(now)
-
     def _set_state(self, state: ConnectionState, reason: str) -> None:
         changed = state is not self.state
         self.state, self.reason = state, reason
@@ -214,6 +218,7 @@ class Connection:
     def _finish(self) -> None:
         if self._scope is not None:
             self._scope.reschedule(self._turn.now())
+            self._scope = None
 
     def _packet_received(self, packet: bytes, _peer: Peer, now: float) -> None:
         self._heard = True
@@ -255,21 +260,21 @@ class Connection:
         if pong.agent_knows_us:
             self._watch.heard(now)
         elif self.state is ConnectionState.CONNECTED:
-            self._lose("the agent does not know this session any more", now)
+            self.lose("the agent does not know this session any more", now)
 
     def _connect_failed(self, status: int | None, now: float) -> None:
         if status is None:
-            self._lose(f"no agent answers on {self.link.info.name}", now)
+            self.lose(f"no agent answers on {self.link.info.name}", now)
             return
         self._set_state(ConnectionState.LOST, f"the agent refused the session: {status_words(status)}")
         self._login_at = now + self.settings.reopen_s * self._random.uniform(0.75, 1.25)
 
     def _signal_received(self, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
-        if signal in (Signal.LINK_DOWN, Signal.PEER_GONE):
+        if signal in _GOES_DOWN:
             # Believed in the next turn: a link that is closed because we end says so, too, and then there is none.
             self._gone = reason
             self._turn.book()
-        elif signal in (Signal.LINK_UP, Signal.PEER_JOINED) and self.state is not ConnectionState.CONNECTED:
+        elif signal in _COMES_UP and self.state is not ConnectionState.CONNECTED:
             self._login(now)
         self._hooks.signal_received(signal, peer, reason, now)
 
@@ -285,12 +290,12 @@ class Connection:
         if self._login_at is not None and now >= self._login_at:
             self._login(now)
         if self._gone is not None and self.state is ConnectionState.CONNECTED:
-            self._lose(self._gone, now)
+            self.lose(self._gone, now)
         match self._watch.step(now):
             case WatchStep.PING:
                 self._send_ping(now)
             case WatchStep.GIVE_UP:
-                self._lose("the agent does not answer any more", now)
+                self.lose("the agent does not answer any more", now)
         self.session.handle_timer(now)
         self._take_events(now)
         more_at = self._hooks.before_sending(now) if self.is_open else None

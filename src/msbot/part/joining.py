@@ -5,7 +5,7 @@ the robot it is made for (step 1, thesis 3.12.1). Then it claims its place with 
 3.12.2) until somebody answers; a stranger hears nothing. With the lease it fetches its configuration, and only
 then it is active: nothing is published before. From the lease on it beats; a beat without an answer makes it look
 after the agent at once, a lease that the inventory no longer knows makes it claim again, and when the inventory is
-silent for three and a half beats it acts as if it were alone (thesis 3.10.3, 3.12.1.1).
+silent for three and a half beats the part is lost and begins again with a new session (thesis 3.10.3, 3.12.1.1).
 
 The owner feeds the news (`agent_found`, `profile_seen`, ...), takes `next_action()` until None after each, and
 calls `handle_timer` when `timer()` says so.
@@ -61,10 +61,10 @@ TRANSITIONS: dict[tuple[JoinState, JoinEvent], JoinState] = {
     (S.CONFIGURING, E.PROFILE_DISAGREES): S.WRONG_ROBOT,
     (S.CONFIGURING, E.CONFIGURED): S.ACTIVE,
     (S.CONFIGURING, E.LEASE_UNKNOWN): S.CLAIMING,
-    (S.CONFIGURING, E.INVENTORY_SILENT): S.CLAIMING,
+    (S.CONFIGURING, E.INVENTORY_SILENT): S.LOST,
     (S.ACTIVE, E.PROFILE_DISAGREES): S.WRONG_ROBOT,
     (S.ACTIVE, E.LEASE_UNKNOWN): S.CLAIMING,
-    (S.ACTIVE, E.INVENTORY_SILENT): S.CLAIMING,
+    (S.ACTIVE, E.INVENTORY_SILENT): S.LOST,
     (S.WRONG_ROBOT, E.PROFILE_AGREES): S.CLAIMING,
     (S.LOST, E.AGENT_FOUND): S.RECOGNISING,
     **{
@@ -137,6 +137,13 @@ class CheckAgent:
 
 
 @dataclass(frozen=True, slots=True)
+class BeginAnew:
+    """Give the session up and open another one."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class Changed:
     """The state has changed."""
 
@@ -147,7 +154,7 @@ class Changed:
     """Why, in words."""
 
 
-Action = SendClaim | SendBeat | FetchConfiguration | CheckAgent | Changed
+Action = SendClaim | SendBeat | FetchConfiguration | CheckAgent | BeginAnew | Changed
 
 _CLAIMS = (S.CLAIMING, S.REFUSED)
 _BEATS = (S.CONFIGURING, S.ACTIVE)
@@ -304,7 +311,10 @@ class Joining:
         self.missed_beats += 1
         self._waiting_since = None
         if now - self._heard_at >= SILENT_BEATS * self._beat_period_s:
-            self._take(E.INVENTORY_SILENT, "the inventory has not answered any beat lately", now)
+            reason = "the inventory has not answered any beat lately"
+            self._take(E.INVENTORY_SILENT, reason, now)
+            # The agent may well be there: a session whose streams are out of step looks the same from here.
+            self._actions.append(BeginAnew(reason))
             return
         self._actions.append(CheckAgent())
         self._beat(now)

@@ -11,11 +11,12 @@ import asyncio
 import logging
 from collections.abc import Callable
 
-from msbot.errors import RemoteProtocolError
+from msbot.errors import LinkFull, LocalProtocolError, RemoteProtocolError
 from msbot.part import plug
 from msbot.part.client import Client, Service
 from msbot.part.client_settings import ConnectionState
 from msbot.part.joining import (
+    BeginAnew,
     Changed,
     CheckAgent,
     ExpectedRobot,
@@ -159,12 +160,16 @@ class Membership:
                     self._send(request.encode(), STREAM_RELIABLE)
                 case CheckAgent():
                     self._client.check_agent()
+                case BeginAnew():
+                    self._client.reconnect(action.reason)
         self._turn.set_timer(self.joining.timer())
 
     def _send(self, request: bytes, stream_id: int) -> None:
-        # Without room it is not sent: `joining` asks again in time.
-        if self._client.has_room(stream_id):
+        try:
             self._client.write(self._requester, request, stream_id=stream_id)
+        except (LinkFull, LocalProtocolError) as error:
+            # No room, or the session is closing: `joining` asks again in time.
+            _log.debug("not sent to the inventory: %s", error)
 
     def _read_replies(self, stream_id: int) -> None:
         reading = self._requester.reading

@@ -66,3 +66,26 @@ class Watch:
         self._sent += 1
         self._due_at = now + self._ping_s
         return WatchStep.PING
+
+
+class Stall:
+    """Notices that the agent is there but takes nothing: the streams of the two ends are out of step.
+
+    That happens when a late packet of an earlier session falls into the new one. No acknowledgement can mend it,
+    only a new session can.
+    """
+
+    def __init__(self, stall_s: float) -> None:
+        """Make it; `stall_s` seconds of waiting without any progress are a stall."""
+        self._stall_s = stall_s
+        self._since: float | None = None
+
+    def progress(self) -> None:
+        """A request was answered, or there is room again, or there is nothing to wait for."""
+        self._since = None
+
+    def waits(self, now: float) -> float:
+        """Something waits for the agent; returns when that will be a stall: in the past = it is one."""
+        if self._since is None:
+            self._since = now
+        return self._since + self._stall_s
