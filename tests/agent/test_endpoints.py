@@ -176,15 +176,16 @@ def test_a_barred_requester_asks_in_vain_and_its_old_requests_are_over() -> None
     assert [payload[4:] for payload in service.asker.payloads()] == [b"in time"]
 
 
-def test_a_reader_is_attached_only_when_every_side_is() -> None:
+def test_who_may_ask_may_hear_the_answers_whatever_the_gate_says_of_the_reply_topic() -> None:
     host = FakeHost()
-    host.barred.add("add_Reply")
+    host.barred |= {"add_Request", "add_Reply"}
     requester = Requester(host, REQUESTER, REQUEST, REPLY, Qos())
     assert not requester.attached
-    host.barred.clear()
+    host.barred.remove("add_Request")
     requester.recheck()
     assert requester.attached
-    requester.close()
+    host.barred.add("add_Request")
+    requester.recheck()
     assert not requester.attached
 
 

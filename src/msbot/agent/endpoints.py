@@ -99,7 +99,11 @@ class Requester(Endpoint):
         self._requests.write(payload)
 
     def recheck(self) -> None:
-        """Ask the gate again; open requests end when the writer has changed."""
+        """Ask the gate again; open requests end when the writer has changed.
+
+        Who may ask may hear the answers to what it asked, so the gate is not asked about the reply topic: reading
+        that as a whole, with the answers to others, is another matter (`DataReader`).
+        """
         self._requests.recheck()
         writer = self._requests.writer
         guid = None if writer is None else writer.guid
@@ -108,7 +112,7 @@ class Requester(Endpoint):
             self._pending.clear()
             self._shape.guid = guid
         if guid is not None:
-            self._answers.recheck()
+            self._answers.enter()
 
     def _open_reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> Reader:  # noqa: ARG002 - one for all requesters
         assert self._shape.guid is not None

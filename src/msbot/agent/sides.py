@@ -151,9 +151,14 @@ class ReadSide:
 
     def recheck(self) -> None:
         """Ask the gate and enter or leave the space accordingly; what waited when leaving is forgotten."""
-        if not self._host.may_read(self._topic.name):
+        if self._host.may_read(self._topic.name):
+            self.enter()
+        else:
             self.close()
-        elif self.reader is None:
+
+    def enter(self) -> None:
+        """Be in the space, without asking the gate: the caller knows that the client may read what gets through."""
+        if self.reader is None:
             self.reader = self._open_reader(self._topic, self._qos, self.deliver)
 
     def start(self, request_id: int, stream_id: int, control: DeliveryControl | None) -> None:

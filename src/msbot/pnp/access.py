@@ -3,7 +3,7 @@
 ===========================  ============================================================================
 who                          may
 ===========================  ============================================================================
-anybody                      open a session; read the profile; ask the inventory and read its answers
+anybody                      open a session; read the profile; ask the inventory and get its answers, not those to others
 a registered part            besides: write and read the topics of its slot's bindings, by direction
 the robot's own services     everything; they are the clients of the in-process link, and nobody else is
 ===========================  ============================================================================
@@ -89,7 +89,7 @@ class Access:
         self._trusted_link = trusted_link
         free = free_topics - RESERVED_TOPICS
         self._writable = free | {INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC}
-        self._readable = free | {INVENTORY_REPLY_TOPIC, compat.REPLY_TOPIC}
+        self._readable = free
         self._links: dict[int, str] = {}
         """Client key -> the link its session is open on."""
         self._plugs: dict[tuple[str, Hashable], float] = {}
