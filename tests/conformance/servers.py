@@ -1,0 +1,31 @@
+"""A real agent behind real transports of this machine, for the cases that are about the transport."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from msbot.agent import Agent
+from msbot.link import Link, Signal
+from msbot.space import MemorySpace
+
+PATIENCE_S = 20
+"""After this a test has failed; nothing waits for it otherwise."""
+
+
+@asynccontextmanager
+async def serving(link: Link) -> AsyncIterator[Agent]:
+    """A real agent on that link; the block begins when the link is open."""
+    agent = Agent(MemorySpace())
+    agent.add_link(link)
+    is_open = asyncio.Event()
+    agent.on_signal = lambda _link, signal, *_: is_open.set() if signal is Signal.LINK_UP else None
+    task = asyncio.create_task(agent.run())
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            await is_open.wait()
+            yield agent
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
