@@ -106,11 +106,12 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
     write_sample(path)
     library = load_library()
     blueprint = load_blueprint(path, library)
-    registry = open_registry(db or folder / "robot.db")
-    try:
+    with open_registry(db or folder / "robot.db") as registry:
+        record = registry.apply_blueprint(blueprint, library)
         robot = DemoRobot(
             blueprint,
-            registry.store_for(registry.apply_blueprint(blueprint, library)),
+            registry.store_for(record),
+            node_ids=registry.node_ids(record, "demo"),
             wire=options.wire,
             bitrate=options.bitrate,
             data_bitrate=options.data_bitrate,
@@ -118,8 +119,6 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
         )
         _check_script(options.script, robot)
         await _run(robot, options)
-    finally:
-        registry.close()
 
 
 def _check_script(script: list[ScriptStep], robot: DemoRobot) -> None:

@@ -15,7 +15,7 @@ from msbot.config import Blueprint
 from msbot.demo.snapshot import BusSnapshot, DemoEvent, DemoSnapshot, PartSnapshot, TopicSnapshot
 from msbot.demo.wiring import Wire, Wiring
 from msbot.errors import ConfigError, MsbotError
-from msbot.link import FrameTap
+from msbot.link import FrameTap, NodeIds
 from msbot.master import Master, first_error
 from msbot.part import Part, SimGpio, make_sample
 from msbot.pnp import PartEvent, PartInfo, PartState, PartStore
@@ -66,6 +66,7 @@ class DemoRobot:
         wire: what connects the parts.
         bitrate: nominal bit rate of a CAN wire, bit/s.
         data_bitrate: bit rate of the data phase of CAN FD, bit/s.
+        node_ids: where the addresses of parts on a CAN wire are remembered; memory if absent.
         names: which parts take part.
         random: draws everything that is drawn; a seeded one makes a run in virtual time repeatable.
         epoch_ns: wall clock, nanoseconds since 1970.
@@ -79,6 +80,7 @@ class DemoRobot:
         wire: Wire = Wire.CAN,
         bitrate: int = 500_000,
         data_bitrate: int = 2_000_000,
+        node_ids: NodeIds | None = None,
         names: tuple[str, ...] = SAMPLES,
         random: Random | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
@@ -91,7 +93,14 @@ class DemoRobot:
         self._loop = asyncio.get_running_loop()
         self._started_at = self._loop.time()
         self.master = Master(blueprint, store, random=self._random, epoch_ns=epoch_ns)
-        self._wiring = Wiring(wire, bitrate, data_bitrate, self.master.profile.profile_hash(), self._random)
+        self._wiring = Wiring(
+            wire,
+            bitrate=bitrate,
+            data_bitrate=data_bitrate,
+            profile_hash=self.master.profile.profile_hash(),
+            random=self._random,
+            node_ids=node_ids,
+        )
         self.master.add_link(self._wiring.master_link)
         self.master.inventory.on_event(self._changed)
         self._plugs: dict[str, _Plug] = {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from random import Random
 
-from msbot.link import CanMasterLink, CanPartLink, Link, SimBus, SimBusDriver, UdpClientLink, UdpServerLink
+from msbot.link import CanMasterLink, CanPartLink, Link, NodeIds, SimBus, SimBusDriver, UdpClientLink, UdpServerLink
 
 
 class Wire(Enum):
@@ -19,7 +19,16 @@ class Wire(Enum):
 class Wiring:
     """The wire and the way of each part onto it."""
 
-    def __init__(self, wire: Wire, bitrate: int, data_bitrate: int, profile_hash: int, random: Random) -> None:
+    def __init__(
+        self,
+        wire: Wire,
+        *,
+        bitrate: int,
+        data_bitrate: int,
+        profile_hash: int,
+        random: Random,
+        node_ids: NodeIds | None,
+    ) -> None:
         self.wire = wire
         self.driver: SimBusDriver | None = None
         self._random = random
@@ -34,7 +43,9 @@ class Wiring:
         self.driver = SimBusDriver(bus)
         # A bus needs two nodes before any frame is acknowledged: the monitor hears, as a student's adapter would.
         self.driver.attach("monitor")
-        self.master_link = CanMasterLink(self.driver.attach("master"), profile_hash=profile_hash, random=random, fd=fd)
+        self.master_link = CanMasterLink(
+            self.driver.attach("master"), profile_hash=profile_hash, random=random, node_ids=node_ids, fd=fd
+        )
         self.name = f"simulated CAN {'FD ' if fd else ''}bus, {bitrate // 1000} kbit/s" + (
             f" and {data_bitrate // 1000} kbit/s" if fd else ""
         )
