@@ -92,3 +92,35 @@ def test_a_removed_client_is_gone_everywhere(port: Port) -> None:
     assert table.by_key(7) is None
     assert table.place_of(proxy) is None
     assert not port.clients
+
+
+def test_a_client_that_has_gone_is_known_by_key_and_has_no_address(port: Port) -> None:
+    table = ClientTable()
+    plain, keyed = client(7), client(8, 0x01)
+    for proxy in (plain, keyed):
+        table.place(proxy, port, "here")
+        proxy.gone = "unplugged"
+        table.set_gone(proxy)
+        assert table.by_key(proxy.info.key) is proxy
+        assert table.place_of(proxy) is None
+        assert proxy.is_blocked
+    assert table.keyed(8) is None
+    assert (port.clients, port.members, port.gone) == ({}, {}, {"here": [plain, keyed]})
+    table.place(keyed, port, "there")
+    assert not keyed.is_blocked
+    assert port.gone == {"here": [plain]}
+    assert table.remove(plain)
+    assert not table.remove(plain)
+    assert not port.gone
+
+
+def test_an_address_that_somebody_else_has_taken_brings_nobody_back(port: Port) -> None:
+    table = ClientTable()
+    gone, other = client(7), client(8)
+    table.place(gone, port, "here")
+    table.set_gone(gone)
+    table.place(other, port, "here")
+    assert not port.gone
+    assert table.by_key(7) is gone
+    assert table.remove(gone)
+    assert port.clients == {"here": other}

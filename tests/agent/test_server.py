@@ -25,8 +25,9 @@ from msbot.xrce import (
     Pong,
     Status,
     TimeSynchronised,
+    reader_variant,
 )
-from tests.agent.wiring import FakeLink, WiredClient, serving
+from tests.agent.wiring import SUBSCRIBER, FakeLink, WiredClient, serving
 
 LATCHED = EndpointQos(transient_local=True, depth=1)
 
@@ -374,20 +375,148 @@ def test_an_operator_may_end_a_session() -> None:
     play(scenario, gate=gate)
 
 
-def test_a_vanished_peer_takes_its_session_along() -> None:
+def test_a_vanished_peer_is_told_at_once_and_its_objects_wait_as_long_as_those_of_a_silent_one() -> None:
     gate = StrictGate()
     heard: list[tuple[Signal, Peer | None, str]] = []
 
     async def scenario(agent: Agent, link: FakeLink) -> None:
         agent.on_signal = lambda _link, signal, peer, reason, _now: heard.append((signal, peer, reason))
-        await connected(link, 1, 2)
+        one, other = await connected(link, 1, 2)
+        await one.add_writer("light")
         link.signal(Signal.PEER_GONE, 1, "port unplugged")
         link.signal(Signal.PEER_GONE, 77, "never heard of")
-        assert [client.key for client in agent.clients()] == [2]
         assert gate.events[-1] == "1 left: gone: port unplugged"
         assert heard == [(Signal.PEER_GONE, 1, "port unplugged"), (Signal.PEER_GONE, 77, "never heard of")]
+        assert [client.gone for client in agent.clients()] == ["gone: port unplugged", None]
+        link.sent.clear()
+        await asyncio.sleep(29.9)
+        assert [client.key for client in agent.clients()] == [1, 2]
+        await asyncio.sleep(0.2)
+        assert [client.key for client in agent.clients()] == [2]
+        assert gate.events.count("1 left: gone: port unplugged") == 1
+        assert gate.events[-1].startswith("1 left"), "it was told once"
+        assert [peer for peer, _ in link.sent if peer == 1] == [], "and nobody asked it whether it was there"
+        assert other.session.state is ClientState.CONNECTED
 
     play(scenario, gate=gate)
+
+
+def test_a_client_whose_connection_broke_finds_its_objects_and_what_waited_for_it() -> None:
+    gate = StrictGate()
+
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        one, other = await connected(link, 1, 2)
+        reader = await other.add_reader("light", qos=EndpointQos(keep_all=True))
+        writer = await one.add_writer("light", qos=LATCHED)
+        link.signal(Signal.PEER_GONE, 2, "connection closed")
+        link.sent.clear()
+        for number in range(20):
+            await one.write(writer, bytes([number]))
+        assert [peer for peer, _ in link.sent if peer == 2] == []
+        again = WiredClient(link, key=2, peer="a new connection")
+        await again.connect()
+        await again.settle(40)
+        assert gate.events[-2:] == ["2 left: gone: connection closed", "2 joined from peer a new connection"]
+        assert again.received(reader) == [bytes([number]) for number in range(20)]
+        status = await again.create(reader, reader_variant(0x12, SUBSCRIBER), reuse=False, replace=False)
+        assert status == Status.ERR_ALREADY_EXISTS
+        assert agent.clients()[1].gone is None
+        link.signal(Signal.PEER_GONE, 2, "and now the old connection as well")
+        assert agent.clients()[1].gone is None
+
+    play(scenario, gate=gate)
+
+
+def test_with_another_session_id_a_client_that_was_gone_begins_anew() -> None:
+    gate = StrictGate()
+
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        (client,) = await connected(link, 1)
+        await client.add_writer("light")
+        link.signal(Signal.PEER_GONE, 1, "connection closed")
+        again = WiredClient(link, key=1, session_id=0x82, peer="a new connection")
+        await again.connect()
+        (view,) = agent.clients()
+        assert (view.session_id, view.objects, view.gone) == (0x82, (), None)
+        assert gate.events == ["1 joined from peer 1", "1 left: gone: connection closed",
+                               "1 joined from peer a new connection"]  # fmt: skip
+
+    play(scenario, gate=gate)
+
+
+def test_a_peer_that_is_back_goes_on_where_it_was() -> None:
+    gate = StrictGate()
+
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        one, other = await connected(link, 1, 2)
+        reader = await other.add_reader("light", qos=EndpointQos(keep_all=True))
+        writer = await one.add_writer("light")
+        link.signal(Signal.PEER_GONE, 2, "port unplugged")
+        other.unplugged = True
+        await one.write(writer, b"while it was away")
+        await asyncio.sleep(5.0)
+        other.unplugged = False
+        link.signal(Signal.PEER_BACK, 2, "its port is there again")
+        link.signal(Signal.PEER_BACK, 77, "never heard of")
+        await other.settle()
+        await one.write(writer, b"now")
+        assert other.received(reader) == [b"while it was away", b"now"]
+        assert gate.events[-2:] == ["2 left: gone: port unplugged", "2 joined from peer 2"]
+        assert agent.clients()[1].gone is None
+        await asyncio.sleep(60.0)
+        assert [client.key for client in agent.clients()] == [1, 2]
+
+    play(scenario, gate=gate)
+
+
+def test_the_gate_decides_what_a_client_that_is_gone_leaves_behind() -> None:
+    class Leaving(StrictGate):
+        def left(self, client: ClientInfo, reason: str) -> None:
+            super().left(client, reason)
+            self.barred.add((client.key, "light"))
+
+        def joined(self, client: ClientInfo) -> None:
+            super().joined(client)
+            self.barred.discard((client.key, "light"))
+
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        one, other = await connected(link, 1, 2)
+        await one.write(await one.add_writer("light", qos=LATCHED), b"latched")
+        link.signal(Signal.PEER_GONE, 1, "port unplugged")
+        assert [view.attached for view in agent.clients()[0].objects] == [True, True, True, False]
+        reader = await other.add_reader("light")
+        assert other.received(reader) == []
+        link.signal(Signal.PEER_BACK, 1, "there again")
+        assert [view.attached for view in agent.clients()[0].objects] == [True, True, True, True]
+
+    play(scenario, gate=Leaving())
+
+
+def test_whoever_logs_in_where_a_gone_client_was_takes_its_address() -> None:
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        await connected(link, 1)
+        link.signal(Signal.PEER_GONE, 1, "port unplugged")
+        other = WiredClient(link, key=2, peer=1)
+        await other.connect()
+        link.signal(Signal.PEER_BACK, 1, "there again")
+        assert [(client.key, client.gone is None) for client in agent.clients()] == [(1, False), (2, True)]
+        assert agent.disconnect(1, "thrown out")
+        assert [client.key for client in agent.clients()] == [2]
+
+    play(scenario)
+
+
+def test_a_gone_client_is_kept_as_long_from_the_moment_it_went() -> None:
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        await connected(link, 1)
+        await asyncio.sleep(2.5)
+        link.signal(Signal.PEER_GONE, 1, "connection closed")
+        await asyncio.sleep(2.9)
+        assert len(agent.clients()) == 1, "counted from when it went"
+        await asyncio.sleep(0.2)
+        assert agent.clients() == []
+
+    play(scenario, settings=AgentSettings(dead_after_s=3.0))
 
 
 def test_logging_in_again_voids_grants_and_restarts_the_streams() -> None:
@@ -478,7 +607,11 @@ def test_several_sessions_with_keys_share_an_address() -> None:
         link.inject(bytes.fromhex("80000000 02010800 000afffd 02000000"), "gateway")
         assert link.take_sent("gateway")[0][13] == 0, "not by address"
         link.signal(Signal.PEER_GONE, "gateway", "cable pulled")
-        assert agent.clients() == []
+        assert [client.gone for client in agent.clients()] == ["gone: cable pulled"] * 2
+        link.inject(bytes.fromhex(ping.format(1)), "gateway")
+        assert link.take_sent("gateway")[0][17] == 0, "its key opens nothing until it has logged in again"
+        link.signal(Signal.PEER_BACK, "gateway", "there again")
+        assert [client.gone for client in agent.clients()] == [None] * 2
 
     play(scenario, gate=gate)
 

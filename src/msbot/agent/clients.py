@@ -27,6 +27,8 @@ class Port:
     """The clients without keys in their headers, by address: one for each."""
     members: dict[Proxy, Peer] = field(default_factory=dict)
     """All clients; any number with keys in their headers may share an address."""
+    gone: dict[Peer, list[Proxy]] = field(default_factory=dict)
+    """Clients that went with their peer, and go on where they were when it is back, by address."""
     blocked: dict[Proxy, None] = field(default_factory=dict)
     """Clients with packets that the link had no room for, in the order they met that."""
     opened: bool = False
@@ -41,6 +43,7 @@ class ClientTable:
     def __init__(self) -> None:
         self._by_key: dict[int, Proxy] = {}
         self._places: dict[Proxy, tuple[Port, Peer]] = {}
+        self._gone: dict[Proxy, tuple[Port, Peer]] = {}
 
     def __len__(self) -> int:
         return len(self._by_key)
@@ -53,34 +56,57 @@ class ClientTable:
         return self._by_key.get(client_key)
 
     def keyed(self, client_key: int) -> Proxy | None:
-        """The client with that key if its session carries the key in every header.
+        """The client with that key if its session carries the key in every header, and it has not gone.
 
         DEVIATION: the genuine agent takes such packets for sessions without keys, too; anybody who knows a key could
         then speak for its owner from any address.
         """
         proxy = self._by_key.get(client_key)
-        return proxy if proxy is not None and _has_key_in_headers(proxy) else None
+        if proxy is None or proxy.gone is not None or not _has_key_in_headers(proxy):
+            return None
+        return proxy
 
     def place(self, proxy: Proxy, port: Port, peer: Peer) -> None:
         """Enter a client, or move it to another address: the old one then belongs to nobody."""
         self._leave_place(proxy)
+        self._forget_gone(proxy)
         self._by_key[proxy.info.key] = proxy
         self._places[proxy] = (port, peer)
         port.members[proxy] = peer
         if not _has_key_in_headers(proxy):
             port.clients[peer] = proxy
+            port.gone.pop(peer, None)
 
     def place_of(self, proxy: Proxy) -> tuple[Port, Peer] | None:
-        """Where the client's packets go; None for one that was removed."""
+        """Where the client's packets go; None for one that has gone or was removed."""
         return self._places.get(proxy)
+
+    def set_gone(self, proxy: Proxy) -> None:
+        """Its peer has gone: the client has no address any more, and what is meant for it waits."""
+        place = self._places[proxy]
+        self._leave_place(proxy)
+        self._gone[proxy] = place
+        port, peer = place
+        port.gone.setdefault(peer, []).append(proxy)
+        proxy.is_blocked = True
 
     def remove(self, proxy: Proxy) -> bool:
         """Forget a client; False when it was not known."""
-        if self._places.get(proxy) is None:
+        if self._by_key.get(proxy.info.key) is not proxy:
             return False
         self._leave_place(proxy)
+        self._forget_gone(proxy)
         del self._by_key[proxy.info.key]
         return True
+
+    def _forget_gone(self, proxy: Proxy) -> None:
+        place = self._gone.pop(proxy, None)
+        if place is not None:
+            proxy.is_blocked = False
+            port, peer = place
+            others = [other for other in port.gone.pop(peer, ()) if other is not proxy]
+            if others:
+                port.gone[peer] = others
 
     def _leave_place(self, proxy: Proxy) -> None:
         place = self._places.pop(proxy, None)

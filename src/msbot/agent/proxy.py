@@ -81,6 +81,8 @@ class Proxy:
         """Whether the server will flush this client at the end of the turn."""
         self.is_over = False
         """Whether the session has ended: deleted by the client, or given up by the agent."""
+        self.gone: str | None = None
+        """Why the link says that the client has gone, while it may still come back."""
         self.bytes_in = 0
         self.bytes_out = 0
         self._surroundings = surroundings
@@ -88,7 +90,7 @@ class Proxy:
         self._gate = surroundings.gate
         self._dead_after_s = dead_after_s
         self._probes = 0
-        self._opened_at = now
+        self._opened_at = self._gone_at = now
         self._timed: dict[ReadSide, float] = {}
         self._turn = 0
         self._dropped = Tally()
@@ -141,7 +143,10 @@ class Proxy:
         return max(self.session.last_heard, self._opened_at)
 
     def next_life_check(self, now: float) -> float | None:
-        """Probe a silent client; returns when to look again, or None when it is gone."""
+        """Probe a silent client; returns when to look again, or None when it is gone for good."""
+        if self.gone is not None:
+            kept_until = self._gone_at + self._dead_after_s
+            return kept_until if now < kept_until else None
         silent_until = self.last_heard + self._dead_after_s
         if now < silent_until:
             self._probes = 0
@@ -156,10 +161,23 @@ class Proxy:
     def log_in_again(self, info: ClientInfo, mtu: int, now: float) -> None:
         """The client has lost its streams, not its objects; it may speak from another address now."""
         self.info = info
+        self.gone = None
         self.session.relogin(mtu)
         self.outbox.clear()
         self._opened_at = now
         self._probes = 0
+
+    def leave(self, reason: str, now: float) -> None:
+        """The link saw the client go: its objects are kept as long as those of a silent client."""
+        self.gone = reason
+        self._gone_at = now
+        self.outbox.clear()
+
+    def come_back(self) -> None:
+        """The link sees the client again, where it was: its session goes on."""
+        self.gone = None
+        self._probes = 0
+        self._surroundings.mark(self)
 
     def recheck(self) -> None:
         """Ask the gate for every endpoint and attach or detach it."""
@@ -218,6 +236,7 @@ class Proxy:
             published=sum(endpoint.outgoing.published for endpoint in sides if endpoint.outgoing is not None),
             delivered=sum(endpoint.incoming.delivered for endpoint in sides if endpoint.incoming is not None),
             waiting=len(self.outbox),
+            gone=self.gone,
             dropped=dropped.as_dict(),
             refused=self._refused.as_dict(),
         )

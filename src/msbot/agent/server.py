@@ -209,7 +209,10 @@ class Agent:
             port.opened = True
         elif signal is Signal.PEER_GONE:
             for proxy in [proxy for proxy, place in port.members.items() if place == peer]:
-                self._end_session(proxy, f"gone: {reason}")
+                self._peer_gone(proxy, f"gone: {reason}", now)
+        elif signal is Signal.PEER_BACK:
+            for proxy in tuple(port.gone.get(peer, ())):
+                self._peer_back(proxy, port, peer)
         if self.on_signal is not None:
             self.on_signal(port.link, signal, peer, reason, now)
 
@@ -220,7 +223,7 @@ class Agent:
                 self._attend(proxy, now)
         self._arm()
 
-    # Sessions begin and end.
+    # Sessions begin, pause and end.
 
     def _open_session(self, info: ClientInfo, port: Port, request: CreateClient, now: float) -> Proxy:
         session = AgentSession(
@@ -236,6 +239,28 @@ class Agent:
         self._arm()
         return proxy
 
+    def _peer_gone(self, proxy: Proxy, reason: str, now: float) -> None:
+        """Tell the gate at once, and keep the objects for a while: a broken connection does not end a session.
+
+        The client finds them when it logs in again with its key and session id, from wherever (seen on the wire, TCP),
+        or when the link says that the very peer is back.
+        """
+        logger.info("client %08X on %s is %s", proxy.info.key, proxy.info.link, reason)
+        self._clients.set_gone(proxy)
+        proxy.leave(reason, now)
+        self._lives.schedule(proxy, proxy.next_life_check(now) or now)
+        self._gate.left(proxy.info, reason)
+        proxy.recheck()
+        self._arm()
+
+    def _peer_back(self, proxy: Proxy, port: Port, peer: Peer) -> None:
+        logger.info("client %08X on %s is back", proxy.info.key, proxy.info.link)
+        self._clients.place(proxy, port, peer)
+        proxy.come_back()
+        self._gate.joined(proxy.info)
+        proxy.recheck()
+        proxy.pull()
+
     def _end_session(self, proxy: Proxy, reason: str) -> None:
         if not self._clients.remove(proxy):
             return
@@ -244,7 +269,8 @@ class Agent:
         self._lives.forget(proxy)
         proxy.close()
         logger.info("client %08X on %s has left: %s", proxy.info.key, proxy.info.link, reason)
-        self._gate.left(proxy.info, reason)
+        if proxy.gone is None:  # else the gate was told when it went
+            self._gate.left(proxy.info, reason)
 
     # One flush for each turn of the loop, one timer for all.
 
@@ -332,8 +358,8 @@ class Agent:
         for proxy in self._lives.pop_due(now):
             when = proxy.next_life_check(now)
             if when is None:
-                silence_s = now - proxy.last_heard
-                self._end_session(proxy, f"silent for {silence_s:.1f} s, and did not answer")
+                silence = f"silent for {now - proxy.last_heard:.1f} s, and did not answer"
+                self._end_session(proxy, silence if proxy.gone is None else f"{proxy.gone}, and did not come back")
             else:
                 self._lives.schedule(proxy, when)
         self._arm()
@@ -348,7 +374,8 @@ class Agent:
             await port.link.run()
         except LinkDown as error:
             failure = error
-            logger.warning("link %s has ended: %s", port.link.info.name, error)
+            if port.opened:  # else `run` raises it, and who awaits that tells the user once
+                logger.warning("link %s has ended: %s", port.link.info.name, error)
         for proxy in list(port.members):
             self._end_session(proxy, f"link {port.link.info.name} has ended")
         del self._tasks[port]

@@ -23,7 +23,8 @@ class AgentSettings:
     window: int = 16
     """Unacknowledged messages a reliable stream may have (the bitmap of ACKNACK has 16 bits)."""
     dead_after_s: float = 30.0
-    """Silence after which a client is probed; `uxr_hl` of the client overrides it for that client."""
+    """Silence after which a client is probed, and how long one that the link saw go keeps its objects; `uxr_hl` of the
+    client overrides it for that client."""
     probe_period_s: float = 0.2
     """Time between two probes of a silent client."""
     probes: int = 3

@@ -104,6 +104,8 @@ class ClientView:
     """Samples handed to the client."""
     waiting: int
     """Packets that wait for room on the link."""
+    gone: str | None = None
+    """Why the link says that the client has gone, while its objects wait for its return; None = it is there."""
     dropped: dict[str, int] = field(default_factory=dict)
     """What was not done for this client, by reason in words."""
     refused: dict[str, int] = field(default_factory=dict)
