@@ -89,7 +89,7 @@ def test_a_port_in_use_is_one_sentence_with_the_remedy(robot: Robot) -> None:
     assert second.returncode == 0
     done = run("master", "--link", robot.link, cwd=robot.folder / "other")
     assert done.returncode == 2
-    assert "in use" in done.stderr
+    assert "another program listens there" in done.stderr
     assert "Traceback" not in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
