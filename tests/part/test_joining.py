@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from msbot.part.joining import (
+    PATIENT,
     TRANSITIONS,
     Action,
     BeginAnew,
@@ -204,6 +205,23 @@ def test_a_silent_inventory_is_left_after_three_and_a_half_beats() -> None:
     assert taken[-1] == BeginAnew("the inventory has not answered any beat lately")
     assert joining.lease == 0
     assert joining.timer() is None
+
+
+def test_where_many_share_a_slow_medium_it_asks_less_often() -> None:
+    joining = Joining(ExpectedRobot(), PATIENT)
+    joining.agent_found(0.0)
+    joining.profile_seen(ROBOT, 0.0)
+    assert joining.timer() == 2.0
+    joining.verdict_given(7, 1.0, "", 0.0)
+    joining.configuration_received(1, "A", 0.0)
+    joining.handle_timer(1.0)
+    joining.handle_timer(1.9)
+    assert joining.missed_beats == 0
+    now = 0.0
+    while joining.state is JoinState.ACTIVE:
+        now = joining.timer() or 0.0
+        joining.handle_timer(now)
+    assert 12.0 <= now <= 13.0
 
 
 def test_an_unknown_lease_makes_it_claim_again() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from msbot.part.boards import PINS, PinDirection, PinListener, SimGpio, UsbGpio
 from msbot.part.client import ENDLESS, IDENTITY_OCTETS, Client, Service
 from msbot.part.client_settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
+from msbot.part.discovery import FoundAgent, find_agents
 from msbot.part.entities import Entity
 from msbot.part.hello import HelloWorld
 from msbot.part.identity import parse_uid, stored_uid
@@ -82,6 +83,7 @@ __all__ = [
     "Entity",
     "ExpectedRobot",
     "Field",
+    "FoundAgent",
     "HelloWorld",
     "JoinState",
     "Message",
@@ -105,6 +107,7 @@ __all__ = [
     "decode_reply",
     "decode_request",
     "fields_of",
+    "find_agents",
     "float32",
     "float64",
     "int8",

@@ -34,8 +34,10 @@ class ClientSettings:
     """Largest message in octets, both ways; the link may lower it."""
     login_period_s: float = 0.5
     """Between two CREATE_CLIENT without an answer."""
-    login_tries: int = 4
-    """CREATE_CLIENTs without an answer after which the state is `lost`; it goes on trying."""
+    lost_after_s: float = 2.0
+    """Without an answer to the first login for that long the state is `lost`; it goes on trying."""
+    heartbeat_s: float = 0.1
+    """Wait for an acknowledgement before a HEARTBEAT asks for it, as long as the round trip is not known."""
     reopen_s: float = 1.0
     """Before the next try after the agent refused the session, or the link broke."""
     quiet_s: float = 2.0
@@ -53,8 +55,22 @@ class ClientSettings:
 
     @classmethod
     def for_link(cls, info: LinkInfo) -> Self:
-        """The defaults, with more patience where many share a slow medium and others may go first."""
-        return cls(ping_s=1.0, answer_s=10.0, stall_s=30.0) if info.shared_bus else cls()
+        """The defaults, with more patience where many share a slow medium.
+
+        Others may go first there, hardly anything is lost, and the link itself tells when the master comes and goes;
+        impatience of many would fill the bus with questions.
+        """
+        if not info.shared_bus:
+            return cls()
+        return cls(
+            login_period_s=1.0,
+            lost_after_s=5.0,
+            heartbeat_s=1.0,
+            quiet_s=5.0,
+            ping_s=2.0,
+            answer_s=10.0,
+            stall_s=30.0,
+        )
 
     def __post_init__(self) -> None:
         if not (0 < self.session_id < SESSION_NONE - 1 or SESSION_NONE < self.session_id < 0xFF):

@@ -88,6 +88,7 @@ class Connection:
         self._heard = False
         self._gone: str | None = None
         self._login_at: float | None = None
+        self._lost_at: float | None = None
         self._close_at: float | None = None
         self._pong: PingAnswer | None = None
         self._offset: TimeSynchronised | None = None
@@ -166,6 +167,7 @@ class Connection:
 
     def lose(self, reason: str, now: float) -> None:
         """Give the session up and log in anew."""
+        self._lost_at = None
         self._watch.stop()
         self._hooks.session_over()
         self._set_state(ConnectionState.LOST, reason)
@@ -197,12 +199,16 @@ class Connection:
             self.key,
             session_id=settings.session_id + (self.counters.logins & 1),
             mtu=min(settings.mtu, self.link.info.mtu),
-            settings=ClientSessionSettings(login_period_s=settings.login_period_s, login_tries=settings.login_tries),
+            settings=ClientSessionSettings(
+                login_period_s=settings.login_period_s, login_tries=None, heartbeat_s=settings.heartbeat_s
+            ),
             epoch_ns=self._epoch_ns,
         )
 
     def _login(self, now: float) -> None:
         self._login_at = self._gone = None
+        if self.state is ConnectionState.CONNECTING and self._lost_at is None:
+            self._lost_at = now + self.settings.lost_after_s
         self.session = self._new_session()
         self.session.connect(now)
         self._turn.book()
@@ -252,6 +258,7 @@ class Connection:
 
     def _connected(self, now: float) -> None:
         self.counters.logins += 1
+        self._lost_at = None
         self._watch.start(now)
         self._set_state(ConnectionState.CONNECTED, f"session open on {self.link.info.name}")
 
@@ -263,10 +270,9 @@ class Connection:
             self.lose("the agent does not know this session any more", now)
 
     def _connect_failed(self, status: int | None, now: float) -> None:
-        if status is None:
-            self.lose(f"no agent answers on {self.link.info.name}", now)
-            return
-        self._set_state(ConnectionState.LOST, f"the agent refused the session: {status_words(status)}")
+        words = "no answer" if status is None else status_words(status)
+        self._lost_at = None
+        self._set_state(ConnectionState.LOST, f"the agent refused the session: {words}")
         self._login_at = now + self.settings.reopen_s * self._random.uniform(0.75, 1.25)
 
     def _signal_received(self, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
@@ -289,6 +295,9 @@ class Connection:
             return
         if self._login_at is not None and now >= self._login_at:
             self._login(now)
+        if self._lost_at is not None and now >= self._lost_at:
+            self._lost_at = None
+            self._set_state(ConnectionState.LOST, f"no agent answers on {self.link.info.name}")
         if self._gone is not None and self.state is ConnectionState.CONNECTED:
             self.lose(self._gone, now)
         match self._watch.step(now):
@@ -300,7 +309,9 @@ class Connection:
         self._take_events(now)
         more_at = self._hooks.before_sending(now) if self.is_open else None
         self._send(now)
-        self._turn.set_timer(self.session.timer(), more_at, self._watch.timer(), self._login_at, self._close_at)
+        self._turn.set_timer(
+            self.session.timer(), more_at, self._watch.timer(), self._login_at, self._lost_at, self._close_at
+        )
 
     def _send(self, now: float) -> None:
         # One packet at a time: what the link has no room for waits in the session, where it stays fresh.

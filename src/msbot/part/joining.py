@@ -75,14 +75,25 @@ TRANSITIONS: dict[tuple[JoinState, JoinEvent], JoinState] = {
 }
 """Every change there is; an event that is not listed for a state leaves it as it is."""
 
-RETRY_S = 0.5
-"""Between two claims, and between two requests for the configuration, until an answer comes."""
-ANSWER_S = 0.5
-"""A beat without an answer for that long is a missed one."""
-SILENT_BEATS = 3.5
-"""Beat periods without any answer after which the inventory counts as gone."""
 REFUSED_RETRY_S = 2.0
 """Between two claims after a refusal that said so."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How quickly a part asks again."""
+
+    retry_s: float = 0.5
+    """Between two claims, and between two requests for the configuration, until an answer comes."""
+    answer_s: float = 0.5
+    """A beat without an answer for that long is a missed one."""
+    silent_beats: float = 3.5
+    """Beat periods without any answer after which the inventory counts as gone."""
+
+
+QUICK = Pace()
+PATIENT = Pace(retry_s=2.0, answer_s=1.0, silent_beats=12.0)
+"""Where many share a slow medium: their questions would fill it, and the link itself notices when the master goes."""
 
 ANY = "*"
 """In an `ExpectedRobot`: whatever the profile says."""
@@ -163,19 +174,20 @@ _BEATS = (S.CONFIGURING, S.ACTIVE)
 class Joining:
     """The state of one part (see the module's docstring)."""
 
-    def __init__(self, expected: ExpectedRobot) -> None:
+    def __init__(self, expected: ExpectedRobot, pace: Pace = QUICK) -> None:
         self.state = JoinState.LOOKING
         self.reason = "looking for an agent"
         """Why the part is in its state, in words."""
         self.beats = 0
         """Beats that were answered."""
         self.missed_beats = 0
-        """Beats that were not answered within `ANSWER_S`."""
+        """Beats that were not answered in time."""
         self.configuration_version = 0
         """Version of the configuration in use, 0 = none."""
         self.lease = 0
         """The number that every beat shows, 0 = not registered."""
         self._expected = expected
+        self._pace = pace
         self._actions: deque[Action] = deque()
         self._beat_period_s = 1.0
         self._retry_at: float | None = None
@@ -254,7 +266,7 @@ class Joining:
         """When `handle_timer` wants to be called next, or None."""
         times = [self._retry_at, self._beat_at]
         if self._waiting_since is not None:
-            times.append(self._waiting_since + ANSWER_S)
+            times.append(self._waiting_since + self._pace.answer_s)
         return min((time for time in times if time is not None), default=None)
 
     def handle_timer(self, now: float) -> None:
@@ -264,7 +276,7 @@ class Joining:
                 self._claim(now)
             else:
                 self._fetch_configuration(now)
-        if self._waiting_since is not None and now >= self._waiting_since + ANSWER_S:
+        if self._waiting_since is not None and now >= self._waiting_since + self._pace.answer_s:
             self._beat_missed(now)
         if self._beat_at is not None and now >= self._beat_at:
             self._beat_at += self._beat_period_s
@@ -296,11 +308,11 @@ class Joining:
 
     def _claim(self, now: float) -> None:
         self._actions.append(SendClaim())
-        self._retry_at = now + (RETRY_S if self.state is S.CLAIMING else REFUSED_RETRY_S)
+        self._retry_at = now + (self._pace.retry_s if self.state is S.CLAIMING else REFUSED_RETRY_S)
 
     def _fetch_configuration(self, now: float) -> None:
         self._actions.append(FetchConfiguration(self.lease, self.configuration_version))
-        self._retry_at = now + RETRY_S
+        self._retry_at = now + self._pace.retry_s
 
     def _beat(self, now: float) -> None:
         self._actions.append(SendBeat(self.lease))
@@ -310,7 +322,7 @@ class Joining:
     def _beat_missed(self, now: float) -> None:
         self.missed_beats += 1
         self._waiting_since = None
-        if now - self._heard_at >= SILENT_BEATS * self._beat_period_s:
+        if now - self._heard_at >= self._pace.silent_beats * self._beat_period_s:
             reason = "the inventory has not answered any beat lately"
             self._take(E.INVENTORY_SILENT, reason, now)
             # The agent may well be there: a session whose streams are out of step looks the same from here.

@@ -27,7 +27,7 @@ from msbot.part.boards import UsbGpio
 from msbot.part.client import Client
 from msbot.part.client_settings import ClientSettings
 from msbot.part.handlers import Every, Guard, check_handler
-from msbot.part.joining import ANY, Changed, ExpectedRobot, Joining, JoinState
+from msbot.part.joining import ANY, PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
 from msbot.part.membership import Membership
 from msbot.part.message import Message
 from msbot.part.plug import TEXT_OCTETS, UID_OCTETS, Claim, Configuration
@@ -262,7 +262,7 @@ class Part:
             raise LocalProtocolError(f"part {self.local_name} runs already")
         if self.uid is None:
             self.uid = self._random.randbytes(UID_OCTETS)
-        self._joining = Joining(self.robot)
+        self._joining = Joining(self.robot, PATIENT if link.info.shared_bus else QUICK)
         self._mistake = None
         self._configurations = 0
         # Not derived from the UID: two devices with one UID must be seen as two (they would take over each
