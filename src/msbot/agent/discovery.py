@@ -31,6 +31,7 @@ DISCOVERY_GROUP = "239.255.0.2"
 DISCOVERY_PORT = 7400
 
 _DATAGRAM_MAX = 2048
+_LOOPBACK = "127."
 _ONLY_JOINED_GROUPS = 49
 """IP_MULTICAST_ALL of Linux, which the socket module does not name: set to 0, a socket hears its own groups only."""
 _ADDRESS_OF_INTERFACE = 0x8915
@@ -89,12 +90,14 @@ class DiscoveryResponder:
             service_port: where the agent serves clients.
             port: where clients look for it; 0 = any free port (see `address`).
             group: multicast group that clients ask.
-            interface: IPv4 address of the one interface to listen on and to announce; all if absent.
+            interface: IPv4 address of the one interface to listen on and to announce; all if absent. With a loopback
+                address other machines are not answered.
         """
         self._service_port = service_port
         self._port = port
         self._group = group
         self._interface = interface
+        self._is_local = interface is not None and interface.startswith(_LOOPBACK)
         self.address: tuple[str, int] | None = None
         """Where it listens, once it runs."""
         self.answers = 0
@@ -123,8 +126,7 @@ class DiscoveryResponder:
             sock.setblocking(False)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             sock.bind(("", self._port))
-            member = socket.inet_aton(self._group) + socket.inet_aton(self._interface or "0.0.0.0")
-            sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
+            self._join_group(sock)
         except OSError as error:
             sock.close()
             raise LinkDown(
@@ -137,6 +139,21 @@ class DiscoveryResponder:
             logger.debug("this system has no IP_MULTICAST_ALL")
         return sock
 
+    def _join_group(self, sock: socket.socket) -> None:
+        """Hear the group on every interface wanted; one that cannot (it is down) does not matter beside another."""
+        failure: OSError | None = None
+        joined = 0
+        for address in self._addresses():
+            member = socket.inet_aton(self._group) + socket.inet_aton(address)
+            try:
+                sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
+                joined += 1
+            except OSError as error:
+                logger.debug("no discovery on the interface of %s: %s", address, error)
+                failure = error
+        if failure is not None and not joined:
+            raise failure
+
     def _addresses(self) -> list[str]:
         return [self._interface] if self._interface else host_addresses()
 
@@ -147,7 +164,7 @@ class DiscoveryResponder:
             except (BlockingIOError, ConnectionRefusedError):
                 return
             answer = discovery_answer(packet, self._addresses, self._service_port)
-            if answer is None:
+            if answer is None or (self._is_local and not sender[0].startswith(_LOOPBACK)):
                 logger.debug("no discovery request from %s", sender)
                 continue
             try:
