@@ -308,6 +308,13 @@ def test_closing_without_a_session_is_immediate() -> None:
     assert play(scenario) == [(0.0, "closed", "closed")]
 
 
+def test_closing_a_client_that_does_not_run_is_nothing() -> None:
+    async def main() -> None:
+        await Client(HandLink(), key=1).close()
+
+    run_virtual(main())
+
+
 def test_session_ids_below_80_carry_the_key() -> None:
     async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         assert link.take() == ["00000000aabbccdd00011000585243450100010faabbccdd0100fc01"]

@@ -130,11 +130,11 @@ class Connection:
     async def close(self) -> None:
         """Delete the session at the agent and end `run`; waits for that."""
         self.close_soon()
-        await self.news.until(lambda: self.state is ConnectionState.CLOSED, None, "not closed")
+        await self.news.until(lambda: not self._turn.is_running, None, "not closed")
 
     def close_soon(self) -> None:
         """Begin what `close` waits for."""
-        if self._close_at is not None or self.state is ConnectionState.CLOSED:
+        if self._close_at is not None or not self._turn.is_running:
             return
         now = self._turn.now()
         self._close_at = now

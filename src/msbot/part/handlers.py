@@ -74,13 +74,12 @@ class Guard:
             self._failed(function, error)
         took_s = clock() - began_at
         if took_s > SLOW_S:
-            self.report(
-                _name(function), f"took {took_s:.1f} s, and the part cannot beat meanwhile: keep it below {SLOW_S} s"
-            )
+            words = f"took {took_s:.1f} s, and the part cannot beat meanwhile: keep it below {SLOW_S} s"
+            self.report(_name(function), words, kind="slow")
 
-    def report(self, where: str, what: str) -> None:
-        """Say something once."""
-        key = (where, what.partition(":")[0])
+    def report(self, where: str, what: str, *, kind: str = "") -> None:
+        """Say something once for each place and kind; without a kind, once for each text."""
+        key = (where, kind or what)
         if key not in self._reported and len(self._reported) < MAX_REPORTS:
             self._reported.add(key)
             _log.error("%s: %s", where, what)
@@ -91,7 +90,8 @@ class Guard:
         if isinstance(error, ConfigError):
             self._mistake(ConfigError(f"{where}: {error}"))
             return
-        self.report(where, f"{type(error).__name__}: {error} (said once, counted from now on)")
+        words = f"{type(error).__name__}: {error} (said once, counted from now on)"
+        self.report(where, words, kind=type(error).__name__)
         _log.debug("the whole story", exc_info=error)
 
 

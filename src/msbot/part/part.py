@@ -360,7 +360,9 @@ class Part:
             message = listener.message_class.decode(payload)
         except RemoteProtocolError as error:
             self._counters.dropped += 1
-            self._guard.report(f"port {bound.binding.port!r}", f"a message that cannot be read: {error}")
+            self._guard.report(
+                f"port {bound.binding.port!r}", f"a message that cannot be read: {error}", kind="unreadable"
+            )
             return
         self._counters.messages_in += 1
         self._guard.call(listener.function, message)

@@ -17,6 +17,11 @@ class Turn:
         self._booked = False
         self._timer: asyncio.TimerHandle | None = None
 
+    @property
+    def is_running(self) -> bool:
+        """Whether it was started and not stopped."""
+        return self._loop is not None
+
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Work from now on, in that loop."""
         self._loop = loop
