@@ -995,3 +995,21 @@ def test_any_octets_leave_the_agent_serving(inputs: list[tuple[bytes, str]]) -> 
         assert client.received(reader) == [b"!"]
 
     play(scenario)
+
+
+def test_what_people_see_of_a_client() -> None:
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        (client,) = await connected(link, 1)
+        reader = await client.add_reader("light")
+        writer = await client.add_writer("light")
+        await client.write(writer, b"x")
+        await client.write(writer, b"y", stream_id=STREAM_BEST_EFFORT)
+        (view,) = agent.clients()
+        assert [(stream.stream_id, stream.outgoing, stream.unacked) for stream in view.streams] == [
+            (0x01, False, 0), (0x80, False, 0), (0x80, True, 0)
+        ]  # fmt: skip
+        assert (view.published, view.delivered, view.resent, view.repeated) == (2, 2, 0, 0)
+        assert view.streams[0].last == 0
+        assert reader in {seen.object_id for seen in view.objects}
+
+    play(scenario)

@@ -26,6 +26,7 @@ from msbot.xrce import (
     TimeSynchronised,
     WindowOpened,
 )
+from msbot.xrce.stream_state import StreamState
 from tests.xrce.pair import CLOCK_AHEAD_NS, Pair
 
 PARTICIPANT = ObjectVariant(1, 3, blob=b"\0\0", domain_id=0)
@@ -274,3 +275,21 @@ def test_any_bytes_leave_the_client_in_order(packets: list[bytes], session_id: i
         client.close(0.0)
     for sent in feed_anything(client, packets):
         assert 4 < len(sent) <= 508
+
+
+def test_how_the_streams_stand_can_be_looked_at() -> None:
+    pair = Pair()
+    pair.client.write(WRITER, b"1", 0x01)
+    pair.client.write(WRITER, b"2", 0x80)
+    pair.agent.send_data(0x1D, READER, b"3", 0x80)
+    pair.run(0.5)
+    assert pair.agent.stream_states() == [
+        StreamState(0x01, outgoing=False, last=0),
+        StreamState(0x80, outgoing=False, last=0),
+        StreamState(0x80, outgoing=True, last=0),
+    ]
+    for number in range(20):
+        pair.agent.send_data(0x1D, READER, bytes([number]), 0x80)
+    assert pair.agent.stream_states()[-1] == StreamState(0x80, outgoing=True, last=16, unacked=16)
+    pair.agent.reset()
+    assert pair.agent.stream_states() == []

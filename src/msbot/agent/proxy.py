@@ -15,7 +15,7 @@ from msbot.agent.rpc import client_key_of, make_guid
 from msbot.agent.settings import AgentSettings
 from msbot.agent.shapes import NoEchoShape
 from msbot.agent.sides import ReadSide, Shape
-from msbot.agent.stats import ClientView, ObjectView, Tally, TopicTable, TopicTraffic
+from msbot.agent.stats import ClientView, ObjectView, StreamView, Tally, TopicTable, TopicTraffic
 from msbot.errors import RemoteProtocolError
 from msbot.space import Guid, Space
 from msbot.xrce import (
@@ -236,6 +236,12 @@ class Proxy:
             published=sum(endpoint.outgoing.published for endpoint in sides if endpoint.outgoing is not None),
             delivered=sum(endpoint.incoming.delivered for endpoint in sides if endpoint.incoming is not None),
             waiting=len(self.outbox),
+            streams=tuple(
+                StreamView(state.stream_id, state.outgoing, state.last, state.unacked, state.waiting)
+                for state in self.session.stream_states()
+            ),
+            resent=self.session.counters.resent,
+            repeated=self.session.counters.repeated,
             gone=self.gone,
             dropped=dropped.as_dict(),
             refused=self._refused.as_dict(),

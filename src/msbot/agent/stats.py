@@ -80,6 +80,21 @@ class ObjectView:
 
 
 @dataclass(frozen=True, slots=True)
+class StreamView:
+    """One stream of a client in one direction, for people."""
+
+    stream_id: int
+    outgoing: bool
+    """True = from the agent to the client."""
+    last: int | None
+    """Number of the newest message; None = none yet."""
+    unacked: int
+    """Reliable and outgoing: messages on their way or missing."""
+    waiting: int
+    """Reliable: what waits for the window, or came early and waits for a gap to be filled."""
+
+
+@dataclass(frozen=True, slots=True)
 class ClientView:
     """One session as the agent sees it now."""
 
@@ -104,6 +119,11 @@ class ClientView:
     """Samples handed to the client."""
     waiting: int
     """Packets that wait for room on the link."""
+    streams: tuple[StreamView, ...] = ()
+    resent: int = 0
+    """Reliable messages sent to the client once more."""
+    repeated: int = 0
+    """Messages of the client that came again or too late: no effect, no harm."""
     gone: str | None = None
     """Why the link says that the client has gone, while its objects wait for its return; None = it is there."""
     dropped: dict[str, int] = field(default_factory=dict)

@@ -109,6 +109,11 @@ class ReliableInput:
                 bitmap |= 1 << index
         return first, bitmap
 
+    @property
+    def held(self) -> int:
+        """How many messages came early."""
+        return len(self._held)
+
     def reset(self) -> None:
         """Begin anew: the next message expected is number 0."""
         for packet in self._held.values():

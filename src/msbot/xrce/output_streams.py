@@ -22,6 +22,7 @@ from msbot.xrce.envelope import Envelope, append_submessage
 from msbot.xrce.messages import Fragment, Heartbeat
 from msbot.xrce.outbox import Lane, Outbox
 from msbot.xrce.sequence import NOTHING_YET
+from msbot.xrce.stream_state import StreamState, last_number
 from msbot.xrce.submessage import HEADER_SIZE
 
 GUARD_MIN_S = 0.001
@@ -48,12 +49,22 @@ class BestEffortOutput:
         self._sequence_nr = NOTHING_YET
         self._open = b""
 
+    @property
+    def state(self) -> StreamState:
+        """How it stands."""
+        return StreamState(self.stream_id, outgoing=True, last=last_number(self._sequence_nr))
+
+    @property
+    def next_nr(self) -> int:
+        """The sequence number of the message that is booked next."""
+        return (self._sequence_nr + 1) & 0xFFFF
+
     def send(self, body: bytes) -> None:
         """Book one message; a body that does not fit is dropped and counted (XRCE has no fragments here)."""
         if len(body) > self._envelope.capacity:
             self._counters.drop(TOO_LARGE)
             return
-        nr = self._sequence_nr = (self._sequence_nr + 1) & 0xFFFF
+        nr = self._sequence_nr = self.next_nr
         self._outbox.put_newest(self._envelope.seal(self.stream_id, nr, body), self._lane)
 
     def pack(self, body: bytes) -> None:
@@ -133,6 +144,11 @@ class ReliableOutput:
         return len(self._unacked) + len(self._waiting) < self._window and not self._waiting_large
 
     @property
+    def next_nr(self) -> int:
+        """The sequence number of the message that gets one next."""
+        return self._next
+
+    @property
     def waiting(self) -> int:
         """How many bodies wait for the window."""
         return len(self._waiting)
@@ -141,6 +157,12 @@ class ReliableOutput:
     def unacked(self) -> int:
         """How many messages are on their way or missing."""
         return len(self._unacked)
+
+    @property
+    def state(self) -> StreamState:
+        """How it stands."""
+        last = last_number((self._next - 1) & 0xFFFF)
+        return StreamState(self.stream_id, outgoing=True, last=last, unacked=self.unacked, waiting=self.waiting)
 
     def book(self, body: bytes) -> None:
         """Queue a body, whatever its size; the caller has asked `has_room` or bounds `waiting`."""

@@ -12,11 +12,12 @@ from typing import TypeVar
 from msbot.errors import LocalProtocolError
 from msbot.xrce.counters import SessionCounters
 from msbot.xrce.envelope import Envelope
-from msbot.xrce.ids import STREAM_NONE, STREAM_RELIABLE
+from msbot.xrce.ids import STREAM_BEST_EFFORT, STREAM_NONE, STREAM_RELIABLE
 from msbot.xrce.messages import Acknack
 from msbot.xrce.outbox import Lane, Outbox
 from msbot.xrce.output_streams import TOO_LARGE, BestEffortOutput, ReliableOutput
 from msbot.xrce.session_settings import SessionSettings
+from msbot.xrce.stream_state import StreamState
 
 Stream = TypeVar("Stream", BestEffortOutput, ReliableOutput)
 
@@ -79,6 +80,22 @@ class Sender:
         else:
             self._need(self.best_effort(stream_id), stream_id).pack(body)
 
+    def open_message(self, stream_id: int) -> int | None:
+        """Finish what is packed; the number of the message that `send_alone` makes next, None if it cannot be told.
+
+        Raises:
+            LocalProtocolError: too many streams.
+        """
+        if stream_id == STREAM_BEST_EFFORT:
+            best_effort = self._need(self.best_effort(stream_id), stream_id)
+            best_effort.flush()
+            return best_effort.next_nr
+        if stream_id == STREAM_RELIABLE:
+            reliable = self._need(self.reliable(stream_id), stream_id)
+            reliable.advance()
+            return None if reliable.waiting else reliable.next_nr
+        return None
+
     def waiting(self, stream_id: int) -> int:
         """How many messages of that stream wait for the window."""
         stream = self._reliable.get(stream_id)
@@ -140,6 +157,11 @@ class Sender:
             for stream in self._reliable.values():
                 stream.rest(now, self.heartbeat_s)
         return packets
+
+    def stream_states(self) -> list[StreamState]:
+        """How every stream stands."""
+        states = [stream.state for stream in self._best_effort.values()]
+        return states + [stream.state for stream in self._reliable.values()]
 
     @property
     def is_idle(self) -> bool:

@@ -23,6 +23,7 @@ from msbot.xrce.messages import Acknack, Heartbeat
 from msbot.xrce.sender import STREAM_LIMIT, Sender
 from msbot.xrce.session_settings import SessionSettings
 from msbot.xrce.stream_messages import LAST_FRAGMENT
+from msbot.xrce.stream_state import StreamState, last_number
 
 Event = TypeVar("Event")
 
@@ -139,6 +140,18 @@ class Session(ABC, Generic[Event]):
     @queue_limit.setter
     def queue_limit(self, messages: int) -> None:
         self._sender.outbox.limit = messages
+
+    def stream_states(self) -> list[StreamState]:
+        """How every stream in use stands, incoming ones first."""
+        states = [
+            StreamState(stream_id, outgoing=False, last=last_number(stream.last))
+            for stream_id, stream in self._best_effort.items()
+        ]
+        states += [
+            StreamState(stream_id, outgoing=False, last=last_number(stream.last_handled), waiting=stream.held)
+            for stream_id, stream in self._reliable.items()
+        ]
+        return states + self._sender.stream_states()
 
     @property
     def dropped(self) -> dict[str, int]:
