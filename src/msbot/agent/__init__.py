@@ -5,7 +5,9 @@ from msbot.agent.gate import ClientInfo, Gate, OpenGate
 from msbot.agent.rpc import client_key_of
 from msbot.agent.server import Agent, AgentSignalHandler
 from msbot.agent.settings import AgentSettings
-from msbot.agent.stats import ClientView, ObjectView
+from msbot.agent.stats import ClientView, ObjectView, StreamView
+from msbot.agent.status import StatusServer
+from msbot.agent.status_reader import AgentStatus, LinkView, read_statuses
 
 __all__ = [
     "DISCOVERY_GROUP",
@@ -13,12 +15,17 @@ __all__ = [
     "Agent",
     "AgentSettings",
     "AgentSignalHandler",
+    "AgentStatus",
     "ClientInfo",
     "ClientView",
     "DiscoveryResponder",
     "Gate",
+    "LinkView",
     "ObjectView",
     "OpenGate",
+    "StatusServer",
+    "StreamView",
     "client_key_of",
     "host_addresses",
+    "read_statuses",
 ]

@@ -13,7 +13,7 @@ import asyncio
 import logging
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 
 from msbot.agent.clients import ClientTable, Port
@@ -152,10 +152,18 @@ class Agent:
         self._end_session(proxy, reason)
         return True
 
+    @property
+    def links(self) -> list[Link]:
+        """The links it serves or has served."""
+        return [port.link for port in self._ports]
+
     def clients(self) -> list[ClientView]:
         """All sessions, by key."""
-        now = self._now()
-        return sorted((proxy.view(now) for proxy in self._clients), key=lambda view: view.key)
+        return sorted(self.iter_clients(), key=lambda view: view.key)
+
+    def iter_clients(self) -> Iterator[ClientView]:
+        """The sessions one by one, each as it is when asked for: with thousands, do something else in between."""
+        return (proxy.view(self._now()) for proxy in self._clients)
 
     def topics(self) -> list[tuple[str, int, int]]:
         """`(name, published, delivered)` of every topic that clients used since the agent was made."""

@@ -1,0 +1,102 @@
+"""Where running agents leave word of themselves: one small file each, readable by their user alone.
+
+A file says at which port of this computer the process answers, and the token that must be shown there. It is removed
+when the process ends; one that was left behind by a killed process is recognised and removed by whoever reads next.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import stat
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from msbot.errors import ConfigError
+
+PREFIX = "status-"
+
+
+@dataclass(frozen=True, slots=True)
+class StatusFile:
+    """What stands in a file."""
+
+    path: Path
+    port: int
+    token: str
+    pid: int
+
+
+def status_folder() -> Path:
+    """The user's folder for such files: `$XDG_RUNTIME_DIR/msbot`, or one in the folder for temporary files."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime and Path(runtime).is_dir():
+        return Path(runtime) / "msbot"
+    owner = str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+    return Path(tempfile.gettempdir()) / f"msbot-{owner}"
+
+
+def leave_word(folder: Path, port: int) -> StatusFile:
+    """Write the file of this process.
+
+    Raises:
+        ConfigError: the folder cannot be used, or is not the user's own.
+    """
+    file = StatusFile(
+        folder / f"{PREFIX}{os.getpid()}-{secrets.token_hex(4)}.json", port, secrets.token_hex(16), os.getpid()
+    )
+    content = json.dumps({"port": file.port, "token": file.token, "pid": file.pid})
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        _check_owner(folder)
+        descriptor = os.open(file.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "w") as stream:
+            stream.write(content)
+    except OSError as error:
+        raise ConfigError(f"cannot write {file.path} ({error.strerror})") from error
+    return file
+
+
+def find_files(folder: Path) -> Iterator[StatusFile]:
+    """The files of processes that still run, oldest first; those of dead ones are removed.
+
+    Raises:
+        ConfigError: the folder is not the user's own.
+    """
+    if not folder.is_dir():
+        return
+    _check_owner(folder)
+    for path in sorted(folder.glob(f"{PREFIX}*.json"), key=lambda path: (path.lstat().st_mtime_ns, path.name)):
+        try:
+            content = json.loads(path.read_text())
+            file = StatusFile(path, int(content["port"]), str(content["token"]), int(content["pid"]))
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # being written, being removed, or not ours
+        if _runs(file.pid):
+            yield file
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _check_owner(folder: Path) -> None:
+    """In a folder that others can write to, a file may have been put there by anybody."""
+    if not hasattr(os, "getuid"):
+        return
+    info = folder.lstat()
+    if not stat.S_ISDIR(info.st_mode) or info.st_uid != os.getuid() or info.st_mode & 0o077:
+        raise ConfigError(f"{folder} is not a folder that belongs to you alone: remove it")
+
+
+def _runs(pid: int) -> bool:
+    if os.name != "posix":
+        return True  # there, a signal 0 would be more than a question
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True

@@ -1,0 +1,100 @@
+"""Reads what the agents of this user say of themselves (`status`)."""
+
+from __future__ import annotations
+
+import json
+import logging
+import socket
+from dataclasses import dataclass
+from pathlib import Path
+
+from msbot.agent.stats import ClientView, ObjectView, StreamView
+from msbot.agent.status import FORMAT
+from msbot.agent.status_files import StatusFile, find_files, status_folder
+
+logger = logging.getLogger(__name__)
+
+ANSWER_S = 5.0
+"""Time for an answer; an agent that is stopped in a debugger does not hold up the others for longer."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkView:
+    """One link of an agent, for people."""
+
+    name: str
+    packets_in: int
+    packets_out: int
+    bytes_in: int
+    bytes_out: int
+    dropped: dict[str, int]
+    """What was not delivered or not sent, by reason in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class AgentStatus:
+    """One running agent or master."""
+
+    pid: int
+    what: str
+    """`agent` or `master`."""
+    name: str
+    """The robot of a master, the links of an agent."""
+    up_s: float
+    """How long it has been running."""
+    links: tuple[LinkView, ...]
+    topics: tuple[tuple[str, int, int], ...]
+    """`(name, published, delivered)`."""
+    dropped: dict[str, int]
+    """Packets of nobody, by reason in words."""
+    clients: tuple[ClientView, ...]
+    """All sessions, by key."""
+
+
+def read_statuses(folder: Path | None = None) -> list[AgentStatus]:
+    """Ask every running agent and master of this user; those that do not answer are left out, with a warning.
+
+    Raises:
+        ConfigError: the folder with their files is not the user's own.
+    """
+    statuses = []
+    for file in find_files(folder or status_folder()):
+        try:
+            statuses.append(_read(file))
+        except ConnectionRefusedError:
+            file.path.unlink(missing_ok=True)  # its process number belongs to another process by now
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            logger.warning("process %d did not say how it is: %s", file.pid, error)
+    return statuses
+
+
+def _read(file: StatusFile) -> AgentStatus:
+    with socket.create_connection(("127.0.0.1", file.port), timeout=ANSWER_S) as connection:
+        connection.sendall(file.token.encode() + b"\n")
+        with connection.makefile("rb") as stream:
+            lines = [json.loads(line) for line in stream]
+    if not lines or lines[0].get("format") != FORMAT:
+        raise ValueError("it is of another version, or no agent")
+    if lines[-1] != {"end": len(lines) - 2}:
+        raise ValueError("its answer broke off")
+    head = lines[0]
+    clients = [
+        ClientView(
+            **{
+                **client,
+                "objects": tuple(ObjectView(**item) for item in client["objects"]),
+                "streams": tuple(StreamView(**item) for item in client["streams"]),
+            }
+        )
+        for client in lines[1:-1]
+    ]
+    return AgentStatus(
+        pid=file.pid,
+        what=head["what"],
+        name=head["name"],
+        up_s=head["up_s"],
+        links=tuple(LinkView(**link) for link in head["links"]),
+        topics=tuple((name, published, delivered) for name, published, delivered in head["topics"]),
+        dropped=head["dropped"],
+        clients=tuple(sorted(clients, key=lambda view: view.key)),
+    )
