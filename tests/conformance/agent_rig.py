@@ -72,6 +72,15 @@ class AgentRig:
         self._run(self._say_at_once(sent, peer))
         return self.take(peer)
 
+    def inject(self, *sent: bytes, peer: Peer) -> None:
+        """Have packets come in; nothing else happens before `turn`, and the answers are not kept."""
+        self._run(self._inject(sent, peer))
+
+    def turn(self) -> None:
+        """Let everything happen that the packets so far cause."""
+        self._run(_turns())
+        self.link.sent.clear()
+
     def take(self, peer: Peer = CLIENT) -> list[str]:
         """What that peer was sent since the last call."""
         return [packet for _, packet in self._heard.pop(peer, [])]
@@ -130,6 +139,10 @@ class AgentRig:
         for _ in range(3):
             await asyncio.sleep(0)
         self.link.sent.clear()
+
+    async def _inject(self, sent: tuple[bytes, ...], peer: Peer) -> None:
+        for packet in sent:
+            self.link.inject(packet, peer)
 
     def _attach(self, peer: Peer) -> None:
         self.link.attach(peer, lambda packet: self._heard[peer].append((self._loop.time(), packet.hex())))

@@ -57,6 +57,7 @@ class Session(ABC, Generic[Event]):
         self._memory = Memory(settings.max_message)
         self._key_octets = client_key.to_bytes(4, "big")
         self._events: deque[Event | WindowOpened | bytes] = deque()
+        self._acknacks = 0  # among the events
         self._best_effort: dict[int, BestEffortInput] = {}
         self._reliable: dict[int, ReliableInput] = {}
         envelope = Envelope(session_id, client_key, self.mtu, pads=pads)
@@ -91,6 +92,7 @@ class Session(ABC, Generic[Event]):
             event = events.popleft()
             if not isinstance(event, bytes):
                 return event
+            self._acknacks -= 1
             self._sender.put_answer(event)
         return None
 
@@ -169,7 +171,10 @@ class Session(ABC, Generic[Event]):
     def _restart_streams(self, envelope: Envelope | None = None) -> None:
         """Begin all streams anew, both ways; forget what waits, what is held and what is half collected."""
         self._restart_input()
-        self._events = deque(event for event in self._events if not isinstance(event, bytes))
+        if self._acknacks:
+            # Only then: a message may consist of thousands of RESETs, each with its event.
+            self._events = deque(event for event in self._events if not isinstance(event, bytes))
+            self._acknacks = 0
         self._events.extend(WindowOpened(stream_id) for stream_id in self._sender.reset(envelope))
 
     def _restart_input(self) -> None:
@@ -218,6 +223,7 @@ class Session(ABC, Generic[Event]):
         packet = self._sender.acknack(stream_id, *stream.missing())
         if self._events:
             self._events.append(packet)
+            self._acknacks += 1
         else:
             self._sender.put_answer(packet)
 
