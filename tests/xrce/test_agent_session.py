@@ -580,3 +580,20 @@ def test_wire_settings_can_be_changed_while_open() -> None:
     session.heartbeat_s = 1.5
     session.queue_limit = 7
     assert (session.heartbeat_s, session.queue_limit) == (1.5, 7)
+
+
+def test_what_sessions_hold_of_incomplete_messages_is_bounded_together_and_given_back() -> None:
+    shared = Memory(40)
+    one, other = (AgentSession(key, 0x81, 508, epoch_ns=lambda: 0, memory=shared) for key in (1, 2))
+    piece = bytes.fromhex("81800000 0d011000") + bytes(16)
+    early = bytes.fromhex("81800200 0c010000")
+    one.receive_packet(piece, 0.0)
+    one.receive_packet(early, 0.0)
+    other.receive_packet(piece, 0.0)
+    assert shared.used == 40
+    other.receive_packet(early, 0.0)
+    assert other.dropped == {"early message: no memory to hold it": 1}
+    one.release()
+    assert shared.used == 16
+    other.relogin()
+    assert shared.used == 0

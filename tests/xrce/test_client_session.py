@@ -288,6 +288,42 @@ def test_request_ids_wrap_from_65535_to_10() -> None:
     assert (ids[0], ids[-11], ids[-10], ids[-1]) == (10, 65535, 10, 19)
 
 
+def test_request_ids_by_rule_follow_from_the_message_and_each_sample_has_one() -> None:
+    bench = Bench(ids_by_rule=True)
+    session = bench.session
+    assert session.create(0x0011, PARTICIPANT, stream_id=1) == 10
+    assert [session.write(0x15, b"1234", 1), session.write(0x15, b"5678", 1)] == [0x8001, 0x8002]
+    assert session.create(0x0011, PARTICIPANT) == 11
+    assert session.read(0x0026, 1) == 0xC026
+    assert session.write(0x15, b"abcd", 0x80) == 0xA001
+    assert session.delete(0x0011) == 12
+    assert session.write(0x15, b"", 0) == 13
+    assert session.write(0x15, b"", 2) == 14
+    sent = bench.pull()
+    streams = {
+        head(stream, nr) for stream, nr in ((1, 0), (1, 1), (1, 2), (0x80, 0), (0x80, 1), (0x80, 2), (0, 0), (2, 0))
+    }
+    assert {packet[:8] for packet in sent} == streams
+    assert len(sent) == 8
+    assert head(1, 2) + "0701080080020015" + b"5678".hex() in sent
+    assert head(0x80, 1) + "07010800a0010015" + b"abcd".hex() in sent
+
+
+def test_request_ids_by_rule_begin_anew_with_their_numbers_and_counted_ones_stay_below() -> None:
+    bench = Bench(ids_by_rule=True)
+    ids = [bench.session.write(0x15, b"", 1) for _ in range(8193)]
+    assert (ids[0], ids[8191], ids[8192]) == (0x8000, 0x9FFF, 0x8000)
+    ids = [bench.session.write(0x15, b"", 0) for _ in range(0x8000)]
+    assert (max(ids), ids[-10:]) == (0x7FFF, list(range(10, 20)))
+
+
+def test_a_large_request_by_rule_has_the_id_of_its_first_piece() -> None:
+    bench = Bench(ids_by_rule=True, mtu=68)
+    assert bench.session.write(0x15, bytes(100), 0x80) == 0xA000
+    assert bench.session.write(0x15, b"", 0x80) == 0xA002
+    assert [packet[:8] for packet in bench.pull()] == [head(0x80, nr) for nr in range(3)]
+
+
 def test_best_effort_writes_must_fit_one_message() -> None:
     bench = Bench(mtu=64)
     with pytest.raises(LocalProtocolError, match="use a reliable stream"):

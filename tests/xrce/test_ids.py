@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.xrce import ObjectKind, Status, kind_of, make_object_id, status_words
+from msbot.xrce import (
+    STREAM_BEST_EFFORT,
+    STREAM_RELIABLE,
+    ObjectKind,
+    Status,
+    kind_of,
+    make_object_id,
+    read_request_id,
+    status_words,
+    write_request_id,
+)
 
 
 @pytest.mark.parametrize(
@@ -23,3 +33,12 @@ def test_every_status_has_words(status: Status) -> None:
 
 def test_unknown_status_has_words_too() -> None:
     assert status_words(0x99) == "unknown status 0x99"
+
+
+def test_request_ids_by_rule_never_meet() -> None:
+    best_effort = {write_request_id(STREAM_BEST_EFFORT, nr) for nr in range(0x10000)}
+    reliable = {write_request_id(STREAM_RELIABLE, nr) for nr in range(0x10000)}
+    reads = {read_request_id(object_id) for object_id in range(0x10000)}
+    assert best_effort == set(range(0x8000, 0xA000))
+    assert reliable == set(range(0xA000, 0xC000))
+    assert reads == set(range(0xC000, 0x10000))

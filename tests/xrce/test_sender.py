@@ -167,3 +167,14 @@ def test_reset_begins_anew_and_names_the_streams_that_had_no_room() -> None:
     assert sender.reset(Envelope(0x82, 1, 24, pads=False)) == []
     reliable(sender, 0x80, b"a")
     assert hexes(sender.pull(0.0)) == ["8280000061"]
+
+
+def test_a_finished_message_has_a_number_of_its_own_before_it_is_booked() -> None:
+    sender, _ = make_sender()
+    for stream_id in (1, 0x80):
+        sender.pack(b"aaaa", stream_id)
+        assert sender.finish_message(stream_id) == 1
+        sender.pack(b"bbbb", stream_id)
+        assert sender.finish_message(stream_id) == 2
+    assert sender.finish_message(2) is None
+    assert hexes(sender.pull(0.0)) == ["8101000061616161", "8101010062626262", "8180000061616161", "8180010062626262"]

@@ -6,6 +6,7 @@ Times are handed in as `now` in seconds of the caller's monotonic clock; octets 
 from msbot.xrce.agent_session import AgentSession
 from msbot.xrce.cdr import CdrReader, CdrWriter
 from msbot.xrce.client_session import ClientSession, ClientState
+from msbot.xrce.compact import compress, decompress
 from msbot.xrce.counters import SessionCounters
 from msbot.xrce.definitions import (
     Definition,
@@ -65,7 +66,9 @@ from msbot.xrce.ids import (
     SubmessageId,
     kind_of,
     make_object_id,
+    read_request_id,
     status_words,
+    write_request_id,
 )
 from msbot.xrce.messages import (
     Acknack,
@@ -194,7 +197,9 @@ __all__ = [
     "WindowOpened",
     "WriteData",
     "WriterDef",
+    "compress",
     "decode_header",
+    "decompress",
     "encode_message",
     "explain",
     "iter_submessages",
@@ -203,11 +208,13 @@ __all__ = [
     "parse_variant",
     "participant_variant",
     "publisher_variant",
+    "read_request_id",
     "reader_variant",
     "replier_variant",
     "requester_variant",
     "status_words",
     "subscriber_variant",
     "topic_variant",
+    "write_request_id",
     "writer_variant",
 ]

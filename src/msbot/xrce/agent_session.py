@@ -12,6 +12,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
+from msbot.xrce.counters import Memory
 from msbot.xrce.data_messages import FORMAT_MASK
 from msbot.xrce.envelope import MTU_MIN, Envelope, data_submessage
 from msbot.xrce.events import (
@@ -69,6 +70,7 @@ class AgentSession(Session[AgentEvent]):
         *,
         epoch_ns: Callable[[], int],
         settings: AgentSessionSettings | None = None,
+        memory: Memory | None = None,
     ) -> None:
         """Open the session that a CREATE_CLIENT asked for.
 
@@ -78,8 +80,9 @@ class AgentSession(Session[AgentEvent]):
             mtu: largest message that the client takes; below 24 it counts as 24 (refuse such a client).
             epoch_ns: wall clock in nanoseconds since 1970, for time synchronisation.
             settings: windows, periods and limits.
+            memory: bounds what all sessions that share it hold of incomplete messages; call `release` at the end.
         """
-        super().__init__(client_key, session_id, mtu, settings or AgentSessionSettings(), pads=False)
+        super().__init__(client_key, session_id, mtu, settings or AgentSessionSettings(), pads=False, memory=memory)
         self._epoch_ns = epoch_ns
 
     def send_status(self, request_id: int, object_id: int, status: int, stream_id: int) -> None:

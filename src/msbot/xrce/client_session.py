@@ -35,6 +35,7 @@ from msbot.xrce.events import (
 )
 from msbot.xrce.ids import (
     FIRST_REQUEST,
+    FIRST_RULED_REQUEST,
     OBJECT_AGENT,
     OBJECT_CLIENT,
     REQUEST_LOGOUT,
@@ -46,6 +47,8 @@ from msbot.xrce.ids import (
     STREAM_RELIABLE,
     Status,
     SubmessageId,
+    read_request_id,
+    write_request_id,
 )
 from msbot.xrce.messages import (
     Create,
@@ -168,7 +171,8 @@ class ClientSession(Session[ClientEvent]):
         Raises:
             LocalProtocolError: the session is not open, or too many requests wait.
         """
-        request_id = self._next_request_id("create")
+        self._need_open("create")
+        request_id = self._next_request_id()
         return self._ask(Create(request_id, object_id, variant, reuse, replace).encode(), stream_id, request_id)
 
     def delete(self, object_id: int, stream_id: int = STREAM_RELIABLE) -> int:
@@ -177,7 +181,8 @@ class ClientSession(Session[ClientEvent]):
         Raises:
             LocalProtocolError: the session is not open, or too many requests wait.
         """
-        request_id = self._next_request_id("delete")
+        self._need_open("delete")
+        request_id = self._next_request_id()
         return self._ask(Delete(request_id, object_id).encode(), stream_id, request_id)
 
     def read(
@@ -195,7 +200,8 @@ class ClientSession(Session[ClientEvent]):
         Raises:
             LocalProtocolError: the session is not open, or too many requests wait.
         """
-        request_id = self._next_request_id("read")
+        self._need_open("read")
+        request_id = read_request_id(object_id) if self._options.ids_by_rule else self._next_request_id()
         return self._ask(ReadData(request_id, object_id, stream_id, control).encode(), request_stream, request_id)
 
     def write(self, object_id: int, payload: bytes, stream_id: int) -> int:
@@ -207,11 +213,16 @@ class ClientSession(Session[ClientEvent]):
             LocalProtocolError: the session is not open; the window is full (ask `has_room`, wait for WindowOpened); or
                 the payload does not fit one message of a best-effort stream.
         """
-        request_id = self._next_request_id("write")
-        body = data_submessage(_WRITE_DATA_ID, request_id, object_id, payload)
+        self._need_open("write")
         if not self.has_room(stream_id):
             raise LocalProtocolError(f"write: stream 0x{stream_id:02X} has no room, try again after WindowOpened")
-        self._sender.pack(body, stream_id)
+        sequence_nr = self._sender.finish_message(stream_id) if self._options.ids_by_rule else None
+        ruled = None if sequence_nr is None else write_request_id(stream_id, sequence_nr)
+        request_id = self._next_request_id() if ruled is None else ruled
+        self._sender.pack(data_submessage(_WRITE_DATA_ID, request_id, object_id, payload), stream_id)
+        if ruled is not None:
+            # Nothing may join it: what follows would need a longer form.
+            self._sender.finish_message(stream_id)
         return request_id
 
     def ping(self, now: float) -> None:
@@ -291,9 +302,9 @@ class ClientSession(Session[ClientEvent]):
         if self._state is not ClientState.CONNECTED:
             raise LocalProtocolError(f"{verb}: the session is {self._state.name}, connect first")
 
-    def _next_request_id(self, verb: str) -> int:
-        self._need_open(verb)
-        self._request_id = self._request_id + 1 if self._request_id < 0xFFFF else FIRST_REQUEST
+    def _next_request_id(self) -> int:
+        last = FIRST_RULED_REQUEST - 1 if self._options.ids_by_rule else 0xFFFF
+        self._request_id = self._request_id + 1 if self._request_id < last else FIRST_REQUEST
         return self._request_id
 
     def _ask(self, body: bytes, stream_id: int, request_id: int) -> int:

@@ -29,15 +29,17 @@ class SessionCounters:
 class Memory:
     """The bytes a session may hold for messages that are not complete: early ones and pieces of large ones."""
 
-    __slots__ = ("limit", "used")
+    __slots__ = ("_shared", "limit", "used")
 
-    def __init__(self, limit: int) -> None:
+    def __init__(self, limit: int, shared: Memory | None = None) -> None:
+        """Bound them to `limit`, and together with other sessions to what `shared` has."""
         self.limit = limit
         self.used = 0
+        self._shared = shared
 
     def take(self, size: int) -> bool:
         """Reserve that many bytes; False when they do not fit."""
-        if self.used + size > self.limit:
+        if self.used + size > self.limit or not (self._shared is None or self._shared.take(size)):
             return False
         self.used += size
         return True
@@ -45,3 +47,5 @@ class Memory:
     def give(self, size: int) -> None:
         """Return bytes that were taken before."""
         self.used -= size
+        if self._shared is not None:
+            self._shared.give(size)

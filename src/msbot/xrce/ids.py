@@ -41,6 +41,8 @@ REQUEST_DISCOVERY = 9
 REQUEST_PING = 10
 FIRST_REQUEST = 10
 """Clients count their requests from here, after 65535 from here again (seen on the wire)."""
+FIRST_RULED_REQUEST = 0x8000
+"""Request ids from here on follow from the rest of their message, for clients that use `write_request_id`."""
 
 
 class SubmessageId(IntEnum):
@@ -137,6 +139,19 @@ _STATUS_BY_OCTET = {int(status): words for status, words in _STATUS_WORDS.items(
 def make_object_id(number: int, kind: int) -> int:
     """The object id of the `number`-th object (0 to 0xFFF) of that kind: number 1 of kind 5 is 0x0015."""
     return number << 4 | kind
+
+
+def write_request_id(stream_id: int, sequence_nr: int) -> int:
+    """The request id by rule of a WRITE_DATA, the first of message `sequence_nr` on stream 0x01 or 0x80.
+
+    0x8000 to 0x9FFF and 0xA000 to 0xBFFF: unique among 8192 messages of each stream.
+    """
+    return (0xA000 if stream_id >= STREAM_RELIABLE else 0x8000) | sequence_nr & 0x1FFF
+
+
+def read_request_id(object_id: int) -> int:
+    """The request id by rule of a READ_DATA, and with it of all DATA that answer it: 0xC000 to 0xFFFF."""
+    return 0xC000 | object_id & 0x3FFF
 
 
 def kind_of(object_id: int) -> int:

@@ -80,8 +80,10 @@ class Sender:
         else:
             self._need(self.best_effort(stream_id), stream_id).pack(body)
 
-    def open_message(self, stream_id: int) -> int | None:
-        """Finish what is packed; the number of the message that `send_alone` makes next, None if it cannot be told.
+    def finish_message(self, stream_id: int) -> int | None:
+        """Finish what is packed on stream 0x01 or 0x80; the number of the message that comes next.
+
+        None for other streams. On 0x80 the window must have room.
 
         Raises:
             LocalProtocolError: too many streams.
@@ -93,7 +95,7 @@ class Sender:
         if stream_id == STREAM_RELIABLE:
             reliable = self._need(self.reliable(stream_id), stream_id)
             reliable.advance()
-            return None if reliable.waiting else reliable.next_nr
+            return reliable.next_nr
         return None
 
     def waiting(self, stream_id: int) -> int:

@@ -45,7 +45,16 @@ INSIDE_STREAM = "HEARTBEAT inside of a reliable stream"
 class Session(ABC, Generic[Event]):
     """The common half of `AgentSession` and `ClientSession`."""
 
-    def __init__(self, client_key: int, session_id: int, mtu: int, settings: SessionSettings, *, pads: bool) -> None:
+    def __init__(
+        self,
+        client_key: int,
+        session_id: int,
+        mtu: int,
+        settings: SessionSettings,
+        *,
+        pads: bool,
+        memory: Memory | None = None,
+    ) -> None:
         self.client_key = client_key
         self.session_id = session_id
         self.mtu = max(mtu, MTU_MIN)
@@ -54,7 +63,7 @@ class Session(ABC, Generic[Event]):
         """When the last packet of the peer came; 0.0 before the first, unless the owner sets it."""
         self.counters = SessionCounters()
         self._settings = settings
-        self._memory = Memory(settings.max_message)
+        self._memory = Memory(settings.max_message, memory)
         self._key_octets = client_key.to_bytes(4, "big")
         self._events: deque[Event | WindowOpened | bytes] = deque()
         self._acknacks = 0  # among the events
@@ -121,6 +130,10 @@ class Session(ABC, Generic[Event]):
     def handle_timer(self, now: float) -> None:
         """Book what is due by now."""
         self._sender.handle_timer(now)
+
+    def release(self) -> None:
+        """The session is over: give back the memory that it shares with others."""
+        self._restart_input()
 
     @property
     def heartbeat_s(self) -> float:

@@ -40,3 +40,6 @@ class ClientSessionSettings(SessionSettings):
     """How often they are tried; None = without end."""
     pads: bool = True
     """Whether messages of streams are filled up to a multiple of 4, as C clients do; agents do not need it."""
+    ids_by_rule: bool = False
+    """Request ids of WRITE_DATA and READ_DATA follow from other fields, and each WRITE_DATA has a message of its own:
+    shortest with header compression. Off: they are counted and packed, as C clients do."""
