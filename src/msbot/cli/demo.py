@@ -66,6 +66,7 @@ class _Options:
     wire: Wire
     bitrate: int
     data_bitrate: int
+    compression: bool
     seconds: float | None
     script: list[ScriptStep]
     json: bool
@@ -79,6 +80,7 @@ class _Options:
               help="Bit rate of the CAN bus, bit/s.")  # fmt: skip
 @click.option("--data-bitrate", type=click.IntRange(10_000, 8_000_000), default=2_000_000, show_default=True,
               help="Bit rate of the data phase of CAN FD, bit/s.")  # fmt: skip
+@click.option("--no-compression", is_flag=True, help="Send DDS-XRCE headers on CAN as they are.")
 @click.option("--seconds", type=click.FloatRange(min=0.1), help="End by itself after that time.")
 @click.option("--script", type=ScriptType(), default="", help='Pull and plug parts on time: "3:unplug AA;12:plug AA".')
 @click.option("--json", "as_json_object", is_flag=True, help="Print one JSON object at the end and nothing else.")
@@ -87,14 +89,14 @@ class _Options:
     "--db", type=click.Path(path_type=Path), help="Keep the robot's database in this file (else it is forgotten)."
 )
 def command(
-    *, wire: str, bitrate: int, data_bitrate: int, seconds: float | None, script: list[ScriptStep],
-    as_json_object: bool, seed: int | None, db: Path | None,
+    *, wire: str, bitrate: int, data_bitrate: int, no_compression: bool, seconds: float | None,
+    script: list[ScriptStep], as_json_object: bool, seed: int | None, db: Path | None,
 ) -> None:  # fmt: skip
     """Run the sample robot on this machine: a master and the parts AA, BB and CC in a ring.
 
     In a terminal the keys a, b and c pull a part out and plug it in again, q ends the robot.
     """
-    options = _Options(Wire(wire), bitrate, data_bitrate, seconds, script, as_json_object, seed)
+    options = _Options(Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, seed)
     if as_json_object and seconds is None:
         raise click.UsageError("--json prints at the end: say when with --seconds N")
     with tempfile.TemporaryDirectory(prefix="msbot-demo-") as folder, contextlib.suppress(KeyboardInterrupt):
@@ -115,6 +117,7 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
             wire=options.wire,
             bitrate=options.bitrate,
             data_bitrate=options.data_bitrate,
+            compression=options.compression,
             random=None if options.seed is None else Random(options.seed),
         )
         _check_script(options.script, robot)

@@ -67,6 +67,7 @@ class DemoRobot:
         bitrate: nominal bit rate of a CAN wire, bit/s.
         data_bitrate: bit rate of the data phase of CAN FD, bit/s.
         node_ids: where the addresses of parts on a CAN wire are remembered; memory if absent.
+        compression: shorten headers on a CAN wire.
         names: which parts take part.
         random: draws everything that is drawn; a seeded one makes a run in virtual time repeatable.
         epoch_ns: wall clock, nanoseconds since 1970.
@@ -81,6 +82,7 @@ class DemoRobot:
         bitrate: int = 500_000,
         data_bitrate: int = 2_000_000,
         node_ids: NodeIds | None = None,
+        compression: bool = True,
         names: tuple[str, ...] = SAMPLES,
         random: Random | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
@@ -100,6 +102,7 @@ class DemoRobot:
             profile_hash=self.master.profile.profile_hash(),
             random=self._random,
             node_ids=node_ids,
+            compression=compression,
         )
         self.master.add_link(self._wiring.master_link)
         self.master.inventory.on_event(self._changed)

@@ -5,7 +5,18 @@ from __future__ import annotations
 from enum import Enum
 from random import Random
 
-from msbot.link import CanMasterLink, CanPartLink, Link, NodeIds, SimBus, SimBusDriver, UdpClientLink, UdpServerLink
+from msbot.link import (
+    CanMasterLink,
+    CanPartLink,
+    Codec,
+    Link,
+    NodeIds,
+    SimBus,
+    SimBusDriver,
+    UdpClientLink,
+    UdpServerLink,
+)
+from msbot.xrce import compress, decompress
 
 
 class Wire(Enum):
@@ -28,10 +39,12 @@ class Wiring:
         profile_hash: int,
         random: Random,
         node_ids: NodeIds | None,
+        compression: bool,
     ) -> None:
         self.wire = wire
         self.driver: SimBusDriver | None = None
         self._random = random
+        self._codec = Codec(compress, decompress) if compression else None
         self._server: UdpServerLink | None = None
         if wire is Wire.UDP:
             self._server = UdpServerLink("127.0.0.1", 0)
@@ -44,7 +57,12 @@ class Wiring:
         # A bus needs two nodes before any frame is acknowledged: the monitor hears, as a student's adapter would.
         self.driver.attach("monitor")
         self.master_link = CanMasterLink(
-            self.driver.attach("master"), profile_hash=profile_hash, random=random, node_ids=node_ids, fd=fd
+            self.driver.attach("master"),
+            profile_hash=profile_hash,
+            random=random,
+            node_ids=node_ids,
+            fd=fd,
+            codec=self._codec,
         )
         self.name = f"simulated CAN {'FD ' if fd else ''}bus, {bitrate // 1000} kbit/s" + (
             f" and {data_bitrate // 1000} kbit/s" if fd else ""
@@ -53,7 +71,7 @@ class Wiring:
     def part_link(self, name: str, uid: bytes) -> Link:
         """A fresh way for a part that has just been plugged in."""
         if self.driver is not None:
-            return CanPartLink(self.driver.attach(name), uid=uid, random=self._random)
+            return CanPartLink(self.driver.attach(name), uid=uid, random=self._random, codec=self._codec)
         assert self._server is not None
         return UdpClientLink("127.0.0.1", self._server.port)
 

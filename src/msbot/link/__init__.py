@@ -50,6 +50,8 @@ class LinkInfo:
     """Bit rate of the medium where it limits the traffic; None = fast."""
     shared_bus: bool = False
     """True when every peer hears and delays every other (CAN)."""
+    compresses: bool = False
+    """True when headers are shortened: request ids by rule, and a message for each sample, take least there."""
 
 
 @dataclass(slots=True)

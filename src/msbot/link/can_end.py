@@ -86,7 +86,8 @@ class CanEnd(ABC):
 
     def __init__(self, bus: CanBus, *, ids: CanIds, mtu: int, codec: Codec | None, queue_frames: int) -> None:
         """Connect with the controller."""
-        self.info = LinkInfo(bus.info.name, mtu, bus.info.bits_per_second, shared_bus=True)
+        bits_per_second, compresses = bus.info.bits_per_second, codec is not None
+        self.info = LinkInfo(bus.info.name, mtu, bits_per_second, shared_bus=True, compresses=compresses)
         self.counters = LinkCounters()
         self.tap: Tap | None = None
         self.foreign = 0

@@ -200,7 +200,10 @@ class Connection:
             session_id=settings.session_id + (self.counters.logins & 1),
             mtu=min(settings.mtu, self.link.info.mtu),
             settings=ClientSessionSettings(
-                login_period_s=settings.login_period_s, login_tries=None, heartbeat_s=settings.heartbeat_s
+                login_period_s=settings.login_period_s,
+                login_tries=None,
+                heartbeat_s=settings.heartbeat_s,
+                ids_by_rule=self.link.info.compresses,
             ),
             epoch_ns=self._epoch_ns,
         )
