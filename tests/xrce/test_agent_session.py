@@ -15,6 +15,7 @@ from msbot.xrce import (
     DeleteRequested,
     DeliveryControl,
     InfoRequested,
+    Memory,
     ReadRequested,
     SessionDeleteRequested,
     SessionReset,

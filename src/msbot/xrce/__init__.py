@@ -7,7 +7,7 @@ from msbot.xrce.agent_session import AgentSession
 from msbot.xrce.cdr import CdrReader, CdrWriter
 from msbot.xrce.client_session import ClientSession, ClientState
 from msbot.xrce.compact import compress, decompress
-from msbot.xrce.counters import SessionCounters
+from msbot.xrce.counters import Memory, SessionCounters
 from msbot.xrce.definitions import (
     Definition,
     ParticipantDef,
@@ -167,6 +167,7 @@ __all__ = [
     "InfoRequested",
     "Locator",
     "LocatorFormat",
+    "Memory",
     "ObjectKind",
     "ObjectVariant",
     "ParticipantDef",
