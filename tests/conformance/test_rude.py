@@ -12,6 +12,7 @@ from msbot.agent import AgentSettings
 from msbot.agent.stats import ClientView
 from tests.agent.replay import load
 from tests.conformance.agent_rig import (
+    DELETE_CLIENT,
     DELETED,
     PING_INSIDE,
     AgentRig,
@@ -400,6 +401,23 @@ def test_early_messages_are_held_as_far_as_there_is_memory() -> None:
         agent.say(octets(reliable(number, "")) + octets(write("00" * 20_000)))
     assert view(agent).dropped == {"early message: no memory to hold it": 11}
     assert agent.say(reliable(0, "20 01 00 00")) == packets(acknack(5, "07 ff"))
+    agent.close()
+
+
+def test_incomplete_messages_of_all_clients_share_one_bound() -> None:
+    agent = AgentRig(settings=AgentSettings(max_held_in_all=1_000_000))
+    half = octets(reliable(0, fragment("00" * 60_000)))
+    for key in range(1, 101):
+        agent.log_in(f"{key:08x}", peer=key)
+        agent.say(half, peer=key)
+    dropped = [view(agent, key).dropped for key in range(1, 101)]
+    assert dropped == [{}] * 16 + [{"fragmented message larger than allowed": 1}] * 84
+    # Who leaves gives it back, and what is in order needs none.
+    agent.say(f"81 00 00 00 {DELETE_CLIENT}", peer=1)
+    agent.log_in("00 00 01 00", peer=1)
+    agent.say(half, peer=1)
+    assert view(agent, 0x0100).dropped == {}
+    assert agent.say(participant("81 80 01 00"), peer=100) == packets(status("81 80 00 00"), acknack(2))
     agent.close()
 
 

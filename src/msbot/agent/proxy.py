@@ -209,6 +209,7 @@ class Proxy:
         """Leave the space with everything."""
         self._tree.clear()
         self._timed.clear()
+        self.session.release()
 
     def view(self, now: float) -> ClientView:
         """The client for people."""

@@ -28,7 +28,7 @@ from msbot.agent.timers import TimerHeap
 from msbot.errors import LinkDown, LinkFull
 from msbot.link import Link, Peer, Signal, Tap
 from msbot.space import Space
-from msbot.xrce import AgentSession, AgentSessionSettings, CreateClient, References
+from msbot.xrce import AgentSession, AgentSessionSettings, CreateClient, Memory, References
 
 logger = logging.getLogger(__name__)
 
@@ -76,6 +76,7 @@ class Agent:
             max_message=self._settings.max_message,
             queue_limit=self._settings.max_burst,
         )
+        self._held = Memory(self._settings.max_held_in_all)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._tasks: dict[Port, asyncio.Task[None]] = {}
         self._group: asyncio.TaskGroup | None = None
@@ -240,6 +241,7 @@ class Agent:
             min(request.mtu, port.link.info.mtu),
             settings=self._session_settings,
             epoch_ns=self._epoch_ns,
+            memory=self._held,
         )
         silence_s = dead_after_s(request, self._settings.dead_after_s)
         proxy = Proxy(info, session, self._surroundings, now, dead_after_s=silence_s, echo=wants_echo(request))

@@ -37,6 +37,8 @@ class AgentSettings:
     """Objects of all clients together; more are answered ERR_RESOURCES."""
     max_message: int = 262_144
     """Largest submessage in octets that is joined from fragments."""
+    max_held_in_all: int = 67_108_864
+    """Octets of incomplete messages (pieces, and what came early) that are held for all clients together."""
     max_burst: int = 1024
     """Best-effort messages of one stream that one turn of the loop may book; the oldest are dropped beyond."""
     max_requests: int = 64
