@@ -19,20 +19,22 @@ help:
 # pip installs into the new environment from outside (pip >= 22.3), so that a Python without ensurepip will do.
 $(BIN)/python:
 	@test -n '$(PYTHON)' || { echo 'MsBOT needs Python 3.11 or newer; none was found. Install it, or call: make PYTHON=/path/to/python3'; exit 1; }
-	$(PYTHON) -m venv --without-pip $(VENV)
+	@$(PYTHON) -m venv --without-pip $(VENV)
 
 INSTALL = $(PYTHON) -m pip --python $(BIN)/python install --quiet --disable-pip-version-check --constraint constraints.txt
 
 $(VENV)/.run: pyproject.toml constraints.txt | $(BIN)/python
-	$(INSTALL) --editable '.[master]'
+	@echo 'Setting up $(VENV), once: this takes some seconds.'
+	@$(INSTALL) --editable '.[master]'
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
-	$(INSTALL) --editable '.[master,can,postgres,dev]'
+	@echo 'Setting up $(VENV) for development, once: this takes about half a minute.'
+	@$(INSTALL) --editable '.[master,can,serial,postgres,dev]'
 	@touch $@ $(VENV)/.run
 
 $(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python
-	$(INSTALL) --editable '.[master,docs]'
+	@$(INSTALL) --editable '.[master,docs]'
 	@touch $@
 
 demo: $(VENV)/.run
