@@ -847,6 +847,31 @@ def test_all_packets_of_one_turn_are_answered_in_one_flush() -> None:
     play(scenario)
 
 
+def test_a_burst_is_answered_at_its_end_without_a_turn_of_the_loop() -> None:
+    class Bursts(FakeLink):
+        end_burst: Callable[[], None]
+
+        def on_burst_end(self, handler: Callable[[], None]) -> None:
+            self.end_burst = handler
+
+    async def main() -> None:
+        link = Bursts()
+        async with serving(Agent(MemorySpace()), link):
+            link.inject(bytes.fromhex("80000000 0001 1000 58524345 01000f0f 00000001 81 00 0002"))
+            link.sent.clear()
+            ping = bytes.fromhex("81000000 02010800 000a fffd 02000000")
+            link.inject(ping)
+            link.inject(ping)
+            assert link.sent == []
+            link.end_burst()
+            assert len(link.sent) == 2
+            await asyncio.sleep(0)
+            link.end_burst()
+            assert len(link.sent) == 2
+
+    run_virtual(main())
+
+
 def test_a_link_that_cannot_be_opened_ends_the_agent() -> None:
     async def main() -> None:
         agent = Agent(MemorySpace())

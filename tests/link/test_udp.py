@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager
 import pytest
 
 from msbot.errors import LinkDown, LinkFull
-from msbot.link import Link, Peer, Signal, UdpClientLink, UdpServerLink
+from msbot.link import BurstLink, Link, Peer, Signal, UdpClientLink, UdpServerLink
 from msbot.link.udp import DRAIN_PACKETS, NOBODY_LISTENS, QUEUE_PACKETS, UDP_MTU
 
 
@@ -68,6 +68,21 @@ async def test_one_server_answers_many_clients(host: str) -> None:
     assert (server.counters.packets_in, server.counters.packets_out) == (3, 3)
     assert (server.counters.bytes_in, server.counters.bytes_out) == (3, 6)
     assert at_server.signals == [Signal.LINK_UP, Signal.LINK_DOWN]
+
+
+async def test_the_end_of_a_burst_is_told_once_however_many_packets_came() -> None:
+    server = UdpServerLink("127.0.0.1", 0)
+    assert isinstance(server, BurstLink)
+    inbox = Inbox(server)
+    ends: list[int] = []
+    server.on_burst_end(lambda: ends.append(inbox.packets.qsize()))
+    async with running(server):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+            for number in range(3):
+                client.sendto(bytes([number]), ("127.0.0.1", server.port))
+            while not ends:  # noqa: ASYNC110 - the handler belongs to the test
+                await asyncio.sleep(0)
+    assert ends == [3]
 
 
 async def test_a_burst_longer_than_one_drain_arrives_whole() -> None:

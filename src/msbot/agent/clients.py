@@ -31,6 +31,8 @@ class Port:
     """Clients that went with their peer, and go on where they were when it is back, by address."""
     blocked: dict[Proxy, None] = field(default_factory=dict)
     """Clients with packets that the link had no room for, in the order they met that."""
+    in_bursts: bool = False
+    """Whether the link says where a burst of packets ends; all of them are answered there."""
     opened: bool = False
     """Whether the link has carried anything or said that it is up."""
     dropped: Tally = field(default_factory=Tally)

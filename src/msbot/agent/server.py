@@ -26,7 +26,7 @@ from msbot.agent.settings import AgentSettings
 from msbot.agent.stats import ClientView, TopicTable
 from msbot.agent.timers import TimerHeap
 from msbot.errors import LinkDown, LinkFull
-from msbot.link import Link, Peer, Signal, Tap
+from msbot.link import BurstLink, Link, Peer, Signal, Tap
 from msbot.space import Space
 from msbot.xrce import AgentSession, AgentSessionSettings, CreateClient, Memory, References
 
@@ -83,6 +83,7 @@ class Agent:
         self._ended = asyncio.Event()
         self._failure: LinkDown | None = None
         self._marked: list[Proxy] = []
+        self._in_burst = False
         self._timers: TimerHeap[Proxy] = TimerHeap()
         self._lives: TimerHeap[Proxy] = TimerHeap()
         self._alarm: asyncio.TimerHandle | None = None
@@ -101,6 +102,9 @@ class Agent:
         link.on_packet(partial(self._packet_received, port))
         link.on_signal(partial(self._signal_received, port))
         link.on_room(partial(self._room_gained, port))
+        if isinstance(link, BurstLink):
+            port.in_bursts = True
+            link.on_burst_end(self._flush)
         if self._group is not None:
             self._tasks[port] = self._group.create_task(self._serve(port))
 
@@ -182,6 +186,7 @@ class Agent:
 
     def _packet_received(self, port: Port, packet: bytes, peer: Peer, now: float) -> None:
         port.opened = True
+        self._in_burst = port.in_bursts
         if len(packet) < 4:
             port.dropped.add("packet shorter than a header")
             return
@@ -289,10 +294,13 @@ class Agent:
             return
         proxy.is_marked = True
         self._marked.append(proxy)
-        if len(self._marked) == 1:
+        if len(self._marked) == 1 and not self._in_burst:
             asyncio.get_running_loop().call_soon(self._flush)
 
     def _flush(self) -> None:
+        self._in_burst = False
+        if not self._marked:
+            return
         now = self._now()
         marked, self._marked = self._marked, []
         for proxy in marked:

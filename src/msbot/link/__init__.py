@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 Peer = Hashable
 """Who a packet came from or goes to; chosen by the link, opaque to everybody else."""
@@ -111,6 +111,17 @@ class Link(Protocol):
         """
 
 
+@runtime_checkable
+class BurstLink(Protocol):
+    """What a link offers besides if it can tell where a burst of packets ends.
+
+    Who answers all of them at once then saves a turn of the event loop for each burst.
+    """
+
+    def on_burst_end(self, handler: Callable[[], None]) -> None:
+        """Set the one handler that is called after the last packet of every burst, however it was received."""
+
+
 # The links stand below because they need the words above.
 from msbot.link.address import open_link  # noqa: E402
 from msbot.link.can_bits import FrameBits, frame_bits  # noqa: E402
@@ -133,6 +144,7 @@ from msbot.link.udp import UdpClientLink, UdpServerLink  # noqa: E402
 from msbot.link.virtual_time import VirtualTimeLoop, run_virtual  # noqa: E402
 
 __all__ = [
+    "BurstLink",
     "BusCounters",
     "BusState",
     "CanBus",

@@ -15,3 +15,7 @@ def ignore_signal(signal: Signal, peer: Peer | None, words: str, now: float) -> 
 
 def ignore_room(peer: Peer | None) -> None:
     """Nobody waits for room."""
+
+
+def ignore_burst_end() -> None:
+    """Nobody waits for the end of a burst."""

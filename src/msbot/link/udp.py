@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 from msbot.errors import LinkDown, LinkFull
 from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
-from msbot.link.handlers import ignore_packet, ignore_room, ignore_signal
+from msbot.link.handlers import ignore_burst_end, ignore_packet, ignore_room, ignore_signal
 from msbot.link.net import Address, addresses_of, cannot_listen, cannot_reach, joined
 
 UDP_MTU = 65507
@@ -63,6 +63,7 @@ class _UdpLink(ABC):
         self._packet_handler: PacketHandler = ignore_packet
         self._signal_handler: SignalHandler = ignore_signal
         self._room_handler: Callable[[Peer | None], None] = ignore_room
+        self._burst_end_handler: Callable[[], None] = ignore_burst_end
 
     @property
     def port(self) -> int:
@@ -80,6 +81,10 @@ class _UdpLink(ABC):
     def on_room(self, handler: Callable[[Peer | None], None]) -> None:
         """Set the one handler that is called when a full queue has been emptied."""
         self._room_handler = handler
+
+    def on_burst_end(self, handler: Callable[[], None]) -> None:
+        """Set the one handler that is called when all packets that were there have been handed over."""
+        self._burst_end_handler = handler
 
     def has_room(self, peer: Peer) -> bool:  # noqa: ARG002 - one queue serves all peers
         """Whether `send` would be taken now."""
@@ -162,6 +167,12 @@ class _UdpLink(ABC):
         """Why the socket cannot be opened, and what to do."""
 
     def _drain(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
+        try:
+            self._take_burst(opened, loop)
+        finally:
+            self._burst_end_handler()
+
+    def _take_burst(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
         counters = self.counters
         for _ in range(DRAIN_PACKETS):
             try:

@@ -1,0 +1,327 @@
+"""What a message costs inside the agent, without sockets: from the packet of a link to the packets for it.
+
+One writer, one reader (or a requester and a replier) log in over a link in memory; then recorded packets run through
+the agent, 1 or 8 in a burst, and the time is divided by the messages. Acknowledgements are part of reliable messages.
+
+    python bench/path.py [--quick] [--profile]
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import cProfile
+import io
+import pstats
+import statistics
+import struct
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from bench.machine import describe_machine
+
+from msbot.agent import Agent
+from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, SignalHandler, Tap
+from msbot.space import MemorySpace
+from msbot.xrce import (
+    RELIABLE_QOS,
+    STREAM_BEST_EFFORT,
+    STREAM_RELIABLE,
+    ClientSession,
+    ClientState,
+    DeliveryControl,
+    ObjectKind,
+    ObjectVariant,
+    make_object_id,
+    participant_variant,
+    publisher_variant,
+    reader_variant,
+    replier_variant,
+    requester_variant,
+    subscriber_variant,
+    topic_variant,
+    writer_variant,
+)
+
+PAYLOAD = bytes(64)
+SEQUENCE_NR = struct.Struct("<H")
+ACKNACK = struct.Struct("<8sHHB")
+ACKNACK_HEAD = bytes.fromhex("81000000 0a010500")
+DATA = 9
+SERVICE = ("bench", "bench_request", "bench_reply", "bench_Request", "bench_Reply")
+IDENTITY = bytes(24)
+Run = Callable[[int], float]
+"""Runs that many messages; gives the seconds that the agent took."""
+
+
+class Wire:
+    """A link in memory; satisfies `Link` and `BurstLink`."""
+
+    def __init__(self) -> None:
+        self.info = LinkInfo("memory:", 512)
+        self.counters = LinkCounters()
+        self.tap: Tap | None = None
+        self.remote: Peer | None = None
+        self.sent: list[tuple[bytes, Peer]] = []
+        self.receive: PacketHandler = lambda *_: None
+        self.end_burst: Callable[[], None] = lambda: None
+
+    def on_packet(self, handler: PacketHandler) -> None:
+        """See `Link`."""
+        self.receive = handler
+
+    def on_signal(self, handler: SignalHandler) -> None:
+        """Never called."""
+
+    def on_room(self, handler: Callable[[Peer | None], None]) -> None:
+        """Never called: there is always room."""
+
+    def on_burst_end(self, handler: Callable[[], None]) -> None:
+        """See `BurstLink`."""
+        self.end_burst = handler
+
+    def has_room(self, peer: Peer) -> bool:  # noqa: ARG002 - the protocol's signature
+        """Always."""
+        return True
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        """Keep it."""
+        self.sent.append((packet, peer))
+
+    def take(self) -> list[tuple[bytes, Peer]]:
+        """What was sent since the last call."""
+        sent, self.sent = self.sent, []
+        return sent
+
+    def describe(self, peer: Peer) -> str:
+        """Its number."""
+        return str(peer)
+
+    async def run(self) -> None:
+        """For ever."""
+        await asyncio.get_running_loop().create_future()
+
+
+class Client:
+    """A client session on the wire."""
+
+    def __init__(self, wire: Wire, key: int) -> None:
+        self.wire = wire
+        self.key = key
+        self.session = ClientSession(key, epoch_ns=lambda: 0)
+        self.session.connect(0.0)
+        self.settle()
+        assert self.session.state is ClientState.CONNECTED
+        self.participant = self.make(ObjectKind.PARTICIPANT, participant_variant("bench", 0))
+
+    def make(self, kind: ObjectKind, variant: ObjectVariant) -> int:
+        """Create object number 1 of that kind."""
+        object_id = make_object_id(1, kind)
+        self.session.create(object_id, variant)
+        self.settle()
+        return object_id
+
+    def writer(self) -> int:
+        """A writer of the topic."""
+        topic = self.make(ObjectKind.TOPIC, topic_variant("bench", "bench", self.participant))
+        publisher = self.make(ObjectKind.PUBLISHER, publisher_variant(self.participant))
+        return self.make(ObjectKind.DATAWRITER, writer_variant(topic, publisher, RELIABLE_QOS))
+
+    def read(self, object_id: int, stream_id: int) -> None:
+        """Read all samples."""
+        self.session.read(object_id, stream_id, DeliveryControl())
+        self.settle()
+
+    def reader(self) -> int:
+        """A reader of the topic."""
+        topic = self.make(ObjectKind.TOPIC, topic_variant("bench", "bench", self.participant))
+        subscriber = self.make(ObjectKind.SUBSCRIBER, subscriber_variant(self.participant))
+        return self.make(ObjectKind.DATAREADER, reader_variant(topic, subscriber, RELIABLE_QOS))
+
+    def settle(self) -> None:
+        """Exchange packets until nobody has any."""
+        while packets := self.session.packets_to_send(0.0):
+            for packet in packets:
+                self.wire.receive(packet, self.key, 0.0)
+            self.wire.end_burst()
+            for packet, peer in self.wire.take():
+                if peer == self.key:
+                    self.session.receive_packet(packet, 0.0)
+            while self.session.next_event() is not None:
+                pass
+
+    def write(self, object_id: int, payload: bytes, stream_id: int) -> bytes:
+        """The packet of a sample; it is the pattern for all that follow, the session is not used any more."""
+        self.session.write(object_id, payload, stream_id)
+        (packet,) = self.session.packets_to_send(0.0)
+        return packet
+
+
+class Packets:
+    """Messages like the first, one number higher each time."""
+
+    def __init__(self, first: bytes) -> None:
+        self._head = first[:2]
+        self._number = number_of(first)
+        self._tail = first[4:]
+
+    def take(self, payload: bytes | None = None) -> bytes:
+        """The next one, with another payload if one is given."""
+        packet = (
+            self._head + SEQUENCE_NR.pack(self._number) + (self._tail if payload is None else self._tail[:8] + payload)
+        )
+        self._number = (self._number + 1) & 0xFFFF
+        return packet
+
+
+def number_of(packet: bytes) -> int:
+    """The sequence number of a message."""
+    number: int = SEQUENCE_NR.unpack_from(packet, 2)[0]
+    return number
+
+
+def acknack(packet: bytes) -> bytes:
+    """The message that acknowledges that message and all before it."""
+    return ACKNACK.pack(ACKNACK_HEAD, (number_of(packet) + 1) & 0xFFFF, 0, STREAM_RELIABLE)
+
+
+class Course:
+    """Runs bursts of packets through the agent and keeps the time that the agent took."""
+
+    def __init__(self, wire: Wire, stream_id: int) -> None:
+        self.wire = wire
+        self.reliable = stream_id == STREAM_RELIABLE
+        self.seconds = 0.0
+        self._clock = asyncio.get_running_loop().time
+
+    def pass_burst(self, packets: list[bytes], sender: int, receiver: int) -> list[bytes]:
+        """A burst of one client comes in; the samples for the other that go out because of it."""
+        receive, now = self.wire.receive, self._clock()
+        start = time.perf_counter()
+        for packet in packets:
+            receive(packet, sender, now)
+        self.wire.end_burst()
+        self.seconds += time.perf_counter() - start
+        return [packet for packet, peer in self.wire.take() if peer == receiver and packet[4] == DATA]
+
+    def acknowledge(self, samples: list[bytes]) -> list[bytes]:
+        """What the client says to those samples."""
+        return [acknack(packet) for packet in samples] if self.reliable else []
+
+
+def samples(wire: Wire, load: Load) -> Run:
+    """A writer and a reader."""
+    writing, reading = Client(wire, 1), Client(wire, 2)
+    writer = writing.writer()
+    reading.read(reading.reader(), load.stream_id)
+    packets = Packets(writing.write(writer, PAYLOAD, load.stream_id))
+
+    def run(messages: int) -> float:
+        course = Course(wire, load.stream_id)
+        for _ in range(0, messages, load.burst):
+            went = course.pass_burst([packets.take() for _ in range(load.burst)], 1, 2)
+            assert len(went) == load.burst
+            course.pass_burst(course.acknowledge(went), 2, 1)
+        return course.seconds
+
+    return run
+
+
+def requests(wire: Wire, load: Load) -> Run:
+    """A requester and a replier."""
+    asking, replying = Client(wire, 1), Client(wire, 2)
+    requester = asking.make(ObjectKind.REQUESTER, requester_variant(*SERVICE, asking.participant))
+    replier = replying.make(ObjectKind.REPLIER, replier_variant(*SERVICE, replying.participant))
+    asking.read(requester, load.stream_id)
+    replying.read(replier, load.stream_id)
+    questions = Packets(asking.write(requester, PAYLOAD, load.stream_id))
+    answers = Packets(replying.write(replier, IDENTITY + PAYLOAD, load.stream_id))
+
+    def run(messages: int) -> float:
+        course = Course(wire, load.stream_id)
+        for _ in range(0, messages, load.burst):
+            asked = course.pass_burst([questions.take() for _ in range(load.burst)], 1, 2)
+            replies = [answers.take(packet[12:]) for packet in asked]
+            answered = course.pass_burst(replies + course.acknowledge(asked), 2, 1)
+            assert len(answered) == load.burst
+            course.pass_burst(course.acknowledge(answered), 1, 2)
+        return course.seconds
+
+    return run
+
+
+@dataclass(frozen=True)
+class Load:
+    """One row of the table."""
+
+    name: str
+    prepare: Callable[[Wire, Load], Run]
+    stream_id: int
+    burst: int
+
+
+LOADS = tuple(
+    Load(name, prepare, stream_id, burst)
+    for name, prepare, stream_id in (
+        ("best effort", samples, STREAM_BEST_EFFORT),
+        ("reliable", samples, STREAM_RELIABLE),
+        ("request and reply, reliable", requests, STREAM_RELIABLE),
+    )
+    for burst in (1, 8)
+)
+
+
+async def measure(load: Load, messages: int, repeats: int, profile: cProfile.Profile | None) -> list[float]:
+    """Microseconds a message, once for each repeat."""
+    wire = Wire()
+    agent = Agent(MemorySpace())
+    agent.add_link(wire)
+    serving = asyncio.ensure_future(agent.run())
+    await asyncio.sleep(0)
+    run = load.prepare(wire, load)
+    run(messages // 4)
+    if profile is not None:
+        profile.enable()
+    costs = [run(messages) / messages * 1e6 for _ in range(repeats)]
+    if profile is not None:
+        profile.disable()
+    serving.cancel()
+    await asyncio.wait([serving])
+    return costs
+
+
+def main() -> None:
+    """Print the table."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("--quick", action="store_true", help="fewer messages")
+    options.add_argument("--profile", action="store_true", help="print where the time goes instead")
+    chosen = options.parse_args()
+    messages, repeats = (2_000, 3) if chosen.quick else (20_000, 7)
+    for line in table(messages, repeats) if not chosen.profile else profile(messages):
+        print(line)
+
+
+def table(messages: int, repeats: int) -> Iterator[str]:
+    """The table, line by line."""
+    yield f"The way of a message of {len(PAYLOAD)} octets through the agent, without sockets ({describe_machine()};"
+    yield f"median of {repeats} runs of {messages:,} messages, and the range)\n"
+    yield "| messages | in a burst | µs a message | from | to |"
+    yield "|---|---|---|---|---|"
+    for load in LOADS:
+        costs = asyncio.run(measure(load, messages, repeats, None))
+        yield f"| {load.name} | {load.burst} | {statistics.median(costs):.2f} | {min(costs):.2f} | {max(costs):.2f} |"
+
+
+def profile(messages: int) -> Iterator[str]:
+    """The functions that take most of the time, for each load."""
+    for load in LOADS:
+        watch = cProfile.Profile()
+        asyncio.run(measure(load, messages, 1, watch))
+        text = io.StringIO()
+        pstats.Stats(watch, stream=text).sort_stats("tottime").print_stats(25)
+        yield f"{load.name}, {load.burst} in a burst\n{text.getvalue()}"
+
+
+if __name__ == "__main__":
+    main()
