@@ -76,6 +76,11 @@ class AgentRig:
         """Have packets come in; nothing else happens before `turn`, and the answers are not kept."""
         self._run(self._inject(sent, peer))
 
+    def make_room(self) -> None:
+        """The link, which was full, takes any number of packets again."""
+        self._run(self._make_room())
+        self.turn()
+
     def turn(self) -> None:
         """Let everything happen that the packets so far cause."""
         self._run(_turns())
@@ -143,6 +148,9 @@ class AgentRig:
     async def _inject(self, sent: tuple[bytes, ...], peer: Peer) -> None:
         for packet in sent:
             self.link.inject(packet, peer)
+
+    async def _make_room(self) -> None:
+        self.link.make_room(None)
 
     def _attach(self, peer: Peer) -> None:
         self.link.attach(peer, lambda packet: self._heard[peer].append((self._loop.time(), packet.hex())))

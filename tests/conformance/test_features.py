@@ -325,6 +325,22 @@ def test_requests_of_before_are_answered_after_logging_in_again(agent: AgentRig)
     )
 
 
+@pytest.mark.parametrize("anew", ["reset", "login"])
+def test_what_a_full_link_did_not_take_is_not_sent_into_the_new_streams(agent: AgentRig, anew: str) -> None:
+    agent.set_up_two()
+    agent.say(reliable(6, read()))
+    agent.link.room = 1
+    agent.inject(*(octets(reliable(number, write(f"{number:02x}"))) for number in (6, 7, 8)), peer="writer")
+    agent.turn()
+    assert agent.take() == packets(reliable(6, data("06")))
+    agent.inject(octets("81 00 00 00 0c 01 00 00" if anew == "reset" else create_client()), peer="client")
+    agent.turn()
+    agent.make_room()
+    assert [answer for answer in agent.take() if answer[2:4] == "80"] == []
+    agent.say(reliable(9, write("09")), peer="writer")
+    assert agent.take() == packets(reliable(0, data("09")))
+
+
 def test_the_mtu_of_the_new_login_counts(agent: AgentRig) -> None:
     # The genuine agent goes on with the old one.
     agent.log_in()

@@ -306,8 +306,16 @@ class Proxy:
                 session.send_status(event.request_id, event.object_id, Status.OK, event.stream_id)
                 self._tree.clear()
                 self.is_over = True
-            case WindowOpened() | SessionReset() if not self.is_blocked:
-                self.pull()
+            case SessionReset():
+                # What the link did not take yet has numbers that the client will not expect.
+                self.outbox.clear()
+                self._pull_unless_blocked()
+            case WindowOpened():
+                self._pull_unless_blocked()
+
+    def _pull_unless_blocked(self) -> None:
+        if not self.is_blocked:
+            self.pull()
 
     def _read(self, event: ReadRequested) -> None:
         endpoint = self._endpoints.get(event.object_id)
