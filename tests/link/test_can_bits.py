@@ -1,4 +1,4 @@
-"""Bits of CAN frames against hand-calculated frames and an independent, plain calculator."""
+"""Bits of CAN frames against hand-calculated frames, an independent, plain calculator, and a receiver of its own."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ from msbot.link.can_bits import (
     FrameBits,
     arbitration_rank,
     frame_bits,
+    phase_bits,
     wire_bits,
 )
 from msbot.link.can_frames import FD_LENGTHS, Frame
+from tests.link.wire_receiver import Receiver
 
 
 @st.composite
@@ -101,6 +103,34 @@ def test_counting_by_tables_counts_the_bits(frame: Frame) -> None:
     bits = wire_bits(frame)
     fast = sum(bit.fast for bit in bits)
     assert frame_bits(frame) == FrameBits(len(bits) - fast, fast)
+
+
+@given(frames())
+def test_a_receiver_reads_the_frame_off_the_wire(frame: Frame) -> None:
+    bits = wire_bits(frame)
+    received = Receiver([bit.level for bit in bits]).receive()
+    assert received.frame == frame
+    assert received.stuff_bits == sum(bit.stuff for bit in bits)
+    assert (received.nominal_bits, received.data_bits) == phase_bits(frame)
+
+
+@pytest.mark.parametrize("size", FD_LENGTHS)
+def test_each_end_of_the_data_field_is_read_off_the_wire(size: int) -> None:
+    """Five equal bits at the end of the data field, or of the DLC, are followed by one stuff bit, the fixed one."""
+    for last in range(256):
+        data = bytes(max(0, size - 1)) + bytes([last])[: min(1, size)]
+        frame = Frame(last, data, fd=True, brs=bool(last & 2), esi=bool(last & 4))
+        received = Receiver([bit.level for bit in wire_bits(frame)]).receive()
+        assert received.frame == frame
+        assert (received.nominal_bits, received.data_bits) == phase_bits(frame)
+
+
+@given(frames())
+def test_phases_are_told_apart_also_without_a_bit_rate_switch(frame: Frame) -> None:
+    if frame.brs or not frame.fd:
+        assert phase_bits(frame) == frame_bits(frame)
+    else:
+        assert frame_bits(frame) == (sum(phase_bits(frame)), 0)
 
 
 @given(frames())

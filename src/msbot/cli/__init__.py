@@ -16,6 +16,7 @@ COMMANDS = {
     "part": "Run one part of a robot.",
     "parts": "List the parts a robot's database knows, and how they are.",
     "why": "Say in words why a part is, or is not, in the robot.",
+    "bus": "Tools for a CAN bus: what frames cost and what they say.",
     "agent": "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint.",
 }
 """Every command and its line in `msbot --help`; the module `msbot.cli.<name>` holds it as `command`."""

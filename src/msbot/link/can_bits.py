@@ -67,8 +67,19 @@ def frame_bits(frame: Frame) -> FrameBits:
     """
     check_frame(frame)
     if frame.fd:
-        return _fd_frame_bits(frame)
+        bits = _fd_phase_bits(frame)
+        return bits if frame.brs else FrameBits(bits.nominal_bits + bits.data_bits, 0)
     return _classic_frame_bits(frame)
+
+
+def phase_bits(frame: Frame) -> FrameBits:
+    """As `frame_bits`, with the phases of a CAN FD frame told apart also when it has no bit-rate switch.
+
+    Raises:
+        LocalProtocolError: no controller could send this frame.
+    """
+    check_frame(frame)
+    return _fd_phase_bits(frame) if frame.fd else _classic_frame_bits(frame)
 
 
 def wire_bits(frame: Frame, *, acknowledged: bool = True) -> list[WireBit]:
@@ -203,7 +214,7 @@ def _classic_frame_bits(frame: Frame) -> FrameBits:
     return FrameBits(header.bits + 8 * len(frame.data) + 15 + TAIL + stuffed, 0)
 
 
-def _fd_frame_bits(frame: Frame) -> FrameBits:
+def _fd_phase_bits(frame: Frame) -> FrameBits:
     header = _header((frame.can_id, frame.extended, False, True, frame.brs, frame.esi, data_length_code(frame)))
     state, stuffed = header.state, header.data_stuffed
     octets = _stuffing_table(8)
@@ -216,7 +227,7 @@ def _fd_frame_bits(frame: Frame) -> FrameBits:
         stuffed -= 1  # the level changed after the last bit: a stuff bit whose place the first fixed one takes
     nominal = header.bits - 5 + header.nominal_stuffed + TAIL
     data = 5 + 8 * len(frame.data) + stuffed + (4 + 17 + 6 if len(frame.data) <= 16 else 4 + 21 + 7)
-    return FrameBits(nominal, data) if frame.brs else FrameBits(nominal + data, 0)
+    return FrameBits(nominal, data)
 
 
 _HeaderKey = tuple[int, bool, bool, bool, bool, bool, int]
