@@ -98,6 +98,18 @@ def test_a_controller_tries_the_lowest_identifier_first_and_keeps_the_order_of_e
     assert got == [b"1", b"3", b"2"], "0x100 came while the first was under way"
 
 
+def test_frames_keep_their_order_while_the_bus_catches_up_with_the_clock() -> None:
+    bus, (a, _) = bus_of("A", "B")
+    first, second, third = (Frame(0x123, bytes((n,))) for n in range(3))
+    bus.submit(a, first, 0.0)
+    bus.submit(a, second, 0.005)  # from outside, when the first frame should have been over for long
+    (heard, sent) = bus.advance(0.005)
+    assert isinstance(heard, Delivered)
+    assert heard.frame == first
+    bus.submit(a, third, sent.at)  # the answer to what happened then
+    assert [event.frame for event in bus.advance(1.0) if isinstance(event, Delivered)] == [second, third]
+
+
 def test_a_lone_node_repeats_gets_passive_and_never_off_and_is_heard_once_somebody_comes() -> None:
     bus, (a,) = bus_of("A")
     frame = Frame(0x100, b"hello")

@@ -166,7 +166,10 @@ class SimBus:
             raise LinkDown(f"{it.name} is bus-off: restart it")
         if len(it.mailboxes) >= MAILBOXES:
             raise LinkFull(f"{it.name} holds {MAILBOXES} frames already")
-        it.mailboxes.append(Mail(max(now, self._time), arbitration_rank(frame), frame))
+        rank = arbitration_rank(frame)
+        # While the bus catches up with the clock, its events are earlier than a frame that came from outside of them.
+        ready_at = max((mail.ready_at for mail in it.mailboxes if mail.rank == rank), default=now)
+        it.mailboxes.append(Mail(max(now, self._time, ready_at), rank, frame))
         if it.plugged:
             self._enlist(node, it, now)
 
