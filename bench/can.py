@@ -1,7 +1,8 @@
 """What plug-and-play costs on a CAN bus, in virtual time: exact, the same on every machine.
 
-Prints two tables: from plugging a part in to `active` with the bus time of the same frames beside it, and the thesis'
-418-byte message, which took it "over a minute" (thesis 4.2.5).
+Prints three tables: from plugging a part in to `active` with the bus time of the same frames beside it, without and
+with header compression; the bits of the commonest messages in each mode; and the thesis' 418-byte message, which took
+it "over a minute" (thesis 4.2.5).
 
     python bench/can.py
 """
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -17,7 +19,21 @@ from random import Random
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
 from msbot.link import CanMasterLink, CanPartLink, Frame, Peer, SimBus, SimBusDriver, frame_bits, run_virtual
+from msbot.link.can_frames import split
 from msbot.registry import open_registry
+from msbot.xrce import (
+    STREAM_BEST_EFFORT,
+    STREAM_RELIABLE,
+    Acknack,
+    Data,
+    Header,
+    Submessage,
+    WriteData,
+    compress,
+    encode_message,
+    read_request_id,
+    write_request_id,
+)
 
 
 @dataclass(frozen=True)
@@ -62,17 +78,18 @@ class PlugIn:
     bits: int
 
 
-async def plug_in(rates: Rates, folder: Path) -> PlugIn:
+async def plug_in(rates: Rates, folder: Path, *, compression: bool) -> PlugIn:
     """Plug one part into a running robot."""
     library = load_library()
     blueprint = load_blueprint(folder / "robot.toml", library)
-    registry = open_registry(folder / f"{rates.name.replace('/', '-')}.db")
+    registry = open_registry(folder / f"{rates.name.replace('/', '-')}-{compression}.db")
     robot = DemoRobot(
         blueprint,
         registry.store_for(registry.apply_blueprint(blueprint, library)),
         wire=Wire.CAN if rates.data is None else Wire.FD,
         bitrate=rates.nominal,
         data_bitrate=rates.data or 0,
+        compression=compression,
         names=("AA",),
         random=Random(1),
         epoch_ns=lambda: 0,
@@ -128,21 +145,114 @@ async def one_message(rates: Rates, size: int) -> tuple[float, int]:
     return took * 1000, len(frames)
 
 
+NUMBER = 1000
+"""Sequence number of the messages below."""
+IN_SESSION = 0x81
+
+
+def written(stream_id: int, object_id: int, payload: bytes) -> tuple[bool, bytes]:
+    """A message of our client, from part to master."""
+    write = WriteData(write_request_id(stream_id, NUMBER), object_id, payload)
+    return True, _message(stream_id, NUMBER, write, pad_end=True)
+
+
+def read(stream_id: int, object_id: int, payload: bytes) -> tuple[bool, bytes]:
+    """A message of the agent, from master to part."""
+    return False, _message(stream_id, NUMBER, Data(read_request_id(object_id), object_id, payload), pad_end=False)
+
+
+def acknowledged() -> bytes:
+    """The ACKNACK of a reliable message; the same both ways."""
+    return _message(0, 0, Acknack(NUMBER + 1, 0, STREAM_RELIABLE), pad_end=False)
+
+
+def _message(stream_id: int, sequence_nr: int, content: Submessage, *, pad_end: bool) -> bytes:
+    return encode_message(Header(IN_SESSION, stream_id, sequence_nr), [content], pad_end=pad_end)
+
+
+LEASE = bytes.fromhex("a3d81173")
+ONE = bytes.fromhex("0000803f")
+RELATED = write_request_id(STREAM_BEST_EFFORT, NUMBER).to_bytes(2, "big") + bytes.fromhex("0017")
+NOISE = Random(3).randbytes(THESIS_BYTES - 12)
+MESSAGES: tuple[tuple[str, list[tuple[bool, bytes]]], ...] = (
+    (
+        "heartbeat round trip",
+        [
+            written(STREAM_BEST_EFFORT, 0x0017, LEASE),
+            read(STREAM_BEST_EFFORT, 0x0017, RELATED + (1).to_bytes(4, "little")),
+        ],
+    ),
+    ("4-byte sample from a part, best effort", [written(STREAM_BEST_EFFORT, 0x0015, ONE)]),
+    ("4-byte sample to a part, best effort", [read(STREAM_BEST_EFFORT, 0x0026, ONE)]),
+    (
+        "4-byte sample from a part, reliable, with its ACKNACK",
+        [written(STREAM_RELIABLE, 0x0015, ONE), (False, acknowledged())],
+    ),
+    (
+        "4-byte sample to a part, reliable, with its ACKNACK",
+        [read(STREAM_RELIABLE, 0x0026, ONE), (True, acknowledged())],
+    ),
+    (f"{THESIS_BYTES}-byte message, noise", [read(STREAM_BEST_EFFORT, 0x0026, NOISE)]),
+)
+
+
+def classic(packet: bytes, can_id: int) -> list[Frame]:
+    """Our frames on classic CAN."""
+    return [Frame(can_id, data) for data in split(packet, 0, False)]
+
+
+def fast(packet: bytes, can_id: int) -> list[Frame]:
+    """Our frames on CAN FD with bit-rate switch."""
+    return [Frame(can_id, data, fd=True, brs=True) for data in split(packet, 0, True)]
+
+
+def thesis(packet: bytes, can_id: int) -> list[Frame]:
+    """The frames of the thesis' firmware: 7 bytes behind an index that counts down to 0."""
+    chunks = [packet[start : start + 7] for start in range(0, len(packet), 7)]
+    return [Frame(can_id, bytes((len(chunks) - 1 - n,)) + chunk) for n, chunk in enumerate(chunks)]
+
+
+MODES: tuple[tuple[str, Callable[[bytes, int], list[Frame]], Callable[[bytes], bytes], tuple[int, int]], ...] = (
+    ("thesis", thesis, bytes, (0x123, 0x120)),
+    ("classic", classic, bytes, (0x101, 0x181)),
+    ("classic, compressed", classic, compress, (0x101, 0x181)),
+    ("FD", fast, bytes, (0x101, 0x181)),
+    ("FD, compressed", fast, compress, (0x101, 0x181)),
+)
+"""Name, frames of a packet, what is done to the packet before, identifiers up and down."""
+
+
+def costs() -> None:
+    """Print what the commonest messages cost in each mode."""
+    print("\nFrames and bits on the wire, stuff bits and intermission included; FD: nominal + data bits\n")
+    print(f"| message | {' | '.join(name for name, *_ in MODES)} |")
+    print("|---" * (len(MODES) + 1) + "|")
+    for name, packets in MESSAGES:
+        cells = []
+        for _, cut, prepare, (up_id, down_id) in MODES:
+            frames = [frame for up, packet in packets for frame in cut(prepare(packet), up_id if up else down_id)]
+            nominal, data = (sum(part) for part in zip(*map(frame_bits, frames), strict=True))
+            cells.append(f"{len(frames)}: {nominal}" + (f" + {data}" if data else ""))
+        print(f"| {name} | {' | '.join(cells)} |")
+
+
 def main() -> None:
-    """Print both tables."""
+    """Print all tables."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_sample(folder / "robot.toml")
-        print("From plug to active, one part, both steps, no compression (virtual time)\n")
+        print("From plug to active, one part, both steps, in virtual time; without / with header compression\n")
         print("| bus | plug-in to active ms | bus time of its frames ms | ratio | frames | bits |")
         print("|---|---|---|---|---|---|")
         for rates in BUSES:
-            result = run_virtual(plug_in(rates, folder))
-            ratio = result.active_ms / result.bus_ms
+            plain, short = (run_virtual(plug_in(rates, folder, compression=wanted)) for wanted in (False, True))
             print(
-                f"| {rates.name} | {result.active_ms:.1f} | {result.bus_ms:.1f} | {ratio:.2f} "
-                f"| {result.frames} | {result.bits} |"
+                f"| {rates.name} | {plain.active_ms:.1f} / {short.active_ms:.1f} "
+                f"| {plain.bus_ms:.1f} / {short.bus_ms:.1f} "
+                f"| {plain.active_ms / plain.bus_ms:.2f} / {short.active_ms / short.bus_ms:.2f} "
+                f"| {plain.frames} / {short.frames} | {plain.bits} / {short.bits} |"
             )
+    costs()
     print(f"\nOne message of {THESIS_BYTES} bytes (thesis: over a minute; its published code: 30,000 ms of delays)\n")
     print("| bus | ms | frames | times quicker than a minute |")
     print("|---|---|---|---|")
