@@ -80,15 +80,23 @@ Ours must deliver all of them in order, as far as the recorded acknowledgements 
 
 DISCOVERY = ["udp_ex_discovery_multicast", "udp_ex_discovery_unicast"]
 
+CANCEL = "one sample that comes within 100 ms of the cancellation is still sent; here a cancelled read ends"
+MEMORY = "the in-memory middleware takes any XML for a name, and refuses writers and readers by XML; here XML is read"
+CUT = "the recording stops in mid-dialogue: compared as far as it goes"
+LOST = "samples are lost while DDS matches writer and reader, or in bursts; here none is"
 SPECIAL = {
-    "udp_read_cancel_pub": "cancel ends a read, see below",
-    "udp_read_cancel_sub": "cancel ends a read, see below",
-    "udp_statuses_ced": "the in-memory middleware of the genuine agent takes any XML for a name; ours reads it",
-    "udp_xml_on_ced_fails": "the same",
-    "udp_ex_big_pub": "the recording stops in mid-dialogue",
-    "udp_big_drop15_pub": "the recording stops in mid-dialogue: what the subscriber got later cannot be replayed",
-    "udp_big_drop15_sub": "the same",
+    "udp_read_cancel_pub": CANCEL,
+    "udp_read_cancel_sub": CANCEL,
+    "udp_statuses_ced": MEMORY,
+    "udp_xml_on_ced_fails": MEMORY,
+    "udp_ex_big_pub": CUT,
+    "udp_big_drop15_pub": CUT,
+    "udp_big_drop15_sub": CUT,
 }
+"""What the genuine agent does in recordings whose answers are compared in a way of their own."""
+
+OTHERWISE = SPECIAL | {name: LOST for group in LOSSLESS.values() for name in group}
+"""Recordings that ours answers otherwise, and why; `docs/reference/xrce.md` has the same list."""
 
 
 def test_every_recording_is_replayed_or_excused() -> None:
@@ -158,6 +166,18 @@ def test_a_large_publication_is_acknowledged_as_far_as_it_was_recorded() -> None
     for place, answers in genuine.items():
         for stream_id, words in answers.streams.items():
             assert ours[place].streams[stream_id][: len(words)] == words
+
+
+def test_a_large_publication_over_a_lossy_network_is_passed_on_as_far_as_it_was_recorded() -> None:
+    # Messages beyond the window are asked for once more than by the genuine agent, so ACKNACKs are not compared.
+    publisher, subscriber = ("udp_big_drop15_pub", 0), ("udp_big_drop15_sub", 0)
+    lines = load(publisher[0], subscriber[0])
+    genuine, ours = recorded(lines), replayed(lines)
+    assert ours[publisher].streams[0x80] == genuine[publisher].streams[0x80]
+    assert ours[subscriber].streams[0] == genuine[subscriber].streams[0]
+    pieces = ours[subscriber].streams[0x80]
+    assert len(pieces) == 30
+    assert pieces == genuine[subscriber].streams[0x80][:30]
 
 
 @pytest.mark.parametrize("name", DISCOVERY)
