@@ -219,3 +219,15 @@ def test_samples_may_be_written_while_a_sample_is_delivered() -> None:
     pair.space.writer(LIGHT, Qos(), bytes(16)).write(b"x")
     assert echo.published == 1
     assert len(pair.settle()) == 1
+
+
+def test_nothing_piles_up_when_a_client_logs_in_again_and_again_with_a_full_stream() -> None:
+    pair = Pair()
+    pair.add_readers(1)
+    writer = pair.space.writer(LIGHT, Qos(), bytes(16))
+    for _ in range(5):
+        for number in range(20):
+            writer.write(bytes([number]))
+        pair.proxy.log_in_again(pair.proxy.info, 508, pair.now)
+        assert pair.proxy.session.next_event() is None
+        pair.proxy.pull()

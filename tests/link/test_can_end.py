@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from msbot.errors import LinkDown, LocalProtocolError, RemoteProtocolError
-from msbot.link import Peer
+from msbot.link import MOST_REASONS, OTHER_REASONS, LinkCounters, Peer
 from msbot.link.can_bus import BusState
 from msbot.link.can_end import Codec
 from msbot.link.can_frames import Frame
@@ -58,6 +58,14 @@ def test_bytes_that_no_packet_gives_are_counted_in_words() -> None:
         assert master.link.counters.dropped == {"no packet gives these bytes": 1}
 
     play(scene)
+
+
+def test_reasons_with_a_number_of_the_sender_in_them_do_not_fill_the_memory() -> None:
+    counters = LinkCounters()
+    for size in range(1000):
+        counters.drop(f"compressed message of {size} octets")
+    assert len(counters.dropped) == MOST_REASONS + 1
+    assert counters.dropped[OTHER_REASONS] == 1000 - MOST_REASONS
 
 
 def test_a_tap_sees_every_packet_both_ways() -> None:

@@ -14,8 +14,8 @@ from msbot.errors import ConfigError
 from msbot.link import Signal
 from msbot.link.can_bits import frame_bits
 from msbot.link.can_frames import FIRST, LAST, Frame
-from msbot.link.can_ids import CanIds
-from msbot.link.can_link import MASTER, NO_ADDRESS, CanMasterLink, CanPartLink
+from msbot.link.can_ids import Beacon, CanIds, beacon_frame
+from msbot.link.can_link import MASTER, MASTERS_TOLD, NO_ADDRESS, CanMasterLink, CanPartLink
 from msbot.link.can_nodes import MemoryNodeIds
 from msbot.link.simbus import SimBus
 from tests.link.can_robot import End, Robot, node_of, play
@@ -282,6 +282,20 @@ def test_a_second_master_refuses_to_start_and_names_the_other_robot(caplog: pyte
     with caplog.at_level(logging.WARNING):
         play(scene)
     assert "a second master (profile hash 00000bad) is on sim:500000" in caplog.text
+
+
+def test_invented_masters_fill_neither_the_memory_nor_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    async def scene(robot: Robot) -> None:
+        master = robot.master()
+        await asyncio.sleep(2.0)
+        for profile_hash in range(1000):
+            master.link.frame_received(beacon_frame(Beacon(0, 1, profile_hash), CanIds()), 2.0)
+        await asyncio.sleep(0.1)
+        assert master.error is None
+
+    with caplog.at_level(logging.WARNING):
+        play(scene)
+    assert caplog.text.count("a second master") == MASTERS_TOLD
 
 
 def test_a_part_of_another_robot_stays_silent() -> None:

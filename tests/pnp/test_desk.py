@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from msbot.part import plug
 from msbot.pnp import Binding, Configuration, Refusal, compat
-from msbot.pnp.desk import Desk
+from msbot.pnp.desk import MOST_REASONS, OTHER_REASONS, Desk
 from tests.pnp.robot import Rig, configuration, uid
 
 KEY = 0xAAAAAAAA
@@ -132,3 +132,14 @@ def test_any_octets_at_all_never_raise(body: bytes, explain: bool) -> None:
     counter = Counter(explain=explain)
     counter.desk.compact(body, KEY, counter.rig.now)
     counter.desk.compat(body.ljust(96, b"\0")[:96], KEY, counter.rig.now)
+
+
+def test_wrong_requests_of_all_sizes_are_counted_under_a_bounded_number_of_reasons() -> None:
+    counter = Counter()
+    for size in range(200, 1200):
+        assert counter.desk.compat(bytes(size), KEY, counter.rig.now) is None
+        request = size.to_bytes(4, "little") + bytes(92)
+        assert counter.desk.compat(request, KEY, counter.rig.now) is None
+    assert len(counter.desk.dropped) == MOST_REASONS + 1
+    assert sum(counter.desk.dropped.values()) == 2000
+    assert counter.desk.dropped[OTHER_REASONS] == 2000 - MOST_REASONS

@@ -163,6 +163,9 @@ class Proxy:
         self.info = info
         self.gone = None
         self.session.relogin(mtu)
+        while self.session.next_event() is not None:
+            # It tells which streams have room again; the server lets the samples go anyway, and nothing may pile up.
+            continue
         self.outbox.clear()
         self._opened_at = now
         self._probes = 0

@@ -54,6 +54,11 @@ class LinkInfo:
     """True when headers are shortened: request ids by rule, and a message for each sample, take least there."""
 
 
+MOST_REASONS = 64
+"""Different reasons that are counted; some have a number of the sender's in their words."""
+OTHER_REASONS = "(others)"
+
+
 @dataclass(slots=True)
 class LinkCounters:
     """What happened on a link since it was opened."""
@@ -66,7 +71,9 @@ class LinkCounters:
     """Packets or frames that were not delivered or not sent, by reason in words."""
 
     def drop(self, reason: str) -> None:
-        """Count one dropped packet or frame under its reason."""
+        """Count one dropped packet or frame under its reason, or under `(others)` when there are very many."""
+        if reason not in self.dropped and len(self.dropped) >= MOST_REASONS:
+            reason = OTHER_REASONS
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
 
@@ -144,6 +151,8 @@ from msbot.link.udp import UdpClientLink, UdpServerLink  # noqa: E402
 from msbot.link.virtual_time import VirtualTimeLoop, run_virtual  # noqa: E402
 
 __all__ = [
+    "MOST_REASONS",
+    "OTHER_REASONS",
     "BurstLink",
     "BusCounters",
     "BusState",

@@ -35,6 +35,8 @@ MASTER: Final = 0
 """A part's only peer."""
 NO_ADDRESS: Final = "data from a node without an address"
 TOO_MANY: Final = "no room for another joining frame"
+MASTERS_TOLD: Final = 8
+"""Other masters that are warned about; whoever invents more of them is not believed."""
 
 _log = logging.getLogger(__name__)
 
@@ -192,7 +194,7 @@ class CanMasterLink(CanEnd):
                     f"{event.profile_hash:08x}. A bus has one master: stop the other one or take another bus"
                 )
             )
-        elif event.profile_hash not in self._other_masters:
+        elif event.profile_hash not in self._other_masters and len(self._other_masters) < MASTERS_TOLD:
             self._other_masters.add(event.profile_hash)
             _log.warning("a second master (profile hash %08x) is on %s", event.profile_hash, self.info.name)
 

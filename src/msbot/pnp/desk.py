@@ -14,6 +14,10 @@ from msbot.pnp import compat
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.parts import Claim, Configuration, Verdict
 
+MOST_REASONS = 64
+"""Different reasons that are counted; some have a number of the sender's in their words."""
+OTHER_REASONS = "(others)"
+
 _log = logging.getLogger(__name__)
 
 
@@ -60,7 +64,9 @@ class Desk:
         return compat.encode_reply(claim.part_number) if verdict.lease else None
 
     def drop(self, reason: str) -> None:
-        """Count something that was not answered."""
+        """Count something that was not answered under its reason, or under `(others)` when there are very many."""
+        if reason not in self.dropped and len(self.dropped) >= MOST_REASONS:
+            reason = OTHER_REASONS
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
     def _answer_to(self, claim: Claim, client_key: int, now: float) -> bytes | None:
