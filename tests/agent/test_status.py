@@ -119,10 +119,10 @@ async def test_an_agent_can_do_without(
     folder.write_text("in the way")
     await StatusServer(Agent(MemorySpace()), what="agent", name="x", folder=folder).run()
 
-    async def refuse(*_: object, **__: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise OSError("no sockets left")
 
-    monkeypatch.setattr(asyncio, "start_server", refuse)
+    monkeypatch.setattr(socket, "create_server", refuse)
     await StatusServer(Agent(MemorySpace()), what="agent", name="x").run()
     said = [record.message for record in caplog.records if record.levelno == logging.WARNING]
     assert len(said) == 2

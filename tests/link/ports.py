@@ -18,19 +18,20 @@ class Board:
         self.address = address
         self._receiver = SerialReceiver(address)
         self._ours: int | None = None
+        self._wire = -1
 
     def plug(self) -> None:
         """The port appears."""
-        self._ours, port = os.openpty()
-        tty.setraw(port)
+        self._ours, self._wire = os.openpty()
+        tty.setraw(self._wire)
         os.set_blocking(self._ours, False)
-        os.symlink(os.ttyname(port), self.port)
-        os.close(port)
+        os.symlink(os.ttyname(self._wire), self.port)
 
     def pull(self) -> None:
         """The port vanishes."""
         if self._ours is not None:
             os.unlink(self.port)
+            os.close(self._wire)
             os.close(self._ours)
             self._ours = None
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import itertools
 import socket
 import struct
@@ -287,3 +288,13 @@ def test_peers_are_described_as_addresses() -> None:
     assert link.describe(("127.0.0.1", 5, 1)) == "127.0.0.1:5"
     assert link.describe(("::1", 5, 2)) == "[::1]:5"
     assert link.describe("who?") == "who?"
+
+
+async def test_ending_while_it_is_being_opened_leaves_nothing_behind() -> None:
+    for turns in range(8):
+        task = asyncio.create_task(TcpServerLink("127.0.0.1", 0).run())
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+    gc.collect()

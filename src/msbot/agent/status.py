@@ -11,6 +11,7 @@ import dataclasses
 import hmac
 import json
 import logging
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -55,23 +56,23 @@ class StatusServer:
     async def run(self) -> None:
         """Serve until cancelled. Where that is not possible a warning says so: an agent can do without."""
         try:
-            server = await asyncio.start_server(self._answer, "127.0.0.1", 0, limit=256)
-        except OSError as error:
+            with socket.create_server(("127.0.0.1", 0)) as listening:
+                await self._serve(listening)
+        except (OSError, ConfigError) as error:
             logger.warning("`msbot clients` will not show this process: %s", error)
-            return
-        try:
-            file = leave_word(self._folder, server.sockets[0].getsockname()[1])
-        except ConfigError as error:
-            server.close()
-            logger.warning("`msbot clients` will not show this process: %s", error)
-            return
+
+    async def _serve(self, listening: socket.socket) -> None:
         loop = asyncio.get_running_loop()
-        self._token, self._since, self.path = file.token.encode(), loop.time(), file.path
+        server = await asyncio.start_server(self._answer, sock=listening, limit=256)
         try:
-            await loop.create_future()
+            file = leave_word(self._folder, listening.getsockname()[1])
+            self._token, self._since, self.path = file.token.encode(), loop.time(), file.path
+            try:
+                await loop.create_future()
+            finally:
+                self.path = None
+                file.path.unlink(missing_ok=True)
         finally:
-            self.path = None
-            file.path.unlink(missing_ok=True)
             server.close()
 
     async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -18,6 +18,7 @@ COMMANDS = {
     "why": "Say in words why a part is, or is not, in the robot.",
     "bus": "Tools for a CAN bus: what frames cost and what they say.",
     "agent": "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint.",
+    "clients": "List the sessions of every agent and master that runs here.",
 }
 """Every command and its line in `msbot --help`; the module `msbot.cli.<name>` holds it as `command`."""
 

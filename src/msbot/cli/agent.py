@@ -1,54 +1,163 @@
-"""`msbot agent`: a DDS-XRCE agent for any client, without a robot."""
+"""`msbot agent`: a DDS-XRCE agent for any client; its options are those of eProsima's MicroXRCEAgent."""
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
-import logging
-import signal
+import ipaddress
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
 
 import click
 
-from msbot.agent import Agent
-from msbot.link import Link, Peer, Signal, UdpServerLink
-from msbot.space import MemorySpace
+from msbot.cli.serving import Wishes, discovery_for, serve
+from msbot.errors import ConfigError
+from msbot.link import Link, PtyServerLink, SerialServerLink, TcpServerLink, UdpServerLink
 
-LEVELS = {0: logging.CRITICAL, 1: logging.CRITICAL, 2: logging.ERROR, 3: logging.WARNING, 4: logging.INFO}
+DISCOVERY_PORT = 7400
+DEFAULT_VERBOSE = 4
+AUTO = "auto"
+
+LOCAL_ONLY = "for this computer only (--host {everywhere} serves boards in the network)"
+
+Command = Callable[..., None]
 
 
 @click.group("agent")
 def command() -> None:
     """Run a DDS-XRCE agent that serves every client: micro-ROS boards, eProsima programs, MsBOT parts.
 
-    Nothing is gated; what the clients create lives in this process' memory.
+    Nothing is gated; what the clients create lives in this process' memory. The options are those of MicroXRCEAgent.
     """
 
 
-@command.command("udp4")
-@click.option("-p", "--port", type=click.IntRange(0, 65535), required=True, help="UDP port to listen on.")
-@click.option(
-    "--host", default="127.0.0.1", show_default=True, help="Address to listen on; 0.0.0.0 for every interface."
+def common_options(function: Command) -> Command:
+    """What every kind of agent takes, handed over as `wishes`."""
+
+    @click.option("-m", "--middleware", type=click.Choice(["ced", "dds", "rtps"]), default="ced", show_default=True,
+                  help="Taken for the sake of start scripts; samples stay in memory with each of them.")  # fmt: skip
+    @click.option("-r", "--refs", metavar="FILE", type=click.Path(path_type=Path),
+                  help="Profiles (XML) for clients that create objects by reference.")  # fmt: skip
+    @click.option("-v", "--verbose", type=click.IntRange(0, 6), is_flag=False, flag_value=DEFAULT_VERBOSE,
+                  default=DEFAULT_VERBOSE, show_default=True,
+                  help="0 says nothing, 2 errors, 4 who comes and goes, 5 more, 6 every packet.")  # fmt: skip
+    @click.option("--dead-after", metavar="SECONDS", type=click.FloatRange(min=0.1), default=30.0, show_default=True,
+                  help="Silence after which a client is asked three times, and then removed.")  # fmt: skip
+    @wraps(function)
+    def wrapped(*, middleware: str, refs: Path | None, verbose: int, dead_after: float, **others: object) -> None:
+        function(wishes=Wishes(verbose, middleware, refs, dead_after), **others)
+
+    return wrapped
+
+
+def network_command(name: str, kind: type[UdpServerLink] | type[TcpServerLink], *, ip: int, doc: str) -> None:
+    """Add the command for a transport over IP."""
+    here, everywhere = ("127.0.0.1", "0.0.0.0") if ip == 4 else ("::1", "::")
+
+    @command.command(name, help=doc)
+    @click.option("-p", "--port", type=click.IntRange(0, 65535), required=True, help="Port to listen on; 0 = any.")
+    @click.option("--host", default=here, show_default=True,
+                  help=f"Address to listen on; {everywhere} for every interface.")  # fmt: skip
+    @click.option("-d", "--discovery", metavar="[PORT]", type=click.IntRange(1, 65535), is_flag=False,
+                  flag_value=DISCOVERY_PORT, help="Answer clients that look for an agent by multicast; on 7400 "
+                  "unless told otherwise.")  # fmt: skip
+    @common_options
+    def run(*, port: int, host: str, discovery: int | None, wishes: Wishes) -> None:
+        check_host(host, ip=ip, name=name)
+        where = discovery_for(host, discovery)
+        serve(kind(host, port), wishes, where, hint=LOCAL_ONLY.format(everywhere=everywhere) if host == here else "")
+
+
+def check_host(host: str, *, ip: int, name: str) -> None:
+    """Make sure that an address is one of the command's kind of IP; names may be either.
+
+    Raises:
+        ConfigError: it is one of the other.
+    """
+    try:
+        version = ipaddress.ip_address(host.partition("%")[0]).version
+    except ValueError:
+        return
+    if version != ip:
+        other = name.replace(str(ip), str(version))
+        raise ConfigError(f"--host {host} is an address of IPv{version}: use `msbot agent {other}`")
+
+
+network_command("udp4", UdpServerLink, ip=4, doc="Serve clients over UDP and IPv4.")
+network_command("udp6", UdpServerLink, ip=6, doc="Serve clients over UDP and IPv6.")
+network_command("tcp4", TcpServerLink, ip=4, doc="Serve clients over TCP and IPv4.")
+network_command("tcp6", TcpServerLink, ip=6, doc="Serve clients over TCP and IPv6.")
+
+baudrate_option = click.option(
+    "-b", "--baudrate", type=int, default=115_200, show_default=True, help="Bits per second."
 )
-@click.option("-v", "--verbose", type=click.IntRange(0, 6), default=4, show_default=True, help="How much to say.")
-def udp4(port: int, host: str, verbose: int) -> None:
-    """Serve clients over UDP and IPv4."""
-    logging.basicConfig(level=LEVELS.get(verbose, logging.DEBUG), format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(_main(UdpServerLink(host, port)))
 
 
-async def _main(link: UdpServerLink) -> None:
-    agent = Agent(MemorySpace())
-    agent.add_link(link)
-    agent.on_signal = _say
-    loop = asyncio.get_running_loop()
-    async with asyncio.TaskGroup() as tasks:
-        serving = tasks.create_task(agent.run())
-        for number in (signal.SIGINT, signal.SIGTERM):
-            with contextlib.suppress(NotImplementedError):
-                loop.add_signal_handler(number, serving.cancel)
+def port_options(function: Command) -> Command:
+    """What both serial commands take, handed over as `link`."""
+
+    @click.option("-D", "--dev", "--devs", "ports", metavar="PORT", multiple=True,
+                  help=f"Serial port, for example /dev/ttyUSB0; {AUTO} = every USB serial port.")  # fmt: skip
+    @click.option("-f", "--file", "list_file", metavar="FILE", type=click.Path(path_type=Path),
+                  help="A file with the ports' names, one in a line, in place of --dev.")  # fmt: skip
+    @click.option("-fc", "--flow-control", is_flag=True, help="Use the wires RTS and CTS.")
+    @baudrate_option
+    @wraps(function)
+    def wrapped(
+        *, ports: tuple[str, ...], list_file: Path | None, flow_control: bool, baudrate: int, **others: object
+    ) -> None:
+        names = port_names(ports, list_file)
+        function(ports=names, link=serial_link(names, baudrate, flow_control=flow_control), **others)
+
+    return wrapped
 
 
-def _say(link: Link, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:  # noqa: ARG001 - a handler's signature
-    if signal is Signal.LINK_UP:
-        click.echo(f"agent on {link.info.name}; Ctrl-C ends it")
+def serial_link(names: list[str], baudrate: int, *, flow_control: bool) -> Link:
+    """The link for ports by name."""
+    return SerialServerLink([] if names == [AUTO] else names, baudrate=baudrate, flow_control=flow_control)
+
+
+def port_names(ports: tuple[str, ...], list_file: Path | None) -> list[str]:
+    """The ports that were named, on the command line or in a file.
+
+    Raises:
+        ConfigError: there are none, or both were given, or the file cannot be read.
+    """
+    if bool(ports) == bool(list_file):
+        raise ConfigError(f"name the serial ports with --dev or in a --file, one of the two; --dev {AUTO} takes all")
+    text = " ".join(ports)
+    if list_file is not None:
+        try:
+            text = list_file.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigError(f"cannot read the names of serial ports in {list_file}: {error}") from error
+    names = text.replace(",", " ").split()
+    if not names:
+        raise ConfigError("no serial port is named: `ls /dev/serial/by-id` shows what is plugged in")
+    return names
+
+
+@command.command("serial")
+@port_options
+@common_options
+def serial(*, ports: list[str], link: Link, wishes: Wishes) -> None:
+    """Serve the clients on one serial port, whenever it is plugged in (or on all, with --dev auto)."""
+    if len(ports) > 1:
+        raise ConfigError(f"{len(ports)} serial ports are named: use `msbot agent multiserial`")
+    serve(link, wishes)
+
+
+@command.command("multiserial")
+@port_options
+@common_options
+def multiserial(*, ports: list[str], link: Link, wishes: Wishes) -> None:  # noqa: ARG001 - any number of ports is right
+    """Serve the clients on several serial ports, whenever they are plugged in."""
+    serve(link, wishes)
+
+
+@command.command("pseudoterminal")
+@click.option("-D", "--dev", "path", metavar="NAME", help="A name for the terminal, besides the one the system gives.")
+@baudrate_option
+@common_options
+def pseudoterminal(*, path: str | None, baudrate: int, wishes: Wishes) -> None:  # noqa: ARG001 - nothing slows it down
+    """Serve clients on this computer that want a serial port: makes a pseudo terminal and prints its path."""
+    serve(PtyServerLink(path), wishes)

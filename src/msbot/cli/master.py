@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from msbot.agent import StatusServer
 from msbot.cli.options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside, db_option
 from msbot.cli.running import run_until_signal
 from msbot.config import Blueprint, Library, load_blueprint, load_library
@@ -52,7 +53,8 @@ async def _main(blueprint: Blueprint, library: Library, links: list[Link], db: s
         def greet() -> None:
             click.echo(f"{profile.name} {profile.version} is up on {where}; database {db}. Ctrl-C ends it.")
 
-        await run_until_signal(master.run(), ready=master.ready, say=greet)
+        status = StatusServer(master.agent, what="master", name=f"{profile.name} {profile.version}")
+        await run_until_signal(master.run(), beside=[status.run()], ready=master.ready, say=greet)
 
 
 def _say(event: PartEvent) -> None:

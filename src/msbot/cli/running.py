@@ -5,19 +5,20 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterable
 
 from msbot.errors import MsbotError
-from msbot.master import first_error
 
 
 async def run_until_signal(
-    work: Coroutine[object, object, None], *, ready: asyncio.Event | None = None, say: Callable[[], None] | None = None
-) -> None:
+    work: Coroutine[object, object, None], *, beside: Iterable[Coroutine[object, object, None]] = (),
+    ready: asyncio.Event | None = None, say: Callable[[], None] | None = None,
+) -> None:  # fmt: skip
     """Run until the work ends or SIGINT or SIGTERM comes, which is a clean end.
 
     Args:
         work: what to run.
+        beside: what else runs as long as the work does.
         ready: set by the work when it is up.
         say: called then.
 
@@ -28,6 +29,8 @@ async def run_until_signal(
     try:
         async with asyncio.TaskGroup() as tasks:
             working = tasks.create_task(work)
+            helpers = [tasks.create_task(helping) for helping in beside]
+            working.add_done_callback(lambda _: [helper.cancel() for helper in helpers])
             for number in (signal.SIGINT, signal.SIGTERM):
                 with contextlib.suppress(NotImplementedError):
                     loop.add_signal_handler(number, working.cancel)
@@ -35,6 +38,8 @@ async def run_until_signal(
                 greeting = tasks.create_task(_say_when(ready, say))
                 working.add_done_callback(lambda _: greeting.cancel())
     except* MsbotError as errors:
+        from msbot.master import first_error  # here, because an agent starts without all that a master needs
+
         raise first_error(errors) from None
 
 

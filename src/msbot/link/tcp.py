@@ -131,15 +131,17 @@ class TcpServerLink(StreamLink):
         """
         loop = asyncio.get_running_loop()
         self._listening = await self._listen(loop)
-        server = await loop.create_server(lambda: TcpStream(self), sock=self._listening)
-        self._tell(Signal.LINK_UP, None, "opened")
-        try:
-            await loop.create_future()
-        finally:
-            server.close()
-            self._listening = None
-            await self._close(self._streams.values())
-            self._tell(Signal.LINK_DOWN, None, "closed")
+        # The socket is closed here, too: asyncio forgets it when this is cancelled while the server starts.
+        with self._listening:
+            server = await loop.create_server(lambda: TcpStream(self), sock=self._listening)
+            self._tell(Signal.LINK_UP, None, "opened")
+            try:
+                await loop.create_future()
+            finally:
+                server.close()
+                self._listening = None
+                await self._close(self._streams.values())
+                self._tell(Signal.LINK_DOWN, None, "closed")
 
     def stream_opened(self, stream: TcpStream, address: Address) -> None:
         """A connection stands, unless there are too many already."""
