@@ -102,6 +102,22 @@ def test_a_silent_agent_is_pinged_and_an_answer_keeps_the_session() -> None:
     play(scenario)
 
 
+def test_an_agent_that_acknowledges_is_not_pinged() -> None:
+    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+        await open_session(link)
+        for _ in range(5):
+            await asyncio.sleep(1.9)
+            link.receive("810000000a0105000000000080")
+        assert link.take() == []
+        # What belongs to another session is no sign of life.
+        await asyncio.sleep(1.0)
+        link.receive("820000000a0105000000000080")
+        await asyncio.sleep(1.0)
+        assert link.take() == [PING]
+
+    play(scenario)
+
+
 def test_a_dead_agent_is_noticed_and_the_next_session_has_another_id() -> None:
     async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)

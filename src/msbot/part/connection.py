@@ -237,6 +237,9 @@ class Connection:
             self.counters.dropped += 1
             _log.debug("client %08X dropped a packet: %s", self.key, error)
             return
+        if self.session.last_heard == now:
+            # Also an ACKNACK or a HEARTBEAT: an agent that does not know the session answers nothing but pings.
+            self._watch.heard(now)
         self._take_events(now)
         self._turn.book()
 
@@ -255,7 +258,6 @@ class Connection:
                 case SessionClosed():
                     self._close_at = now
                 case _:
-                    self._watch.heard(now)
                     self._hooks.event_received(event, now)
             self.news.tell()
 
@@ -267,9 +269,7 @@ class Connection:
 
     def _pong_received(self, pong: Pong, now: float) -> None:
         self._pong = PingAnswer(pong.round_trip_s, pong.agent_knows_us)
-        if pong.agent_knows_us:
-            self._watch.heard(now)
-        elif self.state is ConnectionState.CONNECTED:
+        if not pong.agent_knows_us and self.state is ConnectionState.CONNECTED:
             self.lose("the agent does not know this session any more", now)
 
     def _connect_failed(self, status: int | None, now: float) -> None:
