@@ -17,6 +17,7 @@ class Board:
         self.port = str(port)
         self.address = address
         self._receiver = SerialReceiver(address)
+        self._heard: list[bytes] = []
         self._ours: int | None = None
         self._wire = -1
 
@@ -47,11 +48,9 @@ class Board:
     async def hear(self) -> bytes:
         """The next packet for the board."""
         assert self._ours is not None
-        while True:
-            came = self._receiver.receive(await readable(self._ours))
-            if came:
-                ((_, packet),) = came
-                return packet
+        while not self._heard:
+            self._heard += [packet for _, packet in self._receiver.receive(await readable(self._ours))]
+        return self._heard.pop(0)
 
     async def read(self) -> bytes:
         """The next octets, whatever they are."""
