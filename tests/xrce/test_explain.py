@@ -105,3 +105,15 @@ def test_everything_recorded_has_words(name: str) -> None:
 @given(st.binary(max_size=80))
 def test_any_octets_have_words(octets: bytes) -> None:
     assert explain(octets)
+
+
+def test_notes_stand_below_their_submessage() -> None:
+    packet = bytes.fromhex("81010200" "07010800 000b0015 01020304" "07010800 000c0025 05060708")
+    lines = explain(packet, lambda header, submessage: [f"{header.sequence_nr}: {type(submessage).__name__}"])
+    assert [line.partition(",")[0] for line in lines] == [
+        "session 0x81",
+        "WRITE_DATA to datawriter 0x0015",
+        "2: WriteData",
+        "WRITE_DATA to datawriter 0x0025",
+        "2: WriteData",
+    ]

@@ -33,3 +33,16 @@ def cost(frames: tuple[str, ...], bitrate: int, data_bitrate: int, *, as_json: b
     from msbot.cli.bus_cost import cost_json, cost_table
 
     click.echo(cost_json(frames) if as_json else cost_table(frames, bitrate, data_bitrate))
+
+
+@command.command("decode")
+@click.argument("log", default="-")
+def decode(log: str) -> None:
+    """Show every frame of LOG with what it says: segment, DDS-XRCE message, fields, the sample in it.
+
+    LOG is a file of `candump -l` or `msbot demo --log`; without it, what candump shows is read from standard input:
+    candump can0 | msbot bus decode. Files ending in .asc, .blf or .trc are read by python-can.
+    """
+    from msbot.cli.bus_decode import complain, decode_log
+
+    decode_log(log, click.echo, complain)

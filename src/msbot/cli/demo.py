@@ -9,7 +9,8 @@ import re
 import signal
 import sys
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -17,6 +18,7 @@ from random import Random
 import click
 
 from msbot.cli.demo_json import as_json
+from msbot.cli.frame_log import FrameLog
 from msbot.cli.keys import Keys
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
@@ -70,6 +72,7 @@ class _Options:
     seconds: float | None
     script: list[ScriptStep]
     json: bool
+    log: Path | None
     seed: int | None
 
 
@@ -84,19 +87,25 @@ class _Options:
 @click.option("--seconds", type=click.FloatRange(min=0.1), help="End by itself after that time.")
 @click.option("--script", type=ScriptType(), default="", help='Pull and plug parts on time: "3:unplug AA;12:plug AA".')
 @click.option("--json", "as_json_object", is_flag=True, help="Print one JSON object at the end and nothing else.")
+@click.option("--log", type=click.Path(path_type=Path, dir_okay=False),
+              help="Write every frame on the CAN bus to this file, as candump does.")  # fmt: skip
 @click.option("--seed", type=int, help="Draw the same random values every time.")
 @click.option(
     "--db", type=click.Path(path_type=Path), help="Keep the robot's database in this file (else it is forgotten)."
 )
 def command(
     *, wire: str, bitrate: int, data_bitrate: int, no_compression: bool, seconds: float | None,
-    script: list[ScriptStep], as_json_object: bool, seed: int | None, db: Path | None,
+    script: list[ScriptStep], as_json_object: bool, log: Path | None, seed: int | None, db: Path | None,
 ) -> None:  # fmt: skip
     """Run the sample robot on this machine: a master and the parts AA, BB and CC in a ring.
 
     In a terminal the keys a, b and c pull a part out and plug it in again, q ends the robot.
     """
-    options = _Options(Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, seed)
+    options = _Options(
+        Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, log, seed
+    )
+    if log is not None and options.wire is Wire.UDP:
+        raise click.UsageError("--log writes the frames of a CAN bus: leave --link udp out")
     if as_json_object and seconds is None:
         raise click.UsageError("--json prints at the end: say when with --seconds N")
     with tempfile.TemporaryDirectory(prefix="msbot-demo-") as folder, contextlib.suppress(KeyboardInterrupt):
@@ -121,7 +130,22 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
             random=None if options.seed is None else Random(options.seed),
         )
         _check_script(options.script, robot)
-        await _run(robot, options)
+        with _logging(robot, options.log):
+            await _run(robot, options)
+
+
+@contextlib.contextmanager
+def _logging(robot: DemoRobot, path: Path | None) -> Iterator[None]:
+    if path is None:
+        yield
+        return
+    try:
+        stream = path.open("w", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot write the log {path}: {error.strerror}") from None
+    with stream:
+        robot.on_frame(FrameLog(stream, "sim0", epoch_s=time.time() - asyncio.get_running_loop().time()).tap)
+        yield
 
 
 def _check_script(script: list[ScriptStep], robot: DemoRobot) -> None:

@@ -4,6 +4,7 @@ from msbot.pnp.access import RESERVED_TOPICS, Access
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.life import TRANSITIONS
 from msbot.pnp.matching import Match, Matcher
+from msbot.pnp.overhear import Overhearer
 from msbot.pnp.parts import (
     FAST_TIMING,
     THESIS_TIMING,
@@ -44,6 +45,7 @@ __all__ = [
     "Match",
     "Matcher",
     "MemoryStore",
+    "Overhearer",
     "PartEvent",
     "PartInfo",
     "PartState",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import UTC, datetime
 
 from msbot.errors import RemoteProtocolError
@@ -60,15 +61,23 @@ _KIND_WORDS = {int(kind): kind.name.lower() for kind in ObjectKind}
 _HEADERLESS_ANSWER = 12
 
 
-def explain(packet: bytes) -> list[str]:
-    """The message in words: one line for its header, one for each submessage, one for what could not be read."""
+def explain(packet: bytes, notes: Callable[[Header, Submessage], list[str]] | None = None) -> list[str]:
+    """The message in words: one line for its header, one for each submessage, one for what could not be read.
+
+    Args:
+        packet: the octets.
+        notes: what somebody who knows more has to add to a submessage; lines that are shown below it.
+    """
     try:
         header = decode_header(packet)
     except RemoteProtocolError as error:
         return [f"not a message: {error}"]
     lines = [header_words(header)]
     try:
-        lines += [submessage_words(submessage) for submessage in iter_submessages(packet, header.size)]
+        for submessage in iter_submessages(packet, header.size):
+            lines.append(submessage_words(submessage))
+            if notes is not None:
+                lines += notes(header, submessage)
     except RemoteProtocolError as error:
         if header.size == 4 and len(packet) == _HEADERLESS_ANSWER and not any(packet[6:]):
             lines.append("a C client's answer to GET_INFO, which has no submessage header")
