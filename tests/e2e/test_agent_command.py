@@ -16,7 +16,7 @@ import pytest
 
 from msbot.agent import DISCOVERY_GROUP
 from msbot.link import Link, SerialClientLink, open_link
-from msbot.part import Client, find_agents
+from msbot.part import Client, ConnectionState, find_agents
 from tests.agent.replay import load
 from tests.e2e.processes import Process, run, running
 from tests.link.ports import Board
@@ -158,6 +158,23 @@ async def test_a_genuine_client_finds_its_objects_after_its_connection_broke(
             writer.close()
             await asyncio.to_thread(agent.wait_for, "is gone: connection closed")
     assert statuses == [[0x00], [0x82]], "the second time it exists already"
+
+
+@pytest.mark.parametrize(("transport", "kind"), [("udp4", "udp"), ("tcp4", "tcp")])
+async def test_our_client_comes_back_after_the_agent_was_killed(
+    tmp_path: Path, place: dict[str, str], transport: str, kind: str
+) -> None:
+    with running("agent", transport, "-p", "0", cwd=tmp_path, env=place) as first:
+        port = await asyncio.to_thread(port_of, first)
+        async with connected(open_link(f"{kind}:127.0.0.1:{port}")) as client:
+            states: asyncio.Queue[ConnectionState] = asyncio.Queue()
+            client.on_state = lambda state, reason: states.put_nowait(state)
+            await asyncio.to_thread(first.end, signal.SIGKILL)
+            async with asyncio.timeout(20):
+                assert await states.get() is ConnectionState.LOST
+                with running("agent", transport, "-p", str(port), cwd=tmp_path, env=place):
+                    assert await states.get() is ConnectionState.CONNECTED
+                    await hear_oneself(client)
 
 
 async def test_an_agent_is_found_by_multicast(tmp_path: Path, place: dict[str, str]) -> None:

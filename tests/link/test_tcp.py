@@ -232,6 +232,20 @@ async def test_a_client_waits_for_its_server_and_comes_back_after_it_was_restart
         await asyncio.gather(task, return_exceptions=True)
 
 
+async def test_a_connection_of_a_client_with_itself_is_none() -> None:
+    with socket.socket() as both:
+        both.bind(("127.0.0.1", 0))
+        both.connect(both.getsockname())
+        both.setblocking(False)
+        client = TcpClientLink(*both.getsockname())
+        end = End(client)
+        loop = asyncio.get_running_loop()
+        _, stream = await loop.create_connection(lambda: TcpStream(client, client.remote), sock=both)
+        await asyncio.wait([stream.closed])
+        assert end.signals.empty()
+        assert not client.has_room(client.remote)
+
+
 async def test_a_client_that_ends_says_so() -> None:
     server = TcpServerLink("127.0.0.1", 0)
     async with running(server):

@@ -221,8 +221,15 @@ class TcpClientLink(StreamLink):
             if was_open:
                 self._tell(Signal.LINK_DOWN, self.remote, "closed")
 
-    def stream_opened(self, stream: TcpStream, address: Address) -> None:  # noqa: ARG002 - it is called `remote`
-        """The connection stands."""
+    def stream_opened(self, stream: TcpStream, address: Address) -> None:
+        """The connection stands, unless it is with itself.
+
+        That happens (RFC 9293 3.5, figure 7) when the system gives an attempt the very port that it asks for.
+        """
+        assert stream.transport is not None
+        if stream.transport.get_extra_info("sockname") == address:
+            stream.abort()
+            return
         self._streams[self.remote] = stream
         self._tell(Signal.LINK_UP, self.remote, "connected")
 
