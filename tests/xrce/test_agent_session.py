@@ -218,6 +218,50 @@ def test_early_message_waits_for_the_one_before() -> None:
     assert bench.feed(head(0x80, 0) + create(12, 0x31)) == [acknack(2)], "a repetition has no second effect"
 
 
+def measured() -> Bench:
+    """A session that has measured a round trip of 1 ms, and expects message 1."""
+    bench = Bench()
+    bench.feed(head(0x80, 0) + create(10))
+    bench.now = 0.001
+    assert bench.feed(acknack(1)) == []
+    return bench
+
+
+def test_a_gap_is_reported_again_ever_more_seldom_and_not_for_ever() -> None:
+    bench = measured()
+    report = acknack(1, 0b1)
+    assert bench.feed(head(0x80, 2) + create(12)) == [report]
+    for at in (0.005, 0.015, 0.035, 0.075, 0.155):
+        assert bench.wait(0.001 + at - 0.0005 - bench.now) == []
+        assert bench.wait(0.001) == [report]
+    assert bench.wait(10.0) == [report] * 3
+    assert bench.session.timer() is None
+    assert bench.feed(heartbeat(1, 2)) == [report]
+    assert bench.wait(0.006) == [report], "the peer is there: it begins anew"
+    answers = bench.feed(head(0x80, 1) + create(11, 0x21))
+    assert answers == [status(0x80, 1, 11, 0x21), status(0x80, 2, 12), acknack(3)]
+    assert bench.feed(acknack(3)) == []
+    assert bench.wait(10.0) == []
+
+
+def test_a_gap_is_reported_once_while_the_round_trip_is_not_known() -> None:
+    bench = Bench()
+    assert bench.feed(head(0x80, 1) + create(10)) == [acknack(0, 0b1)]
+    assert bench.session.timer() is None
+
+
+def test_a_report_that_the_link_has_not_taken_is_not_repeated() -> None:
+    bench = measured()
+    bench.session.receive_packet(bytes.fromhex(head(0x80, 2) + create(12)), bench.now)
+    assert bench.session.next_event() is None
+    assert bench.session.timer() is None
+    bench.session.handle_timer(bench.now + 1.0)
+    assert bench.pull() == [acknack(1, 0b1)]
+    assert bench.session.timer() is not None
+    bench.session.reset()
+    assert bench.session.timer() is None
+
+
 def test_window_of_16_and_heartbeats_about_it() -> None:
     bench = Bench()
     bench.feed(head(0x80, 0) + create(10), head(0x80, 1) + create(11))

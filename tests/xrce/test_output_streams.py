@@ -14,6 +14,7 @@ from msbot.xrce.output_streams import (
     BestEffortOutput,
     ReliableOutput,
 )
+from msbot.xrce.round_trip import RoundTrip
 
 
 class Rig:
@@ -22,14 +23,16 @@ class Rig:
     def __init__(self, *, window: int = 4, mtu: int = 24) -> None:
         self.counters = SessionCounters()
         self.outbox = Outbox(8, self.counters)
+        self.round_trip = RoundTrip()
+        envelope = Envelope(0x81, 1, mtu, pads=False)
         self.stream = ReliableOutput(
-            0x80, Envelope(0x81, 1, mtu, pads=False), self.outbox, self.counters, window=window
+            0x80, envelope, self.outbox, self.counters, window=window, round_trip=self.round_trip
         )
 
     def pull(self, now: float = 0.0) -> list[int]:
         """Let the link take everything; the sequence numbers."""
         packets = self.stream.pull_missed(now) + self.outbox.pull()
-        self.stream.rest(now, 0.2)
+        self.stream.rest(now, 0.2, 0.005)
         return [packet[2] | packet[3] << 8 for packet in packets]
 
     def send(self, count: int) -> None:
@@ -124,7 +127,7 @@ def test_one_loss_reported_by_many_acknacks_is_sent_again_once() -> None:
     rig.send(1)
     rig.pull(0.0)
     rig.stream.acknowledge(1, 0, 0.010)
-    assert rig.stream.round_trip_s == pytest.approx(0.010)
+    assert rig.round_trip.smoothed_s == pytest.approx(0.010)
     rig.send(5)
     assert rig.pull(1.0) == [1, 2, 3, 4, 5]
     resent: list[int] = []
@@ -176,10 +179,10 @@ def test_a_heartbeat_is_due_one_period_after_the_link_took_the_last_message() ->
     heartbeat = rig.stream.heartbeat(1.2)
     assert (heartbeat.first, heartbeat.last, heartbeat.stream_id) == (0, 1, 0x80)
     assert rig.stream.heartbeat_at is None
-    rig.stream.rest(1.3, 0.2)
+    rig.stream.rest(1.3, 0.2, 0.005)
     assert rig.stream.heartbeat_at == 1.5
     rig.stream.acknowledge(2, 0, 1.35)
-    rig.stream.rest(1.35, 0.2)
+    rig.stream.rest(1.35, 0.2, 0.005)
     assert rig.stream.heartbeat_at is None
 
 
@@ -188,7 +191,7 @@ def test_progress_puts_the_heartbeat_off() -> None:
     rig.send(2)
     rig.pull(0.0)
     rig.stream.acknowledge(1, 0, 0.15)
-    rig.stream.rest(0.15, 0.2)
+    rig.stream.rest(0.15, 0.2, 0.005)
     assert rig.stream.heartbeat_at == pytest.approx(0.35)
 
 
@@ -212,18 +215,43 @@ def test_a_busy_peer_puts_the_heartbeat_off_by_five_periods_at_most() -> None:
     assert rig.stream.heartbeat_at == 201.0
 
 
+def test_after_a_loss_the_heartbeat_comes_sooner_and_then_ever_later() -> None:
+    rig = Rig(window=16)
+    rig.send(1)
+    rig.pull(0.0)
+    rig.stream.acknowledge(1, 0, 0.001)
+    rig.send(3)
+    rig.pull(1.0)
+    assert rig.stream.heartbeat_at == 1.2
+    rig.stream.acknowledge(1, 0b1, 1.001)
+    assert rig.pull(1.001) == [1]
+    due = []
+    for _ in range(7):
+        at = rig.stream.heartbeat_at
+        assert at is not None
+        due.append(at)
+        rig.stream.heartbeat(at)
+        rig.pull(at)
+    waits = [later - sooner for sooner, later in zip([1.001, *due], due, strict=False)]
+    assert waits == pytest.approx([0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.2])
+    rig.stream.acknowledge(2, 0, 3.0)
+    rig.pull(3.0)
+    assert rig.stream.heartbeat_at is not None
+    assert rig.stream.heartbeat_at < 3.2, "the answer shows that the peer is there"
+
+
 def test_round_trips_are_smoothed_and_not_measured_on_repetitions() -> None:
     rig = Rig(window=16)
     for at, took in ((0.0, 0.08), (1.0, 0.16)):
         rig.send(1)
         rig.pull(at)
         rig.stream.acknowledge(int(at) + 1, 0, at + took)
-    assert rig.stream.round_trip_s == pytest.approx(0.09)
+    assert rig.round_trip.smoothed_s == pytest.approx(0.09)
     rig.send(2)
     rig.pull(2.0)
     rig.stream.acknowledge(2, 0b1, 3.0)
     rig.stream.acknowledge(4, 0, 3.1)
-    assert rig.stream.round_trip_s == pytest.approx(0.09)
+    assert rig.round_trip.smoothed_s == pytest.approx(0.09)
 
 
 def test_large_submessages_are_cut_as_the_window_moves() -> None:

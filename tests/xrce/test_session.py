@@ -129,6 +129,24 @@ def test_a_lost_message_is_repaired_in_about_two_round_trips_while_others_follow
     assert pair.now - begun < 0.0045
 
 
+def test_where_messages_get_lost_the_last_of_a_burst_is_repaired_in_milliseconds() -> None:
+    pair = Pair(latency_s=0.0005)
+    exchange(pair, [b"measured"], step_s=0.01)
+    pair.loss = 1.0
+    pair.client.write(WRITER, b"shows that", 0x80)
+    assert pair.agent.send_data(0x1D, READER, b"shows that", 0x80)
+    pair.run(0.0)
+    pair.heal()
+    exchange(pair, [b"this link loses messages"], step_s=0.01)
+    pair.loss = 1.0
+    pair.client.write(WRITER, b"last", 0x80)
+    assert pair.agent.send_data(0x1D, READER, b"last", 0x80)
+    pair.run(0.0)
+    pair.heal()
+    pair.run(0.02)
+    assert written(pair)[-1] == received(pair)[-1] == b"last"
+
+
 def test_resending_stays_in_proportion_to_the_loss() -> None:
     pair = Pair(seed=3)
     pair.loss = 0.1

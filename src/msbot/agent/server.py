@@ -73,6 +73,7 @@ class Agent:
         self._session_settings = AgentSessionSettings(
             window=self._settings.window,
             heartbeat_s=self._settings.heartbeat_s,
+            heartbeat_min_s=self._settings.heartbeat_min_s,
             max_message=self._settings.max_message,
             queue_limit=self._settings.max_burst,
         )

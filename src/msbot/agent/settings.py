@@ -20,6 +20,8 @@ class AgentSettings:
 
     heartbeat_s: float = 0.2
     """Period of HEARTBEAT while reliable messages are unacknowledged."""
+    heartbeat_min_s: float = 0.005
+    """The same at least where messages get lost: there the period follows the round trip. Not on shared buses."""
     window: int = 16
     """Unacknowledged messages a reliable stream may have (the bitmap of ACKNACK has 16 bits)."""
     dead_after_s: float = 30.0

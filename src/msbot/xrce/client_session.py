@@ -255,14 +255,14 @@ class ClientSession(Session[ClientEvent]):
 
     def timer(self) -> float | None:
         """When to call `handle_timer`; changes with every other call."""
-        due, retry_at = self._sender.timer(), self._retries.next_at
+        due, retry_at = super().timer(), self._retries.next_at
         if due is None or retry_at is None:
             return retry_at if due is None else due
         return min(due, retry_at)
 
     def handle_timer(self, now: float) -> None:
         """Book what is due by now; afterwards call `next_event` until it returns None."""
-        self._sender.handle_timer(now)
+        super().handle_timer(now)
         if self._retries.next_at is None or now < self._retries.next_at:
             return
         if not self._retries.take(now):

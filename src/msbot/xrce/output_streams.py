@@ -21,14 +21,13 @@ from msbot.xrce.counters import SessionCounters
 from msbot.xrce.envelope import Envelope, append_submessage
 from msbot.xrce.messages import Fragment, Heartbeat
 from msbot.xrce.outbox import Lane, Outbox
+from msbot.xrce.round_trip import RoundTrip
 from msbot.xrce.sequence import NOTHING_YET
 from msbot.xrce.stream_state import StreamState, last_number
 from msbot.xrce.submessage import HEADER_SIZE
 
 GUARD_MIN_S = 0.001
 """A message is not sent again twice within this time for ACKNACKs of the same gap."""
-PATIENCE_MAX = 5
-"""A HEARTBEAT waits at most that many periods, however long the round trip was."""
 
 QUEUE_FULL = "best-effort message: queue full, oldest dropped"
 TOO_LARGE = "unacknowledged message larger than the MTU"
@@ -97,29 +96,29 @@ class ReliableOutput:
         "_next",
         "_outbox",
         "_resent_at",
+        "_round_trip",
         "_timed",
         "_timed_at",
         "_unacked",
+        "_unanswered",
         "_waiting",
         "_waiting_large",
         "_window",
         "heartbeat_at",
         "missed",
         "refused",
-        "round_trip_s",
         "stream_id",
     )
 
     def __init__(
-        self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters, *, window: int
-    ) -> None:
+        self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters, *,
+        window: int, round_trip: RoundTrip,
+    ) -> None:  # fmt: skip
         self.stream_id = stream_id
         self.heartbeat_at: float | None = None
         """When a HEARTBEAT is due; None while nothing is unacknowledged or messages wait for the link."""
         self.refused = False
         """Whether somebody was told that there is no room, and wants to hear when there is."""
-        self.round_trip_s: float | None = None
-        """Smoothed time from the link's pull to the acknowledgement; None before the first."""
         self.missed: deque[int] = deque()
         """Numbers of the messages to be sent again."""
         self._envelope = envelope
@@ -127,6 +126,8 @@ class ReliableOutput:
         self._outbox = outbox
         self._counters = counters
         self._window = window
+        self._round_trip = round_trip
+        self._unanswered = 0  # HEARTBEATs since the last ACKNACK
         self._waiting: deque[bytes] = deque()
         self._unacked: dict[int, bytes] = {}
         self._resent_at: dict[int, float] = {}
@@ -206,6 +207,7 @@ class ReliableOutput:
         if progress > len(self._unacked):
             self._counters.drop(STALE_ACKNACK)
             return False
+        self._unanswered = 0
         if progress:
             self._forget(progress, now)
             self.advance()
@@ -226,7 +228,7 @@ class ReliableOutput:
         self._moved = self._moved or bool(packets)
         return packets
 
-    def rest(self, now: float, heartbeat_s: float) -> None:
+    def rest(self, now: float, heartbeat_s: float, heartbeat_min_s: float) -> None:
         """Note that the link has pulled everything: the wait for an acknowledgement begins."""
         if not self._moved:
             return
@@ -234,7 +236,7 @@ class ReliableOutput:
         if not self._unacked:
             self.heartbeat_at = None
             return
-        self.heartbeat_at = now + self._patience(heartbeat_s)
+        self.heartbeat_at = now + self._round_trip.patience_s(now, heartbeat_s, heartbeat_min_s, self._unanswered)
         if self._timed is None:
             self._timed = (self._next - 1) & 0xFFFF
             self._timed_at = now
@@ -242,6 +244,7 @@ class ReliableOutput:
     def heartbeat(self, now: float) -> Heartbeat:
         """The HEARTBEAT to be sent now; it tells the first and the last unacknowledged message."""
         self._heartbeat_sent_at = now
+        self._unanswered += 1
         self.heartbeat_at = None
         self._moved = True
         return Heartbeat(self._first, (self._next - 1) & 0xFFFF, self.stream_id)
@@ -276,14 +279,10 @@ class ReliableOutput:
             first = (first + 1) & 0xFFFF
         self._first = first
         if self._timed is not None and self._timed not in self._unacked:
-            self._measure(now - self._timed_at)
+            self._round_trip.measure(now - self._timed_at)
             self._timed = None
         self.heartbeat_at = None
         self._moved = True
-
-    def _measure(self, sample_s: float) -> None:
-        known = self.round_trip_s
-        self.round_trip_s = sample_s if known is None else known + (sample_s - known) / 8
 
     def _note_missed(self, first: int, bitmap: int, now: float) -> None:
         for index in range(bitmap.bit_length()):
@@ -291,6 +290,7 @@ class ReliableOutput:
             if bitmap >> index & 1 and nr in self._unacked and self._may_resend(nr, now):
                 self.missed.append(nr)
                 self._timed = None
+                self._round_trip.note_loss(now)
 
     def _may_resend(self, nr: int, now: float) -> bool:
         if nr in self.missed or (len(self._outbox) and self._outbox.holds(self._unacked[nr])):
@@ -300,8 +300,5 @@ class ReliableOutput:
 
     def _guard(self) -> float:
         # Before the first measurement only a HEARTBEAT may ask again.
-        return float("inf") if self.round_trip_s is None else max(2 * self.round_trip_s, GUARD_MIN_S)
-
-    def _patience(self, heartbeat_s: float) -> float:
-        # On a slow link the answer may still be on its way; but a client that was busy for long must not silence us.
-        return min(max(heartbeat_s, 2 * (self.round_trip_s or 0.0)), PATIENCE_MAX * heartbeat_s)
+        round_trip_s = self._round_trip.smoothed_s
+        return float("inf") if round_trip_s is None else max(2 * round_trip_s, GUARD_MIN_S)

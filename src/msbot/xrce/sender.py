@@ -16,6 +16,7 @@ from msbot.xrce.ids import STREAM_BEST_EFFORT, STREAM_NONE, STREAM_RELIABLE
 from msbot.xrce.messages import Acknack
 from msbot.xrce.outbox import Lane, Outbox
 from msbot.xrce.output_streams import TOO_LARGE, BestEffortOutput, ReliableOutput
+from msbot.xrce.round_trip import RoundTrip
 from msbot.xrce.session_settings import SessionSettings
 from msbot.xrce.stream_state import StreamState
 
@@ -30,6 +31,7 @@ class Sender:
 
     def __init__(self, envelope: Envelope, counters: SessionCounters, settings: SessionSettings) -> None:
         self.heartbeat_s = settings.heartbeat_s
+        self.round_trip = RoundTrip()
         self.outbox = Outbox(settings.queue_limit, counters)
         self._envelope = envelope
         self._counters = counters
@@ -120,7 +122,12 @@ class Sender:
         stream = self._reliable.get(stream_id)
         if stream is None and self._may_open(self._reliable):
             stream = ReliableOutput(
-                stream_id, self._envelope, self.outbox, self._counters, window=self._settings.window
+                stream_id,
+                self._envelope,
+                self.outbox,
+                self._counters,
+                window=self._settings.window,
+                round_trip=self.round_trip,
             )
             self._reliable[stream_id] = stream
         return stream
@@ -131,11 +138,15 @@ class Sender:
         if stream is None or not stream.acknowledge(report.first_unacked, report.bitmap, now):
             return False
         if not self.outbox:
-            stream.rest(now, self.heartbeat_s)
+            stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
         if stream.refused and stream.has_room():
             stream.refused = False
             return True
         return False
+
+    def patience_s(self, now: float, unanswered: int) -> float:
+        """How long to wait for the peer before asking it again; see `RoundTrip`."""
+        return self.round_trip.patience_s(now, self.heartbeat_s, self._settings.heartbeat_min_s, unanswered)
 
     def flush(self) -> None:
         """Finish the messages that submessages were packed into."""
@@ -157,7 +168,7 @@ class Sender:
         self._counters.packets_out += len(packets)
         if not self.outbox:
             for stream in self._reliable.values():
-                stream.rest(now, self.heartbeat_s)
+                stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
         return packets
 
     def stream_states(self) -> list[StreamState]:
@@ -195,6 +206,7 @@ class Sender:
     def reset(self, envelope: Envelope | None = None) -> list[int]:
         """Begin all streams anew and forget what waits; returns the streams that had refused something."""
         self._envelope = envelope or self._envelope
+        self.round_trip = RoundTrip()
         refused = [stream.stream_id for stream in self._reliable.values() if stream.refused]
         self.outbox.clear()
         self._best_effort.clear()

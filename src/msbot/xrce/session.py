@@ -4,6 +4,9 @@ Theory of operation. `receive_packet` runs a message through its stream and then
 `_handle`, which turns each into an event. The ACKNACK is put behind the events that the message caused and is booked
 when the owner has taken them, so the outputs of a message always precede its ACKNACK, and ACKNACKs never overtake each
 other: a C client loses its history when they do.
+
+A gap is reported at once. When that report or what it asked for is lost, too, and nothing else comes that would tell,
+the ACKNACK is repeated after a while; so a lossy link is as quick as its round trip, not as the peer's HEARTBEAT.
 """
 
 from __future__ import annotations
@@ -33,6 +36,9 @@ _ACKNACK_ID = SubmessageId.ACKNACK.value
 _HEARTBEAT_ID = SubmessageId.HEARTBEAT.value
 _FRAGMENT_ID = SubmessageId.FRAGMENT.value
 _DATA_IDS = (SubmessageId.WRITE_DATA.value, SubmessageId.DATA.value)
+
+REPEATS_MAX = 8
+"""How often the same gap is reported while nothing comes; then the peer must ask by a HEARTBEAT."""
 
 BROKEN = {kind.value: f"broken {kind.name}" for kind in SubmessageId}
 UNKNOWN_BROKEN = "broken submessage of an unknown kind"
@@ -69,6 +75,8 @@ class Session(ABC, Generic[Event]):
         self._acknacks = 0  # among the events
         self._best_effort: dict[int, BestEffortInput] = {}
         self._reliable: dict[int, ReliableInput] = {}
+        self._gaps: dict[int, tuple[float, int]] = {}
+        """Streams in which something is missing: when to say so again, and how often that was done."""
         envelope = Envelope(session_id, client_key, self.mtu, pads=pads)
         self._sender = Sender(envelope, self.counters, settings)
 
@@ -125,11 +133,21 @@ class Session(ABC, Generic[Event]):
 
     def timer(self) -> float | None:
         """When to call `handle_timer`; changes with every other call."""
-        return self._sender.timer()
+        due = self._sender.timer()
+        if self._gaps and self._sender.is_idle:
+            again_at = min(at for at, _ in self._gaps.values())
+            return again_at if due is None else min(due, again_at)
+        return due
 
     def handle_timer(self, now: float) -> None:
         """Book what is due by now."""
+        # What waits for the link already says more than a repetition could.
+        gaps = self._gaps.items() if self._gaps and self._sender.is_idle else ()
+        due = [(stream_id, repeated) for stream_id, (at, repeated) in gaps if now >= at]
         self._sender.handle_timer(now)
+        for stream_id, repeated in due:
+            self._sender.put_answer(self._sender.acknack(stream_id, *self._reliable[stream_id].missing()))
+            self._watch_gap(stream_id, now, repeated + 1)
 
     def release(self) -> None:
         """The session is over: give back the memory that it shares with others."""
@@ -195,6 +213,7 @@ class Session(ABC, Generic[Event]):
             stream.reset()
         self._reliable.clear()
         self._best_effort.clear()
+        self._gaps.clear()
 
     def _is_new(self, stream_id: int, sequence_nr: int) -> bool:
         stream = self._best_effort.get(stream_id)
@@ -233,12 +252,25 @@ class Session(ABC, Generic[Event]):
             self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
 
     def _book_acknack(self, stream: ReliableInput, stream_id: int) -> None:
-        packet = self._sender.acknack(stream_id, *stream.missing())
+        first, bitmap = stream.missing()
+        if bitmap:
+            self._sender.round_trip.note_loss(self.last_heard)
+            self._watch_gap(stream_id, self.last_heard, 0)
+        elif self._gaps:
+            self._gaps.pop(stream_id, None)
+        packet = self._sender.acknack(stream_id, first, bitmap)
         if self._events:
             self._events.append(packet)
             self._acknacks += 1
         else:
             self._sender.put_answer(packet)
+
+    def _watch_gap(self, stream_id: int, now: float, repeated: int) -> None:
+        """The peer has just been told what is missing; it is told again after a while, but not for ever."""
+        if repeated < REPEATS_MAX and self._sender.round_trip.smoothed_s is not None:
+            self._gaps[stream_id] = (now + self._sender.patience_s(now, repeated), repeated)
+        else:
+            self._gaps.pop(stream_id, None)
 
     def _process(self, packet: bytes, offset: int, stream_id: int) -> None:
         """Handle the submessages of a message, or of joined fragments (which begin at offset 0)."""

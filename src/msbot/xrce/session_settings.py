@@ -13,6 +13,9 @@ class SessionSettings:
     """Unacknowledged messages on each reliable stream, both ways; an ACKNACK reports on 16."""
     heartbeat_s: float = 0.2
     """Silence in seconds after which a HEARTBEAT asks for what is unacknowledged."""
+    heartbeat_min_s: float = 0.005
+    """The same on a link that loses messages, where the measured round trip allows it; not below `heartbeat_s` = never
+    sooner than that. The wait doubles with every question that stays without an answer."""
     max_message: int = 1 << 20
     """Bytes held for early messages and pieces of large ones; so also the largest message that is accepted."""
     queue_limit: int = 256

@@ -1,0 +1,61 @@
+"""How long the peer takes to acknowledge, and so how long to wait before asking it (after RFC 6298).
+
+A loss at the end of a burst shows only in silence. On a link that loses messages, to wait a fixed time for it costs
+hundreds of others; so there the wait follows the measured round trip, and doubles with every question that stays
+without an answer. As long as nothing is lost, questions come as seldom as those of the genuine peers: a client that is
+just slow to answer is left in peace.
+"""
+
+from __future__ import annotations
+
+PATIENCE_MAX = 5
+"""On a slow link a question waits at most that many periods, however long the round trip was."""
+
+MEMORY_S = 10.0
+"""How long after a loss the link counts as one that loses messages."""
+
+
+class RoundTrip:
+    """The measured time from handing a message to the link until its acknowledgement comes, and what was lost."""
+
+    __slots__ = ("_lossy_until", "_spread_s", "smoothed_s")
+
+    def __init__(self) -> None:
+        self.smoothed_s: float | None = None
+        """None before the first measurement."""
+        self._spread_s = 0.0
+        self._lossy_until = float("-inf")
+
+    def measure(self, sample_s: float) -> None:
+        """Take one measurement."""
+        known = self.smoothed_s
+        if known is None:
+            self.smoothed_s = sample_s
+            self._spread_s = sample_s / 2
+        else:
+            self._spread_s += (abs(sample_s - known) - self._spread_s) / 4
+            self.smoothed_s = known + (sample_s - known) / 8
+
+    def note_loss(self, now: float) -> None:
+        """A message was lost, in either direction."""
+        self._lossy_until = now + MEMORY_S
+
+    def patience_s(self, now: float, longest_s: float, shortest_s: float, unanswered: int) -> float:
+        """How long to wait for an answer before asking.
+
+        Args:
+            now: the wait begins.
+            longest_s: the wait as long as nothing is lost or the round trip is not known, and at most; where the round
+                trip takes longer than that, up to five times of it.
+            shortest_s: the wait at least where messages are lost.
+            unanswered: questions before, since the last answer.
+        """
+        smoothed_s = self.smoothed_s
+        if smoothed_s is None:
+            return longest_s
+        wait_s = longest_s
+        if now < self._lossy_until:
+            expected_s = max(smoothed_s + 4 * self._spread_s, shortest_s)
+            wait_s = min(longest_s, expected_s * (1 << min(unanswered, 16)))
+        # On a slow link the answer may still be on its way; but a peer that was busy for long must not silence us.
+        return min(max(wait_s, 2 * smoothed_s), PATIENCE_MAX * longest_s)
