@@ -199,3 +199,13 @@ class AnyOrder(RuleBasedStateMachine):
 
 TestAnyOrder = AnyOrder.TestCase
 TestAnyOrder.settings = settings(max_examples=50, stateful_step_count=30, deadline=None)
+
+
+def test_when_all_numbers_of_a_kind_are_taken_it_says_so_and_one_that_is_free_again_is_found() -> None:
+    table = EntityTable(answer_s=2.0)
+    topics = [table.add(TOPIC) for _ in range(0xFFE)]
+    with pytest.raises(LocalProtocolError, match="4094 topics are there already"):
+        table.add(TOPIC)
+    assert table.add(READER)
+    table.remove(topics[1234])
+    assert table.add(TOPIC).object_id == topics[1234].object_id

@@ -128,3 +128,32 @@ def test_a_refusal_with_a_code_of_the_future_still_has_words() -> None:
         await asyncio.gather(running, return_exceptions=True)
 
     run_virtual(main())
+
+
+def test_a_master_cannot_make_a_part_beat_without_a_pause() -> None:
+    async def main() -> None:
+        link = HandLink()
+        client = Client(link, key=1)
+        joining = Joining(ExpectedRobot())
+        membership = Membership(client, joining, CLAIM, changed=lambda _: None, configure=lambda _: None)
+        client.on_topic = hand_to(membership)
+        membership.start()
+        running = asyncio.create_task(client.run())
+        await asyncio.sleep(0.01)
+        link.receive(STATUS_AGENT_OK)
+        link.receive(data(0x0016, 0, PROFILE.encode()))
+        link.receive(reply(1, plug.Verdict(lease=7, configuration_version=3, beat_period_ms=0)))
+        await asyncio.sleep(0)
+        link.sent.clear()
+        await asyncio.sleep(0.2)
+        beats = [
+            submessage
+            for packet in link.sent
+            for submessage in iter_submessages(packet, 4)
+            if isinstance(submessage, WriteData) and len(submessage.payload) == 4
+        ]
+        assert 8 <= len(beats) <= 10
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+    run_virtual(main())

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part.message import Message
 from msbot.part.plug import (
+    MOST_BINDINGS,
     PROFILE_TYPE,
     Beat,
     BeatReply,
@@ -22,6 +23,7 @@ from msbot.part.plug import (
     decode_reply,
     decode_request,
 )
+from msbot.part.wire_types import uint32
 
 PROFILE = ProfileMessage(
     index=1,
@@ -96,6 +98,24 @@ def test_the_shortest_claim_and_configuration_cannot_be_mistaken() -> None:
     assert isinstance(decode_request(claim), Claim)
     shortest = Configuration(version=0, slot="", bindings=[], settings=[]).encode()
     assert len(shortest) == 20
+
+
+class Boundless(Message):
+    """A configuration as a master might send it that keeps no limits."""
+
+    version: uint32
+    slot: str
+    bindings: list[PortBinding]
+    settings: list[Setting]
+
+
+def test_a_configuration_cannot_bind_more_ports_than_an_agent_has_objects_for() -> None:
+    binding = PortBinding(port="p", topic="t", topic_type="T", direction=0, reliable=1)
+    most = Configuration(version=1, slot="AA", bindings=[binding] * MOST_BINDINGS, settings=[])
+    assert decode_reply(most.encode()) == most
+    more = Boundless(version=1, slot="AA", bindings=[binding] * (MOST_BINDINGS + 1), settings=[])
+    with pytest.raises(RemoteProtocolError, match="at most 120"):
+        decode_reply(more.encode())
 
 
 @given(st.binary(max_size=80))

@@ -83,7 +83,7 @@ class EntityTable:
         """Wish for one more entity; without a number the next free one of its kind is taken.
 
         Raises:
-            LocalProtocolError: the number is taken, or not within 0 to 0xFFE.
+            LocalProtocolError: the number is taken, or not within 0 to 0xFFE; or no number is free.
         """
         if number is None:
             number = self._free_number(variant.kind)
@@ -171,7 +171,11 @@ class EntityTable:
 
     def _free_number(self, kind: int) -> int:
         number = self._next_number.get(kind, 1)
-        while make_object_id(number, kind) in self._entities:
-            number = number % _LAST_NUMBER + 1
-        self._next_number[kind] = number % _LAST_NUMBER + 1
-        return number
+        for _ in range(_LAST_NUMBER):
+            following = number % _LAST_NUMBER + 1
+            if make_object_id(number, kind) not in self._entities:
+                self._next_number[kind] = following
+                return number
+            number = following
+        words = f"{ObjectKind(kind).name.lower()}s are there already: delete some first"
+        raise LocalProtocolError(f"{_LAST_NUMBER} {words}")

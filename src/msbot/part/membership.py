@@ -38,6 +38,9 @@ INVENTORY = Service(
 )
 """Where a part claims, beats and asks for its configuration."""
 
+SHORTEST_BEAT_MS = 20
+"""A master cannot ask for beats more often; a blueprint cannot either."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -129,7 +132,7 @@ class Membership:
             case plug.BeatReply():
                 self.joining.beat_answered(reply.configuration_version, now)
             case plug.Verdict():
-                period_s = max(reply.beat_period_ms, 1) / 1000
+                period_s = max(reply.beat_period_ms, SHORTEST_BEAT_MS) / 1000
                 self.joining.verdict_given(reply.lease, period_s, _refusal_words(reply.reason), now)
             case plug.Configuration():
                 self._configuration_received(reply, now)

@@ -35,6 +35,9 @@ UID_OCTETS = 8
 TEXT_OCTETS = 254
 """Longest text of the profile and of a claim: the original's `char[255]` with its NUL."""
 
+MOST_BINDINGS = 120
+"""Ports of one part that a configuration can bind: each takes two of the 256 objects that an agent grants a client."""
+
 Text = Annotated[str, AtMost(TEXT_OCTETS)]
 
 
@@ -132,7 +135,7 @@ class Configuration(Message):
 
     version: uint32
     slot: Text
-    bindings: list[PortBinding]
+    bindings: Annotated[list[PortBinding], AtMost(MOST_BINDINGS)]
     settings: list[Setting]
 
 
