@@ -397,6 +397,16 @@ def test_reset_begins_all_streams_anew() -> None:
     assert bench.writes() == [b"\1"]
 
 
+def test_acknowledgements_of_before_a_reset_in_the_same_message_are_not_sent() -> None:
+    # So however many there are: the message costs what its length costs.
+    question, report, anew = "02010800000afffd02000000", "0b0105000000050080000000", "0c010000"
+    bench = Bench()
+    answers = bench.feed("81000000" + question + report + anew + anew + report)
+    assert answers[1:] == [acknack(0, 0b111111)]
+    assert [type(event) for event in bench.events] == [InfoRequested, SessionReset, SessionReset]
+    assert bench.feed("81000000" + question + report)[1:] == [acknack(0, 0b111111)]
+
+
 def test_reset_inside_of_a_reliable_message_leaves_a_fresh_stream() -> None:
     bench = Bench()
     bench.feed(head(0x80, 1) + create(11))
