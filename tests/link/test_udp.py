@@ -85,6 +85,22 @@ async def test_the_end_of_a_burst_is_told_once_however_many_packets_came() -> No
     assert ends == [3]
 
 
+@pytest.mark.skipif(not has_ipv6(), reason="no IPv6 here")
+async def test_a_server_on_every_interface_takes_both_kinds_of_addresses() -> None:
+    server = UdpServerLink("::", 0)
+    at_server = Inbox(server)
+    async with running(server):
+        clients = [UdpClientLink(host, server.port) for host in ("127.0.0.1", "::1")]
+        inboxes = [Inbox(client) for client in clients]
+        async with running(*clients):
+            for client, inbox in zip(clients, inboxes, strict=True):
+                client.send(b"x", client.remote)
+                packet, peer = await at_server.packets.get()
+                server.send(packet + b"!", peer)
+                assert (await inbox.packets.get())[0] == b"x!"
+                assert server.describe(peer).startswith(("[::1]:", "[::ffff:127.0.0.1]:"))
+
+
 async def test_a_burst_longer_than_one_drain_arrives_whole() -> None:
     server = UdpServerLink("127.0.0.1", 0)
     inbox = Inbox(server)

@@ -24,6 +24,12 @@ def joined(host: str, port: int) -> str:
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
+def serve_both_kinds(server: socket.socket, host: str) -> None:
+    """Have a server at `::` serve IPv4, too, whatever the system's setting is."""
+    if server.family == socket.AF_INET6 and host == "::":
+        server.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+
+
 async def addresses_of(
     loop: asyncio.AbstractEventLoop, name: str, host: str, port: int, *, kind: int
 ) -> list[SocketAddress]:

@@ -136,6 +136,10 @@ class StreamLink(ABC):
     def describe(self, peer: Peer) -> str:
         """See `Link`."""
 
+    @abstractmethod
+    async def run(self) -> None:
+        """See `Link`."""
+
     # What streams call.
 
     def received(self, packet: bytes, peer: Peer) -> None:

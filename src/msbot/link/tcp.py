@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from msbot.errors import LinkDown
 from msbot.link import LinkInfo, Peer, Signal
 from msbot.link.byte_frames import MAX_PACKET, TcpReceiver, encode_tcp
-from msbot.link.net import Address, addresses_of, cannot_listen, joined
+from msbot.link.net import Address, addresses_of, cannot_listen, joined, serve_both_kinds
 from msbot.link.stream_link import Stream, StreamLink
 
 logger = logging.getLogger(__name__)
@@ -170,8 +170,7 @@ class TcpServerLink(StreamLink):
         try:
             listening.setblocking(False)
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            if family == socket.AF_INET6 and self._host == "::":
-                listening.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+            serve_both_kinds(listening, self._host)
             listening.bind(address)
             listening.listen()
         except OSError as error:

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from msbot.errors import LinkDown, LinkFull
 from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
 from msbot.link.handlers import ignore_burst_end, ignore_packet, ignore_room, ignore_signal
-from msbot.link.net import Address, addresses_of, cannot_listen, cannot_reach, joined
+from msbot.link.net import Address, addresses_of, cannot_listen, cannot_reach, joined, serve_both_kinds
 
 UDP_MTU = 65507
 """Largest payload of a datagram over IPv4; DDS-XRCE clients announce much less."""
@@ -236,6 +236,7 @@ class UdpServerLink(_UdpLink):
     """
 
     def _take_address(self, opened: socket.socket, address: Address) -> None:
+        serve_both_kinds(opened, self._host)
         opened.bind(address)
 
     def _transmit(self, opened: socket.socket, packet: bytes, peer: Peer) -> None:
