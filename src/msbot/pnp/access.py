@@ -3,7 +3,7 @@
 ===========================  ============================================================================
 who                          may
 ===========================  ============================================================================
-anybody                      open a session; read the profile; ask the inventory and get its answers, not those to others
+anybody                      open a session; read the profile; ask the inventory and get the answers to it alone
 a registered part            besides: write and read the topics of its slot's bindings, by direction
 the robot's own services     everything; they are the clients of the in-process link, and nobody else is
 ===========================  ============================================================================
