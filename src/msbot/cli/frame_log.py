@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from msbot.errors import ConfigError
 from msbot.link import Frame
@@ -85,7 +85,7 @@ class FrameReader:
                 f"reading {path.suffix} files needs python-can: install it with `pip install 'msbot[can]'`, "
                 "or record with `candump -l`"
             ) from None
-        readers: dict[str, tuple[str, Callable[[IO[str] | IO[bytes]], Iterable[can.Message]]]] = {
+        readers: dict[str, tuple[str, Callable[..., Iterable[can.Message]]]] = {
             ".asc": ("r", can.ASCReader),
             ".blf": ("rb", can.BLFReader),
             ".trc": ("r", can.TRCReader),
