@@ -14,7 +14,7 @@ from collections import defaultdict
 from collections.abc import Coroutine
 from typing import TypeVar
 
-from msbot.agent import Agent, AgentSettings
+from msbot.agent import Agent, AgentSettings, ClientView
 from msbot.link import Peer, VirtualTimeLoop
 from msbot.space import MemorySpace
 from msbot.xrce import References
@@ -121,6 +121,16 @@ class AgentRig:
         self.set_up()
         self.log_in("aa bb cc ee", peer="writer")
         self.set_up(peer="writer")
+
+    def view(self, key: int = 0xAABBCCDD) -> ClientView:
+        """What people see of that client."""
+        (found,) = [view for view in self.agent.clients() if view.key == key]
+        return found
+
+    def serve_somebody(self) -> None:
+        """Fail unless the agent serves a newcomer."""
+        self.log_in("0e 0e 0e 0e", peer="newcomer")
+        assert self.say(participant("81 80 00 00"), peer="newcomer") == packets(status("81 80 00 00"), acknack(1))
 
     def close(self) -> None:
         """End the agent; fails the test when it had ended by itself."""
