@@ -41,7 +41,7 @@ def test_a_client_is_found_by_key_and_by_address(port: Port) -> None:
     table.place(proxy, port, "here")
     assert table.by_key(7) is proxy
     assert port.clients == {"here": proxy}
-    assert table.place_of(proxy) == (port, "here")
+    assert proxy.place == (port, "here")
     assert (len(table), list(table)) == (1, [proxy])
 
 
@@ -90,7 +90,7 @@ def test_a_removed_client_is_gone_everywhere(port: Port) -> None:
     assert table.remove(proxy)
     assert not table.remove(proxy)
     assert table.by_key(7) is None
-    assert table.place_of(proxy) is None
+    assert proxy.place is None
     assert not port.clients
 
 
@@ -102,7 +102,7 @@ def test_a_client_that_has_gone_is_known_by_key_and_has_no_address(port: Port) -
         proxy.gone = "unplugged"
         table.set_gone(proxy)
         assert table.by_key(proxy.info.key) is proxy
-        assert table.place_of(proxy) is None
+        assert proxy.place is None
         assert proxy.is_blocked
     assert table.keyed(8) is None
     assert (port.clients, port.members, port.gone) == ({}, {}, {"here": [plain, keyed]})

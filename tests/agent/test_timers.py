@@ -45,6 +45,34 @@ def test_an_owner_that_always_asks_for_the_same_late_time_needs_one_entry() -> N
     assert len(heap) == 1
 
 
+def test_an_owner_that_rests_does_not_fire_until_it_is_scheduled_again() -> None:
+    heap: TimerHeap[str] = TimerHeap()
+    heap.schedule("part", 1.0)
+    heap.rest("part")
+    heap.rest("part")
+    heap.rest("stranger")
+    heap.schedule("other", 3.0)
+    heap.schedule("part", 2.0)
+    assert heap.next_at() == 1.0, "earlier than needed: one look"
+    heap.rest("part")
+    assert heap.next_at() == 3.0
+    heap.schedule("part", 2.0)
+    heap.rest("part")
+    heap.schedule("part", 0.5)
+    assert list(heap.pop_due(2.9)) == ["part"]
+    assert len(heap) == 1
+
+
+def test_resting_and_waking_a_thousand_times_needs_one_entry() -> None:
+    heap: TimerHeap[str] = TimerHeap()
+    for number in range(1000):
+        heap.schedule("part", 10.0 + number)
+        heap.rest("part")
+    assert len(heap) == 1
+    assert heap.next_at() is None
+    assert len(heap) == 0
+
+
 @settings(deadline=None, max_examples=100)
 @given(st.lists(st.tuples(st.integers(0, 5), st.floats(0, 100)), max_size=40))
 def test_every_owner_fires_at_the_earliest_time_it_asked_for(wishes: list[tuple[int, float]]) -> None:

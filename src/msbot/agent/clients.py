@@ -44,7 +44,6 @@ class ClientTable:
 
     def __init__(self) -> None:
         self._by_key: dict[int, Proxy] = {}
-        self._places: dict[Proxy, tuple[Port, Peer]] = {}
         self._gone: dict[Proxy, tuple[Port, Peer]] = {}
 
     def __len__(self) -> int:
@@ -73,19 +72,16 @@ class ClientTable:
         self._leave_place(proxy)
         self._forget_gone(proxy)
         self._by_key[proxy.info.key] = proxy
-        self._places[proxy] = (port, peer)
+        proxy.place = (port, peer)
         port.members[proxy] = peer
         if not _has_key_in_headers(proxy):
             port.clients[peer] = proxy
             port.gone.pop(peer, None)
 
-    def place_of(self, proxy: Proxy) -> tuple[Port, Peer] | None:
-        """Where the client's packets go; None for one that has gone or was removed."""
-        return self._places.get(proxy)
-
     def set_gone(self, proxy: Proxy) -> None:
         """Its peer has gone: the client has no address any more, and what is meant for it waits."""
-        place = self._places[proxy]
+        place = proxy.place
+        assert place is not None
         self._leave_place(proxy)
         self._gone[proxy] = place
         port, peer = place
@@ -111,8 +107,9 @@ class ClientTable:
                 port.gone[peer] = others
 
     def _leave_place(self, proxy: Proxy) -> None:
-        place = self._places.pop(proxy, None)
+        place = proxy.place
         if place is not None:
+            proxy.place = None
             port, peer = place
             del port.members[proxy]
             if not _has_key_in_headers(proxy):

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import count
+from typing import TYPE_CHECKING
 
 from msbot.agent.gate import ClientInfo, Gate
 from msbot.agent.objects import ObjectBudget, ObjectTree
@@ -17,6 +18,7 @@ from msbot.agent.shapes import NoEchoShape
 from msbot.agent.sides import ReadSide, Shape
 from msbot.agent.stats import ClientView, ObjectView, StreamView, Tally, TopicTable, TopicTraffic
 from msbot.errors import RemoteProtocolError
+from msbot.link import Peer
 from msbot.space import Guid, Space
 from msbot.xrce import (
     STREAM_RELIABLE,
@@ -34,6 +36,9 @@ from msbot.xrce import (
     Status,
     WindowOpened,
 )
+
+if TYPE_CHECKING:
+    from msbot.agent.clients import Port
 
 logger = logging.getLogger(__name__)
 
@@ -73,6 +78,8 @@ class Proxy:
         self.clock = surroundings.clock
         self.max_requests = settings.max_requests
         self.own_filter: Shape | None = None if echo else NoEchoShape(self._is_own)
+        self.place: tuple[Port, Peer] | None = None
+        """Where its packets go, kept by the table of clients; None for one that has gone or was removed."""
         self.outbox: deque[bytes] = deque()
         """Packets that were pulled out of the session and that the link had no room for."""
         self.is_blocked = False
@@ -124,6 +131,8 @@ class Proxy:
     def timer(self) -> float | None:
         """When to call `handle_timer`, or None."""
         when = self.session.timer()
+        if not self._timed:
+            return when
         for limit in self._timed.values():
             if when is None or limit < when:
                 when = limit

@@ -13,15 +13,16 @@ class TimerHeap(Generic[Owner]):
     """The next time of every owner, earliest first.
 
     Moving an owner's time later costs nothing: the old time fires, the owner finds nothing to do and says when to
-    come again. So there is one entry per owner as a rule, and a stale one more each time it is moved earlier. Stale
-    entries are bare numbers: they keep no owner alive.
+    come again. The same goes for an owner that rests: its time stays, and counts again when it has something to do. So
+    there is one entry per owner as a rule, and a stale one more each time it is moved earlier.
     """
 
-    __slots__ = ("_due", "_heap", "_number", "_owners")
+    __slots__ = ("_due", "_heap", "_number", "_owners", "_resting")
 
     def __init__(self) -> None:
         self._heap: list[tuple[float, int]] = []
         self._owners: dict[int, Owner] = {}
+        self._resting: dict[int, Owner] = {}
         self._due: dict[Owner, tuple[float, int]] = {}
         self._number = 0
 
@@ -32,29 +33,45 @@ class TimerHeap(Generic[Owner]):
         """Fire for that owner at `when`, unless it fires earlier anyway."""
         due = self._due.get(owner)
         if due is not None:
-            if due[0] <= when:
+            at, number = due
+            if at <= when:
+                if number in self._resting:
+                    self._owners[number] = self._resting.pop(number)
                 return
-            del self._owners[due[1]]
+            self._drop(number)
         self._number = number = self._number + 1
         self._due[owner] = (when, number)
         self._owners[number] = owner
         heappush(self._heap, (when, number))
 
+    def rest(self, owner: Owner) -> None:
+        """Do not fire for that owner until it is scheduled again; cheap, for owners that soon will be."""
+        due = self._due.get(owner)
+        if due is not None and due[1] in self._owners:
+            self._resting[due[1]] = self._owners.pop(due[1])
+
     def forget(self, owner: Owner) -> None:
-        """Do not fire for that owner."""
+        """Do not fire for that owner, and do not keep it alive."""
         due = self._due.pop(owner, None)
         if due is not None:
-            del self._owners[due[1]]
+            self._drop(due[1])
 
     def next_at(self) -> float | None:
-        """When the next owner fires, or a stale entry does."""
-        return self._heap[0][0] if self._heap else None
+        """When the next owner fires."""
+        heap = self._heap
+        while heap and heap[0][1] not in self._owners:
+            resting = self._resting.pop(heappop(heap)[1], None)
+            if resting is not None:
+                del self._due[resting]
+        return heap[0][0] if heap else None
 
     def pop_due(self, now: float) -> Iterator[Owner]:
         """The owners whose time has come, each once; they may be scheduled again meanwhile, but later than `now`."""
-        while self._heap and self._heap[0][0] <= now:
-            _, number = heappop(self._heap)
-            owner = self._owners.pop(number, None)
-            if owner is not None:
-                del self._due[owner]
-                yield owner
+        while (when := self.next_at()) is not None and when <= now:
+            owner = self._owners.pop(heappop(self._heap)[1])
+            del self._due[owner]
+            yield owner
+
+    def _drop(self, number: int) -> None:
+        self._owners.pop(number, None)
+        self._resting.pop(number, None)

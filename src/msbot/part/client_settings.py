@@ -38,6 +38,8 @@ class ClientSettings:
     """Without an answer to the first login for that long the state is `lost`; it goes on trying."""
     heartbeat_s: float = 0.1
     """Wait for an acknowledgement before a HEARTBEAT asks for it, as long as the round trip is not known."""
+    heartbeat_min_s: float = 0.005
+    """The same at least where messages get lost: there the wait follows the round trip."""
     reopen_s: float = 1.0
     """Before the next try after the agent refused the session, or the link broke."""
     quiet_s: float = 2.0
@@ -66,6 +68,7 @@ class ClientSettings:
             login_period_s=1.0,
             lost_after_s=5.0,
             heartbeat_s=1.0,
+            heartbeat_min_s=1.0,
             quiet_s=5.0,
             ping_s=2.0,
             answer_s=10.0,

@@ -203,6 +203,7 @@ class Connection:
                 login_period_s=settings.login_period_s,
                 login_tries=None,
                 heartbeat_s=settings.heartbeat_s,
+                heartbeat_min_s=settings.heartbeat_min_s,
                 ids_by_rule=self.link.info.compresses,
             ),
             epoch_ns=self._epoch_ns,

@@ -1,0 +1,180 @@
+"""The pump: sends what the clients' sessions have, as much as each link takes, and wakes them when it is time.
+
+Theory of operation. Every client that has something to send is marked; all marked ones are served at the end of the
+burst of packets that caused it, or of the turn of the loop. What a link has no room for waits in the client's outbox,
+and with a packet in the outbox the client takes no more samples: they wait in the bounded histories of its readers
+until the link calls for more. One timer serves all clients; it is never later than the first of them needs it, and an
+early ring costs one look.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+
+from msbot.agent.clients import Port
+from msbot.agent.proxy import Proxy
+from msbot.agent.timers import TimerHeap
+from msbot.errors import LinkDown, LinkFull
+from msbot.link import Peer
+
+EndSession = Callable[[Proxy, str], None]
+
+
+class Pump:
+    """Serves the clients of one agent on its event loop."""
+
+    def __init__(self, clock: Callable[[], float], end_session: EndSession) -> None:
+        self.in_burst = False
+        """Whether somebody will call `flush` at the end of the burst that is being received."""
+        self._clock = clock
+        self._end_session = end_session
+        self._marked: list[Proxy] = []
+        self._timers: TimerHeap[Proxy] = TimerHeap()
+        self._lives: TimerHeap[Proxy] = TimerHeap()
+        self._alarm: asyncio.TimerHandle | None = None
+        self._alarm_at = math.inf
+
+    def mark(self, proxy: Proxy) -> None:
+        """Serve the client at the end of the burst or turn."""
+        if proxy.is_marked:
+            return
+        proxy.is_marked = True
+        self._marked.append(proxy)
+        if len(self._marked) == 1 and not self.in_burst:
+            asyncio.get_running_loop().call_soon(self.flush)
+
+    def flush(self) -> None:
+        """Serve all marked clients now."""
+        self.in_burst = False
+        if not self._marked:
+            return
+        now = self._clock()
+        marked, self._marked = self._marked, []
+        for proxy in marked:
+            proxy.is_marked = False
+            if not proxy.is_over:
+                self._serve(proxy, now)
+
+    def room_gained(self, port: Port, peer: Peer | None) -> None:
+        """The link has room for that peer again, or for all."""
+        now = self._clock()
+        for proxy in list(port.blocked):
+            if peer is None or port.members[proxy] == peer:
+                self._serve(proxy, now)
+
+    def watch_life(self, proxy: Proxy, when: float) -> None:
+        """Look at that time whether the client is still alive."""
+        self._lives.schedule(proxy, when)
+        self._set_alarm(when)
+
+    def forget(self, proxy: Proxy) -> None:
+        """The client is no more."""
+        self._timers.forget(proxy)
+        self._lives.forget(proxy)
+
+    def stop(self) -> None:
+        """Wake nobody any more."""
+        if self._alarm is not None:
+            self._alarm.cancel()
+
+    def send(self, proxy: Proxy, now: float) -> None:
+        """Send what the client's session has, as far as the link takes it."""
+        place = proxy.place
+        if place is None:
+            return
+        port, peer = place
+        if proxy.is_blocked or proxy.outbox or port.batch is not None or not port.link.has_room(peer):
+            self._send_slowly(proxy, port, peer, now)
+            return
+        send = port.link.send
+        packets = proxy.session.packets_to_send(now)
+        for index, packet in enumerate(packets):
+            try:
+                send(packet, peer)
+            except (LinkDown, LinkFull):
+                proxy.outbox.extend(packets[index:])
+                self._send_slowly(proxy, port, peer, now)
+                return
+            proxy.bytes_out += len(packet)
+
+    def send_one(self, port: Port, packet: bytes, peer: Peer) -> None:
+        """Send a packet outside of a session; when it cannot go, the other side repeats its question."""
+        try:
+            port.link.send(packet, peer)
+        except (LinkFull, LinkDown) as error:
+            port.dropped.add(f"answer not sent: {type(error).__name__}")
+
+    def _serve(self, proxy: Proxy, now: float) -> None:
+        """Send for a client; what was sent decides when to look again."""
+        self.send(proxy, now)
+        when = proxy.timer()
+        if when is None:
+            self._timers.rest(proxy)
+        else:
+            self._timers.schedule(proxy, when)
+            if when < self._alarm_at:
+                self._set_alarm(when)
+
+    def _send_slowly(self, proxy: Proxy, port: Port, peer: Peer, now: float) -> None:
+        """Send on a link that is full, has been, or takes packet by packet so that what waits is still fresh."""
+        link = port.link
+        outbox = proxy.outbox
+        pulled_all = False
+        while link.has_room(peer):
+            if not outbox and not pulled_all:
+                outbox.extend(proxy.session.packets_to_send(now, port.batch))
+                pulled_all = port.batch is None or not outbox
+            if not outbox:
+                if not proxy.is_blocked:
+                    return
+                if not proxy.pull(port.batch):
+                    proxy.is_blocked = False
+                    del port.blocked[proxy]
+                pulled_all = False
+                continue
+            packet = outbox[0]
+            try:
+                link.send(packet, peer)
+            except LinkFull:
+                break
+            except LinkDown:
+                proxy.drop("packet for a link that is down")
+            else:
+                proxy.bytes_out += len(packet)
+            outbox.popleft()
+        proxy.is_blocked = True
+        port.blocked[proxy] = None
+
+    def _set_alarm(self, when: float) -> None:
+        if when < self._alarm_at:
+            if self._alarm is not None:
+                self._alarm.cancel()
+            self._alarm_at = when
+            self._alarm = asyncio.get_running_loop().call_at(when, self._ring)
+
+    def _ring(self) -> None:
+        self._alarm, self._alarm_at = None, math.inf
+        now = self._clock()
+        self.in_burst = True
+        for proxy in self._timers.pop_due(now):
+            when = proxy.timer()
+            if when is not None and when <= now:
+                proxy.handle_timer(now)
+            elif when is not None:
+                self._timers.schedule(proxy, when)
+        for proxy in self._lives.pop_due(now):
+            self._check_life(proxy, now)
+        self.flush()
+        for when in (self._timers.next_at(), self._lives.next_at()):
+            if when is not None:
+                self._set_alarm(when)
+
+    def _check_life(self, proxy: Proxy, now: float) -> None:
+        when = proxy.next_life_check(now)
+        if when is not None:
+            self._lives.schedule(proxy, when)
+            return
+        silence = f"silent for {now - proxy.last_heard:.1f} s, and did not answer"
+        self._end_session(proxy, silence if proxy.gone is None else f"{proxy.gone}, and did not come back")
