@@ -34,6 +34,13 @@ def test_what_candump_shows_can_be_piped_in() -> None:
     assert lines[0].startswith(" can0       008   [1]  01 ")
 
 
+def test_the_thesis_framing_is_decoded_on_demand() -> None:
+    frames = ("0380000000000110", "0200585243450100", "01010FBA5EBA1181", "0000EC05")
+    lines = decoded("--legacy", log="".join(f"(1.0) can0 123#{data}\n" for data in frames))
+    assert lines[3].endswith("component to master, 0: 24 bytes")
+    assert lines[5].strip() == "CREATE_CLIENT BA5EBA11: wants session 0x81, messages of at most 1516 octets"
+
+
 def test_a_long_fd_frame_pushes_the_words_out() -> None:
     (line,) = decoded(log=f"(1.0) can0 7FF##1{'AA' * 64}\n")
     assert line.endswith("AA  foreign")

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.errors import RemoteProtocolError
-from msbot.link.can_decoder import CanDecoder
+from msbot.link.can_decoder import CanDecoder, LegacyDecoder
 from msbot.link.can_frames import Frame, split
 from msbot.link.can_ids import (
     CAN_FD,
@@ -23,6 +23,7 @@ from msbot.link.can_ids import (
     join_frame,
     stop_frame,
 )
+from msbot.link.can_legacy import split_legacy
 from msbot.link.can_notation import parse_frame
 from tests.link.test_can_bits import frames
 
@@ -158,5 +159,46 @@ def test_other_bases_are_understood() -> None:
 @given(st.lists(frames(), max_size=20))
 def test_any_frames_are_said_in_one_line_each_and_nothing_raises(many: list[Frame]) -> None:
     listener = decoder()
+    for number, frame in enumerate(many):
+        assert "\n" not in listener.decode(frame, number * 0.001)[0]
+
+
+def legacy() -> LegacyDecoder:
+    return LegacyDecoder(explain, lambda packet: packet[0] == 0x81)
+
+
+def test_the_thesis_framing_is_understood_both_ways() -> None:
+    listener = legacy()
+    packet = b"\x81" + bytes(16)
+    up = [listener.decode(Frame(0x123, data), 0.0) for data in split_legacy(packet)]
+    down = [listener.decode(Frame(0x120, data), 0.0) for data in split_legacy(packet)]
+    assert up == [
+        ["component to master, 2"],
+        ["component to master, 1"],
+        ["component to master, 0: 17 bytes", f"0 up {packet.hex()}"],
+    ]
+    assert down[-1] == ["master to component, 0: 17 bytes", f"0 down {packet.hex()}"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("123#", "component to master: frame without a segment header"),
+        ("123#0011", "component to master, 0: message without its first frames, or of two in one"),
+        ("121#0011", "foreign"),
+        ("00000123#0081", "foreign"),
+        ("123##00081", "foreign"),
+        ("123#R", "foreign: a remote frame"),
+        ("20000020#", "error report: nobody acknowledged"),
+        ("008#00", "STOP: no reason given"),
+    ],
+)
+def test_other_frames_beside_the_thesis_framing(text: str, words: str) -> None:
+    assert legacy().decode(parse_frame(text), 0.0) == [words]
+
+
+@given(st.lists(frames(), max_size=20))
+def test_any_frames_are_said_in_the_thesis_framing_too(many: list[Frame]) -> None:
+    listener = legacy()
     for number, frame in enumerate(many):
         assert "\n" not in listener.decode(frame, number * 0.001)[0]

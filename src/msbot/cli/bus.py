@@ -37,7 +37,8 @@ def cost(frames: tuple[str, ...], bitrate: int, data_bitrate: int, *, as_json: b
 
 @command.command("decode")
 @click.argument("log", default="-")
-def decode(log: str) -> None:
+@click.option("--legacy", is_flag=True, help="The frames are those of the thesis' firmware (0x123 up, 0x120 down).")
+def decode(log: str, *, legacy: bool) -> None:
     """Show every frame of LOG with what it says: segment, DDS-XRCE message, fields, the sample in it.
 
     LOG is a file of `candump -l` or `msbot demo --log`; without it, what candump shows is read from standard input:
@@ -45,4 +46,4 @@ def decode(log: str) -> None:
     """
     from msbot.cli.bus_decode import complain, decode_log
 
-    decode_log(log, click.echo, complain)
+    decode_log(log, click.echo, complain, legacy=legacy)

@@ -7,23 +7,30 @@ from collections.abc import Callable
 import click
 
 from msbot.cli.frame_log import FrameReader
-from msbot.link.can_decoder import CanDecoder
+from msbot.link.can_decoder import CanDecoder, LegacyDecoder
 from msbot.link.can_notation import LogLine, show_frame
 from msbot.pnp import Overhearer
-from msbot.xrce import decompress
+from msbot.xrce import decompress, is_whole
 
 WORDS_AT = 66
 """Column where the words stand when the frame leaves room."""
 
 
-def decode_log(name: str, say: Callable[[str], None], complain: Callable[[str], None]) -> None:
+def decode_log(name: str, say: Callable[[str], None], complain: Callable[[str], None], *, legacy: bool = False) -> None:
     """Say every frame of a log with what it means; what could not be read is a complaint at the end.
+
+    Args:
+        name: the file, or `-` for standard input.
+        say: takes a line of the answer.
+        complain: takes what is wrong with the log.
+        legacy: the bus is one of the thesis' firmware.
 
     Raises:
         ConfigError: the log cannot be read.
     """
     reader = FrameReader()
-    decoder = CanDecoder(Overhearer().explain, decompress=decompress)
+    explain = Overhearer().explain
+    decoder = LegacyDecoder(explain, is_whole) if legacy else CanDecoder(explain, decompress=decompress)
     for line in reader.read(name):
         for text in decoded_lines(line, decoder.decode(line.frame, line.at or 0.0)):
             say(text)

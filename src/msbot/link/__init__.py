@@ -136,6 +136,7 @@ from msbot.link.can_bus import BusState, CanBus, CanBusInfo  # noqa: E402
 from msbot.link.can_end import Codec  # noqa: E402
 from msbot.link.can_frames import Frame  # noqa: E402
 from msbot.link.can_ids import CanIds  # noqa: E402
+from msbot.link.can_legacy_link import CanLegacyLink  # noqa: E402
 from msbot.link.can_link import CanMasterLink, CanPartLink  # noqa: E402
 from msbot.link.can_nodes import MemoryNodeIds, NodeIds  # noqa: E402
 from msbot.link.canfd_eprosima import CanFdEprosimaLink  # noqa: E402
@@ -160,6 +161,7 @@ __all__ = [
     "CanBusInfo",
     "CanFdEprosimaLink",
     "CanIds",
+    "CanLegacyLink",
     "CanMasterLink",
     "CanPartLink",
     "Codec",

@@ -26,6 +26,7 @@ from msbot.link.can_ids import (
     read_stop,
     stop_words,
 )
+from msbot.link.can_legacy import DOWN, UP, LegacyJoiner
 
 ERROR_CLASSES: Final = {
     0x01: "a frame was not sent in time",
@@ -93,7 +94,7 @@ class CanDecoder:
             words += f", {'S' * bool(header & FIRST)}{'E' * bool(header & LAST)}{header & COUNTER:3}"
         message = lane.joiner.receive(frame.data, now)
         if message is None:
-            faults = lane.faults()
+            faults = lane.dropped.news()
             return [f"{words}: {', '.join(faults)}" if faults else words]
         packet, remark = self._unpack(message, node)
         first = f"{words}: {remark or _bytes(len(message))}"
@@ -136,19 +137,69 @@ class CanDecoder:
         return f"ASSIGN: part {uid} is node {node}, epoch {assign.epoch}{_caps_words(', with', assign.use)}"
 
 
+class LegacyDecoder:
+    """Understands the bus of the thesis' firmware: one component, one pair of identifiers (`can_legacy`)."""
+
+    def __init__(self, explain: Explain, is_whole: Callable[[bytes], bool], *, up: int = UP, down: int = DOWN) -> None:
+        """Begin to listen.
+
+        Args:
+            explain: says what a packet means.
+            is_whole: whether octets are one message from its beginning to its end.
+            up: identifier from the component to the master.
+            down: identifier from the master to the component.
+        """
+        self._explain = explain
+        self._ways = {
+            down: _LegacyWay(is_whole, "master to component"),
+            up: _LegacyWay(is_whole, "component to master"),
+        }
+        self._up = up
+
+    def decode(self, frame: Frame, now: float) -> list[str]:
+        """What a frame says: a line for itself, and more when it completes a packet."""
+        if words := report_words(frame):
+            return [words]
+        way = self._ways.get(frame.can_id)
+        if way is None or frame.extended or frame.fd:
+            return [_stop(frame, CanIds()) or FOREIGN]
+        words = f"{way.words}, {frame.data[0]}" if frame.data else way.words
+        packet = way.joiner.receive(frame.data, now)
+        if packet is None:
+            faults = way.dropped.news()
+            return [f"{words}: {', '.join(faults)}" if faults else words]
+        return [f"{words}: {_bytes(len(packet))}", *self._explain(packet, 0, up=frame.can_id == self._up)]
+
+
+class _Dropped(dict[str, int]):
+    """Drops by reason, and which of them are new."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._told: dict[str, int] = {}
+
+    def news(self) -> list[str]:
+        """The reasons that were counted since the last call."""
+        news = [reason for reason, count in self.items() if count != self._told.get(reason)]
+        self._told = dict(self)
+        return news
+
+
+class _LegacyWay:
+    """One of the two directions."""
+
+    def __init__(self, is_whole: Callable[[bytes], bool], words: str) -> None:
+        self.words = words
+        self.dropped = _Dropped()
+        self.joiner = LegacyJoiner(is_whole, dropped=self.dropped)
+
+
 class _Lane:
     """One node in one direction."""
 
     def __init__(self) -> None:
-        self._dropped: dict[str, int] = {}
-        self._told: dict[str, int] = {}
-        self.joiner = Joiner(MTU, dropped=self._dropped)
-
-    def faults(self) -> list[str]:
-        """What the joiner has dropped since the last call, by reason."""
-        news = [reason for reason, count in self._dropped.items() if count != self._told.get(reason)]
-        self._told = dict(self._dropped)
-        return news
+        self.dropped = _Dropped()
+        self.joiner = Joiner(MTU, dropped=self.dropped)
 
 
 def report_words(frame: Frame) -> str:

@@ -112,6 +112,7 @@ from msbot.xrce.variants import (
     topic_variant,
     writer_variant,
 )
+from msbot.xrce.whole import is_whole
 
 __all__ = [
     "COOKIE",
@@ -203,6 +204,7 @@ __all__ = [
     "decompress",
     "encode_message",
     "explain",
+    "is_whole",
     "iter_submessages",
     "kind_of",
     "make_object_id",
