@@ -76,7 +76,8 @@ def fit(offered: Qos, requested: Qos) -> bool:
 class MemoryWriter:
     """Satisfies `Writer`; made by `MemorySpace.writer`."""
 
-    __slots__ = ("_feedback", "_later", "_leave", "_open", "_route", "guid", "kept", "published", "qos", "topic")
+    __slots__ = ("_delivering", "_feedback", "_later", "_leave", "_open", "_route", "guid", "kept", "published", "qos",
+                 "topic")  # fmt: skip
 
     def __init__(
         self, topic: Topic, qos: Qos, guid: Guid, route: _Route, leave: Callable[[MemoryWriter], None]
@@ -90,6 +91,7 @@ class MemoryWriter:
         self._open = True
         self._route = route
         self._leave = leave
+        self._delivering = False
         self._later: deque[Sample] | None = None
         self._feedback = 0
 
@@ -103,16 +105,17 @@ class MemoryWriter:
         """
         if not self._open:
             raise LocalProtocolError(f"the writer of topic {self.topic.name} is closed")
-        later = self._later
-        if later is not None and self._feedback >= FEEDBACK_LIMIT:
+        if self._delivering and self._feedback >= FEEDBACK_LIMIT:
             raise LocalProtocolError(f"topic {self.topic.name} feeds itself: its readers write to it without end")
         self.published = sequence_nr = self.published + 1
         sample = Sample(payload, self.guid, sequence_nr, related)
-        if later is None:
-            self._publish(deque((sample,)))
-        else:
+        if self._delivering:
             self._feedback += 1
-            later.append(sample)
+            if self._later is None:
+                self._later = deque()
+            self._later.append(sample)
+        else:
+            self._publish(sample)
         return sequence_nr
 
     def close(self) -> None:
@@ -122,16 +125,19 @@ class MemoryWriter:
             self.kept.clear()
             self._leave(self)
 
-    def _publish(self, samples: deque[Sample]) -> None:
-        self._later = samples
+    def _publish(self, sample: Sample) -> None:
+        self._delivering = True
         self._feedback = 0
         try:
-            while samples:
-                sample = samples.popleft()
+            while True:
                 self.kept.append(sample)
                 for accept in self._route.accepts:
                     accept(sample)
+                if not self._later:
+                    return
+                sample = self._later.popleft()
         finally:
+            self._delivering = False
             self._later = None
 
 
@@ -171,24 +177,30 @@ class MemoryReader:
         if self._backlog is not None:
             self._backlog.append(sample)
         elif self._open:
-            self._offer(sample)
+            if not self._history and self._deliver(sample):
+                self.delivered += 1
+            else:
+                self._keep(sample)
 
     def catch_up(self, kept: Iterable[Sample]) -> None:
         """Deliver what was written before the reader came; what is written meanwhile waits behind it."""
         self._backlog = backlog = deque(kept)
         while backlog and self._open:
-            self._offer(backlog.popleft())
+            sample = backlog.popleft()
+            if not self._history and self._deliver(sample):
+                self.delivered += 1
+            else:
+                self._keep(sample)
         self._backlog = None
 
-    def _offer(self, sample: Sample) -> None:
+    def _keep(self, sample: Sample) -> None:
+        if not self._open:  # closed by the call-back that has just refused it
+            return
         history = self._history
-        if not history and self._deliver(sample):
-            self.delivered += 1
-        elif self._open:
-            if len(history) >= self._depth:
-                history.popleft()
-                self.lost += 1
-            history.append(sample)
+        if len(history) >= self._depth:
+            history.popleft()
+            self.lost += 1
+        history.append(sample)
 
 
 class _Route:
