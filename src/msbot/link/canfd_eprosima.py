@@ -5,8 +5,9 @@ identifier for the client, and answers with the same one. Byte 0 of a frame is t
 follows the packet is padding. There are no segments: longer messages are fragmented by DDS-XRCE itself.
 
 Agent and client may both send with one identifier, which CAN does not allow: when they begin in the same bit, the
-frames destroy each other, both are repeated at once and may end in bus-off, from which the port returns. The native
-mode (`can_link`) has no such weakness; this one is for boards whose firmware is given.
+frames destroy each other, both are repeated at once and may end in bus-off, from which the port returns. Two with
+something to say begin together whenever a frame ends, so nobody here answers before the other has been silent for the
+time of a frame. The native mode (`can_link`) has no such weakness; this one is for boards whose firmware is given.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from msbot.errors import ConfigError, LocalProtocolError
+from msbot.errors import ConfigError, LinkFull, LocalProtocolError
 from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
 from msbot.link.can_bus import CanBus
 from msbot.link.can_frames import Frame, pad_fd
@@ -28,6 +29,12 @@ IDENTIFIERS: Final = 1 << 29
 
 MAX_PEERS: Final = 1024
 """Identifiers with a queue of their own; the one served first gives way, and what waits for it is counted."""
+
+SILENCE_BITS: Final = 750
+"""Silence after a frame of the other side, in nominal bits: the longest FD frame without bit-rate switch has 704."""
+
+SILENCE_S: Final = 0.0015
+"""The same where the bit rate is not known: that of 500 kbit/s."""
 
 WRONG_LENGTH: Final = "length byte does not fit the frame"
 BUS_LEFT: Final = "still waiting when the controller left the bus"
@@ -62,7 +69,14 @@ class CanFdEprosimaLink:
         self._signal_handler: SignalHandler = ignore_signal
         self._room_handler: Callable[[Peer | None], None] = ignore_room
         self._port = CanPort(bus, self, ids=CanIds(), queue_frames=queue_frames)
+        self._queue_frames = queue_frames
+        rate = bus.info.bits_per_second
+        self._silence_s = SILENCE_BITS / rate if rate else SILENCE_S
         self._peers: dict[int, None] = {}
+        self._speaking: dict[int, float] = {}
+        """Who has just said something -> until when nothing is sent with that identifier."""
+        self._held: dict[int, list[Frame]] = {}
+        """What waits for that."""
 
     def on_packet(self, handler: PacketHandler) -> None:
         """See `Link`."""
@@ -78,7 +92,7 @@ class CanFdEprosimaLink:
 
     def has_room(self, peer: Peer) -> bool:
         """See `Link`."""
-        return isinstance(peer, int) and self._port.is_up and self._port.queue.has_room(peer)
+        return isinstance(peer, int) and self._port.is_up and self._may_queue(peer)
 
     def send(self, packet: bytes, peer: Peer) -> None:
         """See `Link`.
@@ -93,7 +107,8 @@ class CanFdEprosimaLink:
             raise LocalProtocolError(f"{peer!r} is no CAN identifier")
         if not 0 < len(packet) <= MTU:
             raise LocalProtocolError(f"a CAN FD frame carries a packet of 1 to {MTU} bytes, not {len(packet)}")
-        self._port.check_room(peer, self.describe(peer))
+        if not self._may_queue(peer):
+            raise LinkFull(f"the queue to {self.describe(peer)} is full: wait for on_room")
         self._note(peer)
         frame = Frame(peer, pad_fd(bytes((len(packet),)) + packet), extended=True, fd=True)
         now = self._port.now()
@@ -101,8 +116,12 @@ class CanFdEprosimaLink:
             self.tap(now, "out", peer, packet)
         self.counters.packets_out += 1
         self.counters.bytes_out += len(packet)
-        self._port.queue.put(peer, [frame])
-        self._port.pump(now)
+        if self._speaking.get(peer, now) > now:
+            self._held.setdefault(peer, []).append(frame)
+            self._port.arm()
+        else:
+            self._port.queue.put(peer, [frame])
+            self._port.pump(now)
 
     def describe(self, peer: Peer) -> str:
         """See `Link`."""
@@ -126,6 +145,8 @@ class CanFdEprosimaLink:
         packet = data[1 : 1 + data[0]]
         self.counters.packets_in += 1
         self.counters.bytes_in += len(packet)
+        self._speaking[frame.can_id] = now + self._silence_s
+        self._port.arm()
         if self.tap is not None:
             self.tap(now, "in", frame.can_id, packet)
         self._packet_handler(packet, frame.can_id, now)
@@ -147,17 +168,28 @@ class CanFdEprosimaLink:
 
     def bus_down(self, reason: str, lost_frames: int, now: float) -> None:
         """See `PortOwner`."""
-        self._peers.clear()
+        lost_frames += sum(map(len, self._held.values()))
+        for waiting in (self._peers, self._speaking, self._held):
+            waiting.clear()
         for _ in range(lost_frames):
             self.counters.drop(BUS_LEFT)
         self._signal_handler(Signal.LINK_DOWN, self.remote, reason, now)
 
     def timer(self) -> float | None:
         """See `PortOwner`."""
-        return None
+        return min(self._speaking.values(), default=None)
 
     def handle_timer(self, now: float) -> None:
         """See `PortOwner`."""
+        for peer in [peer for peer, until in self._speaking.items() if until <= now]:
+            del self._speaking[peer]
+            frames = self._held.pop(peer, None)
+            if frames:
+                self._port.queue.put(peer, frames)
+        self._port.pump(now)
+
+    def _may_queue(self, peer: int) -> bool:
+        return self._port.queue.has_room(peer) and len(self._held.get(peer, ())) < self._queue_frames
 
     def _note(self, peer: int) -> None:
         """Bound the queues: on a bus full of noise there may be any number of identifiers."""
@@ -166,6 +198,6 @@ class CanFdEprosimaLink:
         if len(self._peers) >= MAX_PEERS:
             oldest = next(iter(self._peers))
             del self._peers[oldest]
-            for _ in range(self._port.queue.clear(oldest)):
+            for _ in range(self._port.queue.clear(oldest) + len(self._held.pop(oldest, ()))):
                 self.counters.drop(GAVE_WAY)
         self._peers[peer] = None
