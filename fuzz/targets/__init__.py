@@ -1,0 +1,31 @@
+"""All that can be fuzzed, by name."""
+
+from __future__ import annotations
+
+from fuzz.case import Target
+from fuzz.targets.agent import AgentTarget
+from fuzz.targets.can import CanTarget
+from fuzz.targets.client import ClientTarget
+from fuzz.targets.codec import CodecTarget
+from fuzz.targets.compact import CompactTarget
+from fuzz.targets.desk import DeskTarget
+from fuzz.targets.message import MessageTarget
+from fuzz.targets.part import PartTarget
+from fuzz.targets.serial import SerialTarget
+from fuzz.targets.toml import TomlTarget
+
+TARGETS: dict[str, Target] = {
+    target.name: target
+    for target in (
+        AgentTarget(),
+        ClientTarget(),
+        PartTarget(),
+        CanTarget(),
+        CodecTarget(),
+        CompactTarget(),
+        SerialTarget(),
+        DeskTarget(),
+        MessageTarget(),
+        TomlTarget(),
+    )
+}

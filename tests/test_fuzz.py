@@ -1,0 +1,147 @@
+"""The fuzzer itself, and a short run of every target with a fixed seed: the same cases every time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from fuzz.__main__ import main
+from fuzz.case import Case, Step, Violation, load
+from fuzz.corpus import packets
+from fuzz.engine import Hang, fuzz, run_case, time_limit
+from fuzz.mutate import mutate_case, mutate_octets
+from fuzz.targets import TARGETS
+from fuzz.virtual import play
+
+EXECUTIONS = {
+    "agent": 40,
+    "client": 150,
+    "part": 20,
+    "can": 200,
+    "codec": 4000,
+    "compact": 2000,
+    "serial": 400,
+    "desk": 500,
+    "message": 4000,
+    "toml": 250,
+}
+"""About a second each."""
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_short_run_finds_nothing(name: str, tmp_path: Path) -> None:
+    report = fuzz(TARGETS[name], seed=20, findings=tmp_path, executions=EXECUTIONS[name])
+    assert report.findings == {}
+    assert report.executions == EXECUTIONS[name]
+    assert len(report.seen) > 5
+
+
+class Fragile:
+    """A target with a bug: it cannot stand the octet 7 after a step `arm`."""
+
+    name = "fragile"
+    about = "for this test"
+
+    def make(self, random: Random) -> Case:
+        verbs = random.choices(("arm", "noise"), k=20)
+        return tuple(Step(verb, random.randbytes(40), (1.5,)) for verb in verbs)
+
+    def run(self, case: Case) -> Iterable[str]:
+        armed = False
+        for step in case:
+            if armed and 7 in step.data:
+                raise Violation(f"octet at {step.data.index(7)}")
+            armed = armed or step.verb == "arm"
+        return {f"{len(case)} steps"}
+
+
+def test_a_bug_is_found_made_small_stored_once_and_repeated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(TARGETS, "fragile", Fragile())
+    assert main(["fragile", "--executions", "100", "--findings", str(tmp_path)]) == 1
+    (path,) = tmp_path.iterdir()
+    told = capsys.readouterr().out
+    assert "1 findings" in told
+    assert f"python -m fuzz --replay {path}" in told
+    name, case = load(path)
+    assert name == "fragile"
+    assert len(case) == 2
+    assert case[0] == Step("arm", b"", (1.5,))
+    assert case[1].data[-1] == 7
+    assert main(["--replay", str(path)]) == 1
+    assert "Violation: octet at" in capsys.readouterr().out
+    monkeypatch.setitem(TARGETS, "fragile", TARGETS["serial"])
+    assert main(["--replay", str(path)]) == 0
+    assert "nothing goes wrong any more" in capsys.readouterr().out
+
+
+def test_targets_are_listed_and_an_unknown_one_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--list"]) == 0
+    told = capsys.readouterr().out
+    assert all(name in told for name in TARGETS)
+    assert main(["agnet"]) == 2
+    assert "no such target: agnet" in capsys.readouterr().err
+
+
+def test_the_same_seed_gives_the_same_run(tmp_path: Path) -> None:
+    first, second = (fuzz(TARGETS["desk"], seed=5, findings=tmp_path, executions=60) for _ in range(2))
+    assert (first.steps, first.seen) == (second.steps, second.seen)
+
+
+def test_mutation_stays_within_its_limits() -> None:
+    random = Random(3)
+    octets = b""
+    case: Case = (Step("a", b"12345678", (1.0,)),)
+    for _ in range(500):
+        octets = mutate_octets(random, octets, (b"other",))
+        case = mutate_case(random, [case, (Step("b"),), ()])
+        assert len(octets) <= 70_000
+        assert len(case) <= 200
+
+
+def test_the_corpus_has_every_kind_of_submessage() -> None:
+    kinds = {packet[4] for packet in packets(of_clients=True) if len(packet) > 4 and packet[0] >= 0x80}
+    assert kinds >= {0x00, 0x01, 0x02, 0x03, 0x07, 0x08, 0x0A, 0x0B, 0x0C, 0x0D, 0x0E}
+    kinds = {packet[4] for packet in packets(of_clients=False) if len(packet) > 4 and packet[0] >= 0x80}
+    assert kinds >= {0x04, 0x05, 0x06, 0x09, 0x0A, 0x0B, 0x0D, 0x0F}
+
+
+def test_what_never_ends_is_noticed() -> None:
+    def spin() -> None:
+        with time_limit(0.01):
+            while True:
+                pass
+
+    async def rounds() -> None:
+        for _ in range(1000):
+            await asyncio.sleep(0)
+
+    with pytest.raises(Hang):
+        spin()
+
+    with pytest.raises(Violation, match="step budget"):
+        play(rounds(), turns=100)
+
+
+def test_what_a_call_back_raises_is_a_finding() -> None:
+    async def scene() -> None:
+        asyncio.get_running_loop().call_soon(lambda: 1 / 0)
+        await asyncio.sleep(1.0)
+
+    with pytest.raises(ZeroDivisionError):
+        play(scene())
+
+
+def test_an_error_inside_of_a_group_is_named(tmp_path: Path) -> None:
+    class Grouped(Fragile):
+        def run(self, case: Case) -> Iterable[str]:
+            raise ExceptionGroup("many", [ValueError("one of 12")])
+
+    _, finding = run_case(Grouped(), ())
+    assert finding is not None
+    assert finding.signature == "ValueError in ?: one of #"
