@@ -49,7 +49,10 @@ def test_the_file_of_a_dead_process_is_removed(tmp_path: Path) -> None:
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
     file.path.write_text(json.dumps({"port": 1, "token": "t", "pid": ended.pid}))
-    assert list(find_files(folder)) == []
+    again = leave_word(folder, 2)
+    assert not file.path.exists()
+    file.path.write_text(json.dumps({"port": 1, "token": "t", "pid": ended.pid}))
+    assert list(find_files(folder)) == [again]
     assert not file.path.exists()
 
 

@@ -1,7 +1,7 @@
 """Where running agents leave word of themselves: one small file each, readable by their user alone.
 
 A file says at which port of this computer the process answers, and the token that must be shown there. It is removed
-when the process ends; one that was left behind by a killed process is recognised and removed by whoever reads next.
+when the process ends; one that was left behind by a killed process is recognised and removed by whoever comes next.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def status_folder() -> Path:
 
 
 def leave_word(folder: Path, port: int) -> StatusFile:
-    """Write the file of this process.
+    """Write the file of this process, and remove those of dead ones.
 
     Raises:
         ConfigError: the folder cannot be used, or is not the user's own.
@@ -51,7 +51,7 @@ def leave_word(folder: Path, port: int) -> StatusFile:
     content = json.dumps({"port": file.port, "token": file.token, "pid": file.pid})
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        _check_owner(folder)
+        list(find_files(folder))  # looking for them is what removes dead ones
         descriptor = os.open(file.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "w") as stream:
             stream.write(content)
