@@ -66,6 +66,13 @@ def test_what_is_no_such_file_is_left_alone(tmp_path: Path, text: str) -> None:
     assert len(list(folder.iterdir())) == 2
 
 
+def test_a_file_may_vanish_while_others_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = leave_word(tmp_path / "msbot", 1)
+    ghost = tmp_path / "msbot" / "status-0-gone.json"
+    monkeypatch.setattr(Path, "glob", lambda self, pattern: iter([file.path, ghost]))
+    assert list(find_files(tmp_path / "msbot")) == [file]
+
+
 def test_a_process_of_somebody_else_counts_as_running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = leave_word(tmp_path / "msbot", 1)
     for error in (PermissionError, OverflowError):

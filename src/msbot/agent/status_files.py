@@ -69,7 +69,7 @@ def find_files(folder: Path) -> Iterator[StatusFile]:
     if not folder.is_dir():
         return
     _check_owner(folder)
-    for path in sorted(folder.glob(f"{PREFIX}*.json"), key=lambda path: (path.lstat().st_mtime_ns, path.name)):
+    for path in sorted(folder.glob(f"{PREFIX}*.json"), key=_written_at):
         try:
             content = json.loads(path.read_text())
             file = StatusFile(path, int(content["port"]), str(content["token"]), int(content["pid"]))
@@ -79,6 +79,13 @@ def find_files(folder: Path) -> Iterator[StatusFile]:
             yield file
         else:
             path.unlink(missing_ok=True)
+
+
+def _written_at(path: Path) -> tuple[int, str]:
+    try:
+        return path.lstat().st_mtime_ns, path.name
+    except FileNotFoundError:
+        return 0, path.name  # removed meanwhile
 
 
 def _check_owner(folder: Path) -> None:
