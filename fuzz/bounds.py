@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from fuzz.case import Violation
 from msbot.agent import Agent, AgentSettings
+from msbot.agent.timers import MOST_STALE
 from msbot.agent.proxy import Proxy
 from msbot.xrce import AgentSession, ClientSession
 from msbot.xrce.output_streams import ReliableOutput
 
 REASONS = 80
 """Different reasons that a table of drops may have; more means that a reason has something of the input in it."""
-MOST_STALE = 256
-"""Stale timer entries beside those of the clients that are there."""
 
 
 def hold(what: str, value: int, limit: int) -> None:

@@ -7,7 +7,7 @@ import weakref
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.agent.timers import TimerHeap
+from msbot.agent.timers import MOST_STALE, TimerHeap
 
 
 def test_owners_come_in_the_order_of_their_times() -> None:
@@ -43,6 +43,22 @@ def test_an_owner_that_always_asks_for_the_same_late_time_needs_one_entry() -> N
     for _ in range(100):
         heap.schedule("part", 30.0)
     assert len(heap) == 1
+
+
+def test_forgotten_owners_leave_nothing_behind_however_far_away_their_time_was() -> None:
+    heap: TimerHeap[int] = TimerHeap()
+    heap.schedule(-1, 5.0)
+    for owner in range(10_000):
+        heap.schedule(owner, 1e6)
+        heap.forget(owner)
+        assert len(heap) <= 2 + MOST_STALE
+    heap.schedule(-2, 7.0)
+    heap.rest(-2)
+    for at in range(10_000):
+        heap.schedule(-3, 1e6 - at)
+    assert len(heap) <= 6 + MOST_STALE
+    heap.schedule(-2, 7.0)
+    assert list(heap.pop_due(2e6)) == [-1, -2, -3]
 
 
 def test_an_owner_that_rests_does_not_fire_until_it_is_scheduled_again() -> None:

@@ -44,6 +44,8 @@ SHARED_MEMORY = "uxr_sm"
 """Property "1" of a client that does not want its own samples back."""
 
 _MIN_DEAD_AFTER_S = 0.1
+_MAX_DEAD_AFTER_S = 3600.0
+"""Whoever is silent for an hour is asked whether it is there, whatever it said; C clients write at most 1000 s."""
 
 OpenSession = Callable[[ClientInfo, Port, CreateClient, float], Proxy]
 EndSession = Callable[[Proxy, str], None]
@@ -114,7 +116,7 @@ def dead_after_s(request: CreateClient, default_s: float) -> float:
     text = dict(request.properties or ()).get(HARD_LIVELINESS, "")
     if not (text.isascii() and text.isdigit() and len(text) <= 9):
         return default_s
-    return max(int(text) / 1000, _MIN_DEAD_AFTER_S)
+    return min(max(int(text) / 1000, _MIN_DEAD_AFTER_S), _MAX_DEAD_AFTER_S)
 
 
 def wants_echo(request: CreateClient) -> bool:

@@ -6,6 +6,9 @@ from collections.abc import Hashable, Iterator
 from heapq import heappop, heappush
 from typing import Generic, TypeVar
 
+MOST_STALE = 256
+"""Stale entries that are never thrown out before their time."""
+
 Owner = TypeVar("Owner", bound=Hashable)
 
 
@@ -14,7 +17,8 @@ class TimerHeap(Generic[Owner]):
 
     Moving an owner's time later costs nothing: the old time fires, the owner finds nothing to do and says when to
     come again. The same goes for an owner that rests: its time stays, and counts again when it has something to do. So
-    there is one entry per owner as a rule, and a stale one more each time it is moved earlier.
+    there is one entry per owner as a rule, and a stale one more each time it is moved earlier or forgotten; when more
+    than half of the entries are stale they are thrown out.
     """
 
     __slots__ = ("_due", "_heap", "_number", "_owners", "_resting")
@@ -43,6 +47,8 @@ class TimerHeap(Generic[Owner]):
         self._due[owner] = (when, number)
         self._owners[number] = owner
         heappush(self._heap, (when, number))
+        if len(self._heap) > 2 * len(self._due) + MOST_STALE:
+            self._heap = sorted(self._due.values())
 
     def rest(self, owner: Owner) -> None:
         """Do not fire for that owner until it is scheduled again; cheap, for owners that soon will be."""
