@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fuzz.case import Violation
 from msbot.agent import Agent, AgentSettings
-from msbot.agent.timers import MOST_STALE
 from msbot.agent.proxy import Proxy
+from msbot.agent.timers import MOST_STALE
 from msbot.xrce import AgentSession, ClientSession
 from msbot.xrce.output_streams import ReliableOutput
 
