@@ -108,7 +108,7 @@ def test_any_octets_have_words(octets: bytes) -> None:
 
 
 def test_notes_stand_below_their_submessage() -> None:
-    packet = bytes.fromhex("81010200" "07010800 000b0015 01020304" "07010800 000c0025 05060708")
+    packet = bytes.fromhex("8101020007010800 000b0015 0102030407010800 000c0025 05060708")
     lines = explain(packet, lambda header, submessage: [f"{header.sequence_nr}: {type(submessage).__name__}"])
     assert [line.partition(",")[0] for line in lines] == [
         "session 0x81",

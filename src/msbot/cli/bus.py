@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
+
+from msbot.cli.options import DEFAULT_BLUEPRINT
+
+MOST_BYTES = 65_535
+"""Largest sample a forecast is made for."""
 
 
 @click.group("bus")
@@ -47,3 +54,46 @@ def decode(log: str, *, legacy: bool) -> None:
     from msbot.cli.bus_decode import complain, decode_log
 
     decode_log(log, click.echo, complain, legacy=legacy)
+
+
+class SizeType(click.ParamType[tuple[str, int]]):
+    """`LightLevel=12`."""
+
+    name = "TYPE=BYTES"
+
+    def convert(
+        self, value: str | tuple[str, int], param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, int]:
+        """The type and the size of its samples."""
+        if isinstance(value, tuple):
+            return value
+        type_name, _, size = value.rpartition("=")
+        if not type_name or not (size.isascii() and size.isdigit()) or int(size) > MOST_BYTES:
+            self.fail(f"{value!r}: write TYPE=BYTES, for example LightLevel=12", param, ctx)
+        return type_name, int(size)
+
+
+@command.command("load")
+@click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
+@bitrate_option
+@data_bitrate_option
+@click.option("--fd", is_flag=True, help="CAN FD with bit-rate switch.")
+@click.option("--no-compression", is_flag=True, help="DDS-XRCE headers as they are.")
+@click.option("--size", "sizes", type=SizeType(), multiple=True, help="Bytes of a sample of that type; repeatable.")
+@click.option(
+    "--library", "folders", type=click.Path(path_type=Path), multiple=True, help="A folder with more part types."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def load(
+    *, blueprint: Path, bitrate: int, data_bitrate: int, fd: bool, no_compression: bool,
+    sizes: tuple[tuple[str, int], ...], folders: tuple[Path, ...], as_json: bool,
+) -> None:  # fmt: skip
+    """Foretell how busy a CAN bus is with the robot that BLUEPRINT (robot.toml) describes.
+
+    Counted are the beats, the profile, and the samples of every binding whose port has a rate_hz, bit by bit; what
+    happens only sometimes (joining, set-up, losses) is not.
+    """
+    from msbot.cli.bus_load import Bus, load_report
+
+    bus = Bus(bitrate, data_bitrate, fd, not no_compression)
+    click.echo(load_report(blueprint, folders, bus, dict(sizes), as_json=as_json))

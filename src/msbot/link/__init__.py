@@ -133,6 +133,7 @@ class BurstLink(Protocol):
 from msbot.link.address import open_link  # noqa: E402
 from msbot.link.can_bits import FrameBits, frame_bits  # noqa: E402
 from msbot.link.can_bus import BusState, CanBus, CanBusInfo  # noqa: E402
+from msbot.link.can_cost import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost  # noqa: E402
 from msbot.link.can_end import Codec  # noqa: E402
 from msbot.link.can_frames import Frame  # noqa: E402
 from msbot.link.can_ids import CanIds  # noqa: E402
@@ -152,6 +153,7 @@ from msbot.link.udp import UdpClientLink, UdpServerLink  # noqa: E402
 from msbot.link.virtual_time import VirtualTimeLoop, run_virtual  # noqa: E402
 
 __all__ = [
+    "BEACONS_HZ",
     "MOST_REASONS",
     "OTHER_REASONS",
     "BurstLink",
@@ -165,9 +167,11 @@ __all__ = [
     "CanMasterLink",
     "CanPartLink",
     "Codec",
+    "Cost",
     "Frame",
     "FrameBits",
     "FrameTap",
+    "Framing",
     "InprocEnd",
     "InprocHub",
     "Link",
@@ -191,8 +195,10 @@ __all__ = [
     "UdpClientLink",
     "UdpServerLink",
     "VirtualTimeLoop",
+    "beacon_cost",
     "frame_bits",
     "inproc_pair",
+    "message_cost",
     "open_link",
     "run_virtual",
 ]

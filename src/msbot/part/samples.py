@@ -34,6 +34,8 @@ class SamplePart:
     part_number: str
     play: Callable[[Part, Random], None]
     """Gives a part the functions that make it this one; the dice decide what it says."""
+    says: str
+    """One of the texts it publishes; they are all of this length."""
 
 
 def make_sample(
@@ -141,8 +143,8 @@ class _Count:
 
 
 SAMPLE_PARTS = {
-    "AA": SamplePart("ABCD", _light_sensor),
-    "BB": SamplePart("EFGH", _toggle_switch),
-    "CC": SamplePart("WXYZ", _motor_driver),
+    "AA": SamplePart("ABCD", _light_sensor, "Publisher A(1) turn-on 3"),
+    "BB": SamplePart("EFGH", _toggle_switch, "Publisher B(2) gpio-3 = 0"),
+    "CC": SamplePart("WXYZ", _motor_driver, "Publisher C(1) random value = 3"),
 }
 """The parts of the sample robot by the names of their slots."""

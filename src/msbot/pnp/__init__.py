@@ -3,6 +3,7 @@
 from msbot.pnp.access import RESERVED_TOPICS, Access
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.life import TRANSITIONS
+from msbot.pnp.load_forecast import Flow, Forecast, forecast
 from msbot.pnp.matching import Match, Matcher
 from msbot.pnp.overhear import Overhearer
 from msbot.pnp.parts import (
@@ -39,6 +40,8 @@ __all__ = [
     "Claim",
     "Configuration",
     "Evidence",
+    "Flow",
+    "Forecast",
     "Inventory",
     "InventoryService",
     "MasterService",
@@ -56,4 +59,5 @@ __all__ = [
     "Slot",
     "Timing",
     "Verdict",
+    "forecast",
 ]
