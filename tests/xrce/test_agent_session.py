@@ -652,3 +652,15 @@ def test_what_sessions_hold_of_incomplete_messages_is_bounded_together_and_given
     assert shared.used == 16
     other.relogin()
     assert shared.used == 0
+
+
+def test_samples_may_be_handed_over_at_once_but_never_before_what_came_earlier() -> None:
+    bench = Bench()
+    taken: list[tuple[int, int, bytes]] = []
+    bench.session.on_data = lambda object_id, request_id, payload: taken.append((object_id, request_id, payload))
+    assert bench.feed(head(0x80) + write("aabb")) == [acknack(1)]
+    assert taken == [(0x0015, 0x001E, b"\xaa\xbb")]
+    assert bench.writes() == []
+    assert bench.feed(head(0x80, 1) + create(10) + write("cc")) == [status(0x80, 0, 10), acknack(2)]
+    assert len(taken) == 1
+    assert bench.writes() == [b"\xcc"]

@@ -7,7 +7,6 @@ import pytest
 from msbot.errors import LocalProtocolError
 from msbot.xrce.counters import SessionCounters
 from msbot.xrce.envelope import Envelope
-from msbot.xrce.messages import Acknack
 from msbot.xrce.output_streams import TOO_LARGE
 from msbot.xrce.sender import ANSWERS_FULL, STREAM_LIMIT, Sender
 from msbot.xrce.session_settings import SessionSettings
@@ -49,8 +48,8 @@ def test_what_is_missing_goes_first_and_counts_against_the_limit() -> None:
     reliable(sender, 0x81, b"x")
     sender.pull(0.0)
     reliable(sender, 0x80, b"c")
-    sender.acknowledged(Acknack(0, 0b11, 0x80), 0.0)
-    sender.acknowledged(Acknack(0, 0b1, 0x81), 0.0)
+    sender.acknowledged(0x80, 0, 0b11, 0.0)
+    sender.acknowledged(0x81, 0, 0b1, 0.0)
     assert not sender.is_idle
     assert hexes(sender.pull(0.0, limit=1)) == ["8180000061"]
     assert hexes(sender.pull(0.0, limit=2)) == ["8180010062", "8181000078"]
@@ -65,7 +64,7 @@ def test_no_heartbeat_while_anything_waits_for_the_link() -> None:
     sender.handle_timer(10.0)
     assert len(sender.pull(10.0)) == 1
     assert sender.timer() == 10.2
-    sender.acknowledged(Acknack(0, 0b1, 0x80), 10.1)
+    sender.acknowledged(0x80, 0, 0b1, 10.1)
     assert sender.timer() is None, "a message is to be sent again: ask only after it"
     sender.handle_timer(10.3)
     assert hexes(sender.pull(10.3)) == ["8180000061"]
@@ -91,9 +90,9 @@ def test_an_acknowledgement_stops_the_heartbeat_without_another_pull() -> None:
     sender, _ = make_sender()
     reliable(sender, 0x80, b"a", b"b")
     sender.pull(0.0)
-    sender.acknowledged(Acknack(1, 0, 0x80), 0.1)
+    sender.acknowledged(0x80, 1, 0, 0.1)
     assert sender.timer() == pytest.approx(0.3)
-    sender.acknowledged(Acknack(2, 0, 0x80), 0.2)
+    sender.acknowledged(0x80, 2, 0, 0.2)
     assert sender.timer() is None
 
 
@@ -103,17 +102,17 @@ def test_room_is_announced_only_to_those_who_were_refused() -> None:
     sender.pull(0.0)
     stream = sender.reliable(0x80)
     assert stream is not None
-    assert not sender.acknowledged(Acknack(1, 0, 0x80), 0.0)
+    assert not sender.acknowledged(0x80, 1, 0, 0.0)
     stream.send(b"b")
     stream.refused = True
-    assert not sender.acknowledged(Acknack(1, 0, 0x80), 0.0)
-    assert sender.acknowledged(Acknack(2, 0, 0x80), 0.0)
+    assert not sender.acknowledged(0x80, 1, 0, 0.0)
+    assert sender.acknowledged(0x80, 2, 0, 0.0)
     assert not stream.refused
 
 
 def test_acknacks_of_unknown_streams_mean_nothing() -> None:
     sender, counters = make_sender()
-    assert not sender.acknowledged(Acknack(0, 0xFFFF, 0x85), 0.0)
+    assert not sender.acknowledged(0x85, 0, 0xFFFF, 0.0)
     assert counters.dropped == {}
 
 

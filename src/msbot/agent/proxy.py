@@ -73,6 +73,7 @@ class Proxy:
         settings = surroundings.settings
         self.info = info
         self.session = session
+        session.on_data = self._write
         self.space = surroundings.space
         self.replies = surroundings.replies
         self.clock = surroundings.clock
@@ -118,11 +119,7 @@ class Proxy:
             return
         while (event := session.next_event()) is not None:
             if type(event) is DataWritten:
-                endpoint = self._endpoints.get(event.object_id)
-                if endpoint is None:
-                    self.drop("WRITE_DATA for an unknown object")
-                else:
-                    endpoint.write(event.request_id, event.payload)
+                self._write(event.object_id, event.request_id, event.payload)
             elif not self.is_over:
                 self._handle(event)
         if not self.is_marked:
@@ -300,6 +297,13 @@ class Proxy:
         self._refused.add(topic)
 
     # The rest.
+
+    def _write(self, object_id: int, request_id: int, payload: bytes) -> None:
+        endpoint = self._endpoints.get(object_id)
+        if endpoint is None:
+            self.drop("WRITE_DATA for an unknown object")
+        else:
+            endpoint.write(request_id, payload)
 
     def _handle(self, event: AgentEvent) -> None:
         session = self.session

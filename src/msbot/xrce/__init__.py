@@ -5,7 +5,8 @@ Times are handed in as `now` in seconds of the caller's monotonic clock; octets 
 
 from msbot.xrce.agent_session import AgentSession
 from msbot.xrce.cdr import CdrReader, CdrWriter
-from msbot.xrce.client_session import ClientSession, ClientState
+from msbot.xrce.client_session import ClientSession
+from msbot.xrce.client_state import ClientState
 from msbot.xrce.compact import compress, decompress
 from msbot.xrce.counters import Memory, SessionCounters
 from msbot.xrce.definitions import (

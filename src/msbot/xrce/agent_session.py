@@ -50,7 +50,6 @@ from msbot.xrce.session import OTHER_SESSION, Session
 from msbot.xrce.session_settings import AgentSessionSettings
 
 _IDS = struct.Struct(">HH")
-_WRITE_DATA_ID = SubmessageId.WRITE_DATA.value
 _DATA_ID = SubmessageId.DATA.value
 _MASK_CONFIGURATION = 1
 
@@ -61,6 +60,8 @@ BACKLOG_FULL = "status: too many wait for the client's acknowledgement"
 
 class AgentSession(Session[AgentEvent]):
     """One client's session, sans I/O (see the module's docstring)."""
+
+    _DATA_ID = SubmessageId.WRITE_DATA.value
 
     def __init__(
         self,
@@ -84,6 +85,9 @@ class AgentSession(Session[AgentEvent]):
         """
         super().__init__(client_key, session_id, mtu, settings or AgentSessionSettings(), pads=False, memory=memory)
         self._epoch_ns = epoch_ns
+        self.on_data: Callable[[int, int, bytes], None] | None = None
+        """Called with `(object_id, request_id, payload)` for a sample that nothing else precedes, in place of the event
+        DataWritten. It must not call `receive_packet`."""
 
     def send_status(self, request_id: int, object_id: int, status: int, stream_id: int) -> None:
         """Answer a CREATE or DELETE that came on `stream_id`, or refuse a read (say 0x80 then).
@@ -118,13 +122,7 @@ class AgentSession(Session[AgentEvent]):
             self._sender.send_unacknowledged(body, stream_id)
             return True
         stream = self._sender.reliable(stream_id)
-        if stream is None:
-            return True
-        if not stream.has_room():
-            stream.refused = True
-            return False
-        stream.send(body)
-        return True
+        return True if stream is None else stream.offer(body)
 
     def probe(self) -> None:
         """Ask the client for a sign of life; any packet is one.
@@ -156,14 +154,18 @@ class AgentSession(Session[AgentEvent]):
             return None if packet[0] >= SESSION_NONE else OTHER_SESSION
         return None if packet[0] < SESSION_NONE and packet[4:8] == self._key_octets else OTHER_SESSION
 
+    def _take_data(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
+        if flags & FORMAT_MASK or end - start < 4:
+            self.counters.drop(NOT_DATA)
+            return False
+        request_id, object_id = _IDS.unpack_from(packet, start)
+        if self.on_data is None or self._events:
+            self._events.append(DataWritten(object_id, request_id, packet[start + 4 : end]))
+        else:
+            self.on_data(object_id, request_id, packet[start + 4 : end])
+        return True
+
     def _handle(self, kind: int, flags: int, contents: bytes, stream_id: int) -> bool:
-        if kind == _WRITE_DATA_ID:
-            if flags & FORMAT_MASK or len(contents) < 4:
-                self.counters.drop(NOT_DATA)
-                return False
-            request_id, object_id = _IDS.unpack_from(contents)
-            self._events.append(DataWritten(object_id, request_id, contents[4:]))
-            return True
         event = self._request(kind, flags, contents, stream_id)
         if event is not None:
             self._events.append(event)

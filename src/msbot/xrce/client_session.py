@@ -19,9 +19,9 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from enum import Enum
 
 from msbot.errors import LocalProtocolError
+from msbot.xrce.client_state import OPEN_STATES, ClientState
 from msbot.xrce.data_messages import FORMAT_MASK
 from msbot.xrce.envelope import data_submessage
 from msbot.xrce.events import (
@@ -57,6 +57,7 @@ from msbot.xrce.messages import (
     DeliveryControl,
     GetInfo,
     Header,
+    Heartbeat,
     Info,
     ObjectVariant,
     ReadData,
@@ -72,7 +73,6 @@ from msbot.xrce.session_settings import ClientSessionSettings
 from msbot.xrce.time_sync import answers, compare_clocks
 
 _IDS = struct.Struct(">HH")
-_DATA_ID = SubmessageId.DATA.value
 _WRITE_DATA_ID = SubmessageId.WRITE_DATA.value
 _MASK_ACTIVITY = 2
 _MTU_RESERVE = 4
@@ -83,22 +83,10 @@ NOT_OPEN = "message while the session is not open"
 NOT_ASKED = "answer that nobody asked for"
 
 
-class ClientState(Enum):
-    """Where a client's session stands."""
-
-    IDLE = "not connected yet"
-    CONNECTING = "waiting for the agent's answer to the login"
-    CONNECTED = "open"
-    CLOSING = "waiting for the agent's answer to the logout"
-    CLOSED = "closed"
-    FAILED = "the agent refused, or did not answer"
-
-
-_OPEN = (ClientState.CONNECTED, ClientState.CLOSING)
-
-
 class ClientSession(Session[ClientEvent]):
     """One session with an agent, sans I/O (see the module's docstring)."""
+
+    _DATA_ID = SubmessageId.DATA.value
 
     def __init__(
         self,
@@ -229,7 +217,7 @@ class ClientSession(Session[ClientEvent]):
         """Ask the agent whether it is there and knows us; in any state; answered by Pong."""
         self._pinged_at = now
         question = GetInfo(REQUEST_PING, OBJECT_AGENT, _MASK_ACTIVITY)
-        if self._state in _OPEN:
+        if self._state in OPEN_STATES:
             self._sender.answer(question.encode())
         else:
             self._sender.put_answer(encode_message(self._outside, [question], pad_end=False))
@@ -320,27 +308,34 @@ class ClientSession(Session[ClientEvent]):
             pass
         elif packet[0] != self.session_id:
             return OTHER_SESSION
-        elif stream_id != STREAM_NONE and self._state not in _OPEN:
+        elif stream_id != STREAM_NONE and self._state not in OPEN_STATES:
             return NOT_OPEN
         return OTHER_SESSION if packet[0] < SESSION_NONE and packet[4:8] != self._key_octets else None
 
-    def _take_report(self, kind: int, flags: int, contents: bytes, carrier_id: int) -> None:
-        if self._state in _OPEN:
-            super()._take_report(kind, flags, contents, carrier_id)
+    def _take_acknack(self, first: int, bitmap: int, stream_id: int) -> None:
+        if self._state in OPEN_STATES:
+            super()._take_acknack(first, bitmap, stream_id)
         else:
             self.counters.drop(NOT_OPEN)
 
+    def _take_heartbeat(self, heartbeat: Heartbeat, carrier_id: int) -> None:
+        if self._state in OPEN_STATES:
+            super()._take_heartbeat(heartbeat, carrier_id)
+        else:
+            self.counters.drop(NOT_OPEN)
+
+    def _take_data(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:
+        if flags & FORMAT_MASK or end - start < 4:
+            self.counters.drop(NOT_DATA)
+            return False
+        if stream_id == STREAM_NONE and self._state not in OPEN_STATES:
+            self.counters.drop(NOT_OPEN)
+            return False
+        request_id, object_id = _IDS.unpack_from(packet, start)
+        self._events.append(DataReceived(request_id, object_id, packet[start + 4 : end], stream_id))
+        return True
+
     def _handle(self, kind: int, flags: int, contents: bytes, stream_id: int) -> bool:
-        if kind == _DATA_ID:
-            if flags & FORMAT_MASK or len(contents) < 4:
-                self.counters.drop(NOT_DATA)
-                return False
-            if stream_id == STREAM_NONE and self._state not in _OPEN:
-                self.counters.drop(NOT_OPEN)
-                return False
-            request_id, object_id = _IDS.unpack_from(contents)
-            self._events.append(DataReceived(request_id, object_id, contents[4:], stream_id))
-            return True
         size = len(contents)
         match kind:
             case SubmessageId.STATUS:

@@ -25,20 +25,21 @@ class Lane:
 class Outbox:
     """One queue for everything a session sends."""
 
-    __slots__ = ("_counters", "_items", "limit")
+    __slots__ = ("_counters", "items", "limit")
 
     def __init__(self, limit: int, counters: SessionCounters) -> None:
-        self._items: deque[bytes | Lane] = deque()
+        self.items: deque[bytes | Lane] = deque()
+        """What waits, oldest first: messages, and lanes in the place of theirs; to be looked at only."""
         self._counters = counters
         self.limit = limit
         """Messages per lane."""
 
     def __len__(self) -> int:
-        return len(self._items)
+        return len(self.items)
 
     def put(self, packet: bytes) -> None:
         """Book a message that somebody else bounds."""
-        self._items.append(packet)
+        self.items.append(packet)
 
     def put_newest(self, packet: bytes, lane: Lane) -> None:
         """Book a message in its lane; the oldest of a full lane makes room."""
@@ -48,15 +49,15 @@ class Outbox:
             lane.packets.popleft()
             self._counters.drop(lane.name)
         else:
-            self._items.append(lane)
+            self.items.append(lane)
 
     def holds(self, packet: bytes) -> bool:
         """Whether this message, booked with `put`, still waits."""
-        return any(item is packet for item in self._items)
+        return any(item is packet for item in self.items)
 
     def pull(self, limit: int | None = None) -> list[bytes]:
         """Take the oldest messages out, all of them or at most `limit`."""
-        items = self._items
+        items = self.items
         if limit is None or limit >= len(items):
             packets = [item if type(item) is bytes else item.packets.popleft() for item in items]  # type: ignore[union-attr]
             items.clear()
@@ -69,7 +70,7 @@ class Outbox:
 
     def clear(self) -> None:
         """Forget everything that waits."""
-        for item in self._items:
+        for item in self.items:
             if isinstance(item, Lane):
                 item.packets.clear()
-        self._items.clear()
+        self.items.clear()

@@ -63,7 +63,7 @@ class BestEffortOutput:
         if len(body) > self._envelope.capacity:
             self._counters.drop(TOO_LARGE)
             return
-        nr = self._sequence_nr = self.next_nr
+        nr = self._sequence_nr = (self._sequence_nr + 1) & 0xFFFF
         self._outbox.put_newest(self._envelope.seal(self.stream_id, nr, body), self._lane)
 
     def pack(self, body: bytes) -> None:
@@ -92,7 +92,6 @@ class ReliableOutput:
         "_envelope",
         "_first",
         "_heartbeat_sent_at",
-        "_moved",
         "_next",
         "_outbox",
         "_resent_at",
@@ -106,6 +105,7 @@ class ReliableOutput:
         "_window",
         "heartbeat_at",
         "missed",
+        "moved",
         "refused",
         "stream_id",
     )
@@ -135,7 +135,8 @@ class ReliableOutput:
         self._cut_at = 0
         self._first = 0
         self._next = 0
-        self._moved = False
+        self.moved = False
+        """Whether `rest` has something to do."""
         self._heartbeat_sent_at = float("-inf")
         self._timed: int | None = None
         self._timed_at = 0.0
@@ -189,6 +190,14 @@ class ReliableOutput:
             self.book(body)
             self.advance()
 
+    def offer(self, body: bytes) -> bool:
+        """Book a body if there is room for it; False = it was not booked, and there will be news when there is."""
+        if len(self._unacked) + len(self._waiting) >= self._window or self._waiting_large:
+            self.refused = True
+            return False
+        self.send(body)
+        return True
+
     def advance(self) -> None:
         """Give numbers to what waits, as far as the window allows."""
         waiting = self._waiting
@@ -210,7 +219,8 @@ class ReliableOutput:
         self._unanswered = 0
         if progress:
             self._forget(progress, now)
-            self.advance()
+            if self._waiting:
+                self.advance()
         if bitmap:
             self._note_missed(first, bitmap, now)
         return progress > 0
@@ -225,14 +235,12 @@ class ReliableOutput:
                 packets.append(packet)
                 self._resent_at[nr] = now
         self._counters.resent += len(packets)
-        self._moved = self._moved or bool(packets)
+        self.moved = self.moved or bool(packets)
         return packets
 
     def rest(self, now: float, heartbeat_s: float, heartbeat_min_s: float) -> None:
         """Note that the link has pulled everything: the wait for an acknowledgement begins."""
-        if not self._moved:
-            return
-        self._moved = False
+        self.moved = False
         if not self._unacked:
             self.heartbeat_at = None
             return
@@ -246,7 +254,7 @@ class ReliableOutput:
         self._heartbeat_sent_at = now
         self._unanswered += 1
         self.heartbeat_at = None
-        self._moved = True
+        self.moved = True
         return Heartbeat(self._first, (self._next - 1) & 0xFFFF, self.stream_id)
 
     def _emit(self, body: bytes) -> None:
@@ -254,7 +262,7 @@ class ReliableOutput:
         packet = self._envelope.seal(self.stream_id, nr, body)
         self._unacked[nr] = packet
         self._next = (nr + 1) & 0xFFFF
-        self._moved = True
+        self.moved = True
         self._outbox.put(packet)
 
     def _emit_piece(self) -> None:
@@ -282,7 +290,7 @@ class ReliableOutput:
             self._round_trip.measure(now - self._timed_at)
             self._timed = None
         self.heartbeat_at = None
-        self._moved = True
+        self.moved = True
 
     def _note_missed(self, first: int, bitmap: int, now: float) -> None:
         for index in range(bitmap.bit_length()):
@@ -293,7 +301,7 @@ class ReliableOutput:
                 self._round_trip.note_loss(now)
 
     def _may_resend(self, nr: int, now: float) -> bool:
-        if nr in self.missed or (len(self._outbox) and self._outbox.holds(self._unacked[nr])):
+        if nr in self.missed or self._outbox.holds(self._unacked[nr]):
             return False
         resent_at = self._resent_at.get(nr)
         return resent_at is None or self._heartbeat_sent_at > resent_at or now - resent_at >= self._guard()

@@ -13,11 +13,11 @@ from msbot.errors import LocalProtocolError
 from msbot.xrce.counters import SessionCounters
 from msbot.xrce.envelope import Envelope
 from msbot.xrce.ids import STREAM_BEST_EFFORT, STREAM_NONE, STREAM_RELIABLE
-from msbot.xrce.messages import Acknack
 from msbot.xrce.outbox import Lane, Outbox
 from msbot.xrce.output_streams import TOO_LARGE, BestEffortOutput, ReliableOutput
 from msbot.xrce.round_trip import RoundTrip
 from msbot.xrce.session_settings import SessionSettings
+from msbot.xrce.stream_messages import write_acknack
 from msbot.xrce.stream_state import StreamState
 
 Stream = TypeVar("Stream", BestEffortOutput, ReliableOutput)
@@ -107,7 +107,7 @@ class Sender:
 
     def acknack(self, stream_id: int, first: int, bitmap: int) -> bytes:
         """The ACKNACK message for an input stream, not booked yet."""
-        return self._answer_header + Acknack(first, bitmap, stream_id).encode()
+        return self._answer_header + write_acknack(first, bitmap, stream_id)
 
     def best_effort(self, stream_id: int) -> BestEffortOutput | None:
         """The stream, opened when first used; None (counted) when there are too many."""
@@ -132,12 +132,12 @@ class Sender:
             self._reliable[stream_id] = stream
         return stream
 
-    def acknowledged(self, report: Acknack, now: float) -> bool:
+    def acknowledged(self, stream_id: int, first: int, bitmap: int, now: float) -> bool:
         """Note an ACKNACK; True when a stream that had refused something has room again."""
-        stream = self._reliable.get(report.stream_id)
-        if stream is None or not stream.acknowledge(report.first_unacked, report.bitmap, now):
+        stream = self._reliable.get(stream_id)
+        if stream is None or not stream.acknowledge(first, bitmap, now):
             return False
-        if not self.outbox:
+        if stream.moved and not self.outbox.items:
             stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
         if stream.refused and stream.has_room():
             stream.refused = False
@@ -157,18 +157,19 @@ class Sender:
 
     def pull(self, now: float, limit: int | None = None) -> list[bytes]:
         """The next messages for the link, at most `limit`; they count as sent."""
+        outbox = self.outbox
         packets: list[bytes] = []
         for stream in self._reliable.values():
             if stream.missed:
                 packets += stream.pull_missed(now, None if limit is None else limit - len(packets))
+        if outbox.items:
+            packets += outbox.pull(None if limit is None else limit - len(packets))
         if packets:
-            packets += self.outbox.pull(None if limit is None else limit - len(packets))
-        else:
-            packets = self.outbox.pull(limit)
-        self._counters.packets_out += len(packets)
-        if not self.outbox:
+            self._counters.packets_out += len(packets)
+        if not outbox.items:
             for stream in self._reliable.values():
-                stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
+                if stream.moved:
+                    stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
         return packets
 
     def stream_states(self) -> list[StreamState]:
@@ -179,11 +180,11 @@ class Sender:
     @property
     def is_idle(self) -> bool:
         """Whether nothing waits to be pulled."""
-        return not self.outbox and not any(stream.missed for stream in self._reliable.values())
+        return not self.outbox.items and not any(stream.missed for stream in self._reliable.values())
 
     def timer(self) -> float | None:
         """When the next HEARTBEAT is due; None while messages wait to be pulled or nothing is unacknowledged."""
-        if self.outbox:
+        if self.outbox.items:
             return None
         due: float | None = None
         for stream in self._reliable.values():

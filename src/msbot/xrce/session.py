@@ -14,7 +14,7 @@ from __future__ import annotations
 import struct
 from abc import ABC, abstractmethod
 from collections import deque
-from typing import Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 from msbot.errors import RemoteProtocolError
 from msbot.xrce.counters import Memory, SessionCounters
@@ -22,10 +22,10 @@ from msbot.xrce.envelope import MTU_MIN, Envelope
 from msbot.xrce.events import WindowOpened
 from msbot.xrce.ids import STREAM_NONE, STREAM_RELIABLE, SubmessageId
 from msbot.xrce.input_streams import BestEffortInput, ReliableInput
-from msbot.xrce.messages import Acknack, Heartbeat
+from msbot.xrce.messages import Heartbeat
 from msbot.xrce.sender import STREAM_LIMIT, Sender
 from msbot.xrce.session_settings import SessionSettings
-from msbot.xrce.stream_messages import LAST_FRAGMENT
+from msbot.xrce.stream_messages import LAST_FRAGMENT, read_acknack
 from msbot.xrce.stream_state import StreamState, last_number
 
 Event = TypeVar("Event")
@@ -50,6 +50,9 @@ INSIDE_STREAM = "HEARTBEAT inside of a reliable stream"
 
 class Session(ABC, Generic[Event]):
     """The common half of `AgentSession` and `ClientSession`."""
+
+    _DATA_ID: ClassVar[int]
+    """The submessage that brings samples to this end."""
 
     def __init__(
         self,
@@ -97,10 +100,11 @@ class Session(ABC, Generic[Event]):
             return
         self.last_heard = now
         self.counters.packets_in += 1
+        offset = 4 if packet[0] >= 0x80 else 8
         if stream_id >= STREAM_RELIABLE:
-            self._receive_reliable(stream_id, packet)
+            self._receive_reliable(stream_id, packet, offset)
         elif stream_id == STREAM_NONE or self._is_new(stream_id, packet[2] | packet[3] << 8):
-            self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
+            self._process(packet, offset, stream_id)
 
     def next_event(self) -> Event | WindowOpened | None:
         """What happened next; None when nothing more did, and the ACKNACKs of the packet are booked."""
@@ -196,8 +200,12 @@ class Session(ABC, Generic[Event]):
         """Why the message is not for this session as it stands, in words; None when it is."""
 
     @abstractmethod
+    def _take_data(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:
+        """Take the sample that `packet[start:end]` carries (submessage `_DATA_ID`); False ends the message."""
+
+    @abstractmethod
     def _handle(self, kind: int, flags: int, contents: bytes, stream_id: int) -> bool:
-        """Take one submessage; False ends the message."""
+        """Take one submessage of another kind; False ends the message."""
 
     def _restart_streams(self, envelope: Envelope | None = None) -> None:
         """Begin all streams anew, both ways; forget what waits, what is held and what is half collected."""
@@ -226,13 +234,14 @@ class Session(ABC, Generic[Event]):
         self.counters.repeated += 1
         return False
 
-    def _receive_reliable(self, stream_id: int, packet: bytes) -> None:
-        stream = self._reliable_input(stream_id)
+    def _receive_reliable(self, stream_id: int, packet: bytes, offset: int) -> None:
+        stream = self._reliable.get(stream_id) or self._reliable_input(stream_id)
         if stream is None:
             return
         if stream.accept(packet[2] | packet[3] << 8, packet):
-            self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
-            self._process_held(stream, stream_id)
+            self._process(packet, offset, stream_id)
+            if stream.held:
+                self._process_held(stream, stream_id)
         self._book_acknack(stream, stream_id)
 
     def _reliable_input(self, stream_id: int) -> ReliableInput | None:
@@ -285,10 +294,15 @@ class Session(ABC, Generic[Event]):
             try:
                 if end > size:
                     raise RemoteProtocolError("longer than its message")
-                if kind == _FRAGMENT_ID:
+                if kind == self._DATA_ID:
+                    if not self._take_data(packet, start, end, flags, stream_id):
+                        return
+                elif kind == _ACKNACK_ID:
+                    self._take_acknack(*read_acknack(packet, start, end, flags))
+                elif kind == _FRAGMENT_ID:
                     self._take_fragment(packet[start:end], flags, stream_id, is_joined=offset == 0)
-                elif kind == _ACKNACK_ID or kind == _HEARTBEAT_ID:  # noqa: PLR1714, SIM109 - faster than a tuple
-                    self._take_report(kind, flags, packet[start:end], stream_id)
+                elif kind == _HEARTBEAT_ID:
+                    self._take_heartbeat(Heartbeat.decode(packet, start, end, flags), stream_id)
                 elif not self._handle(kind, flags, packet[start:end], stream_id):
                     return
             except RemoteProtocolError:
@@ -296,25 +310,21 @@ class Session(ABC, Generic[Event]):
                 return
             start = (end + 7) & ~3
 
-    def _take_report(self, kind: int, flags: int, contents: bytes, carrier_id: int) -> None:
-        if kind == _ACKNACK_ID:
-            report = Acknack.decode(contents, 0, len(contents), flags)
-            if self._sender.acknowledged(report, self.last_heard):
-                self._events.append(WindowOpened(report.stream_id))
-        elif carrier_id >= STREAM_RELIABLE:
+    def _take_acknack(self, first: int, bitmap: int, stream_id: int) -> None:
+        if self._sender.acknowledged(stream_id, first, bitmap, self.last_heard):
+            self._events.append(WindowOpened(stream_id))
+
+    def _take_heartbeat(self, heartbeat: Heartbeat, carrier_id: int) -> None:
+        if carrier_id >= STREAM_RELIABLE:
             # They travel on stream NONE (XRCE 1.0 §8.3.5.12); one that was held could set off others, without end.
             self.counters.drop(INSIDE_STREAM)
-        else:
-            heartbeat = Heartbeat.decode(contents, 0, len(contents), flags)
-            # A HEARTBEAT of a best-effort stream means nothing. DEVIATION: the genuine agent answers it with garbage.
-            if heartbeat.stream_id >= STREAM_RELIABLE:
-                self._take_heartbeat(heartbeat.stream_id, heartbeat.first, heartbeat.last)
-
-    def _take_heartbeat(self, stream_id: int, first: int, last: int) -> None:
-        stream = self._reliable_input(stream_id)
+            return
+        stream_id = heartbeat.stream_id
+        # A HEARTBEAT of a best-effort stream means nothing. DEVIATION: the genuine agent answers it with garbage.
+        stream = self._reliable_input(stream_id) if stream_id >= STREAM_RELIABLE else None
         if stream is None:
             return
-        for packet in stream.announce(first, last):
+        for packet in stream.announce(heartbeat.first, heartbeat.last):
             if packet is None:
                 stream.joiner.clear()
             else:

@@ -14,6 +14,7 @@ LAST_FRAGMENT = 0x02
 # The bitmap is two octets, high one first, whatever the byte order of the payload (seen on the wire).
 _ACKNACK = (struct.Struct(">HBBB"), struct.Struct("<HBBB"))
 _ACKNACK_OUT = struct.Struct("<BBHHBBB")
+_ACKNACK_ID = SubmessageId.ACKNACK.value
 _HEARTBEAT = (struct.Struct(">HHB"), struct.Struct("<HHB"))
 _HEARTBEAT_OUT = struct.Struct("<BBHHHB")
 
@@ -32,9 +33,7 @@ class Acknack:
 
     def encode(self) -> bytes:
         """The whole submessage."""
-        return _ACKNACK_OUT.pack(
-            self.ID, LITTLE_ENDIAN, 5, self.first_unacked, self.bitmap >> 8, self.bitmap & 0xFF, self.stream_id
-        )
+        return write_acknack(self.first_unacked, self.bitmap, self.stream_id)
 
     @classmethod
     def decode(cls, packet: bytes, start: int, end: int, flags: int) -> Self:
@@ -43,10 +42,24 @@ class Acknack:
         Raises:
             RemoteProtocolError: it is too short.
         """
-        if end - start < 5:
-            need(start, end, 5)
-        first, high, low, stream_id = _ACKNACK[flags & 1].unpack_from(packet, start)
-        return cls(first, high << 8 | low, stream_id)
+        return cls(*read_acknack(packet, start, end, flags))
+
+
+def read_acknack(packet: bytes, start: int, end: int, flags: int) -> tuple[int, int, int]:
+    """The fields of an `Acknack` in `packet[start:end]`, without making one for every message that was sent.
+
+    Raises:
+        RemoteProtocolError: it is too short.
+    """
+    if end - start < 5:
+        need(start, end, 5)
+    first, high, low, stream_id = _ACKNACK[flags & 1].unpack_from(packet, start)
+    return first, high << 8 | low, stream_id
+
+
+def write_acknack(first_unacked: int, bitmap: int, stream_id: int) -> bytes:
+    """The whole submessage of an `Acknack`, without making one for every message that was received."""
+    return _ACKNACK_OUT.pack(_ACKNACK_ID, LITTLE_ENDIAN, 5, first_unacked, bitmap >> 8, bitmap & 0xFF, stream_id)
 
 
 @dataclass(slots=True)
