@@ -54,8 +54,9 @@ format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 
 bench: $(VENV)/.dev
-	$(BIN)/python bench/can.py
-	$(BIN)/python bench/path.py
+	PYTHONPATH=. $(BIN)/python bench/can.py
+	PYTHONPATH=. $(BIN)/python bench/path.py
+	PYTHONPATH=. $(BIN)/python bench/agent.py --write
 
 docs: $(VENV)/.docs
 	$(BIN)/zensical build --clean
