@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from bench.machine import describe_machine
-
 from msbot.agent import Agent
 from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, SignalHandler, Tap
 from msbot.space import MemorySpace
