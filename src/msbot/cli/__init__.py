@@ -16,7 +16,7 @@ COMMANDS = {
     "part": "Run one part of a robot.",
     "parts": "List the parts a robot's database knows, and how they are.",
     "why": "Say in words why a part is, or is not, in the robot.",
-    "bus": "Tools for a CAN bus: what frames cost and what they say.",
+    "bus": "Tools for a CAN bus: decode a log, count bits, foretell the load.",
     "agent": "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint.",
     "clients": "List the sessions of every agent and master that runs here.",
 }

@@ -14,7 +14,7 @@ MOST_BYTES = 65_535
 
 @click.group("bus")
 def command() -> None:
-    """Tools for a CAN bus: what frames cost and what they say."""
+    """Tools for a CAN bus: decode a log, count the bits of frames, foretell the load, check the way."""
 
 
 bitrate_option = click.option(
@@ -97,3 +97,18 @@ def load(
 
     bus = Bus(bitrate, data_bitrate, fd, not no_compression)
     click.echo(load_report(blueprint, folders, bus, dict(sizes), as_json=as_json))
+
+
+@command.command("selftest")
+@click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), default=500_000, show_default=True,
+              help="Bit rate of the bus, bit/s.")  # fmt: skip
+@click.option("--frames", type=click.IntRange(1, 100_000), default=1000, show_default=True, help="Frames for a check.")
+def selftest(bitrate: int, frames: int) -> None:
+    """Check the way from controller to controller on the simulated bus, as the thesis did first (T1 to T4).
+
+    Ends with status 1 if a check fails.
+    """
+    from msbot.cli.bus_selftest import run_selftest
+
+    if not run_selftest(bitrate, frames, click.echo):
+        raise SystemExit(1)
