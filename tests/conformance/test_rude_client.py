@@ -92,7 +92,7 @@ def test_every_submessage_id_with_every_flag() -> None:
         (head(1) + fragment("00", last=True), "FRAGMENT outside of a reliable stream"),
         ("82000000" + data("00"), "message of another session"),
         (status(0, 0, 2), "answer that nobody asked for"),
-        (WELCOME, "answer that nobody asked for"),
+        (WELCOME.replace("0b 00 00 00", "0b 00 85 00"), "answer that nobody asked for"),
         (acknack(7), "ACKNACK outside of what was sent"),
         (head(0x80, 500) + data("00"), "message beyond the window"),
     ],

@@ -148,6 +148,24 @@ def test_an_agent_that_has_forgotten_us_is_logged_in_to_at_once() -> None:
     assert play(scenario)[1] == (0.011, "lost", "the agent does not know this session any more")
 
 
+def test_an_agent_that_begins_the_session_anew_for_a_late_login_is_logged_in_to_at_once() -> None:
+    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+        link.receive(STATUS_AGENT_OK)
+        link.receive(STATUS_AGENT_OK)
+        assert client.state is ConnectionState.CONNECTED, "a mere copy: nothing was sent yet"
+        client.create_participant("p")
+        await asyncio.sleep(0.01)
+        link.take()
+        link.receive(STATUS_AGENT_OK)
+        await asyncio.sleep(0)
+        assert link.take() == [LOGIN_82]
+        link.receive(STATUS_AGENT_OK_82)
+        assert client.state is ConnectionState.CONNECTED
+
+    reason = "the agent has begun the session anew: a late login has reached it"
+    assert play(scenario)[1] == (0.01, "lost", reason)
+
+
 def test_ping_measures_and_tells_whether_we_are_known() -> None:
     async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)

@@ -16,6 +16,7 @@ from msbot.xrce import (
     DeliveryControl,
     Pong,
     SessionClosed,
+    SessionRestarted,
     StatusReceived,
     TimeSynchronised,
     WindowOpened,
@@ -153,8 +154,24 @@ def test_every_answer_to_a_repeated_login_begins_the_input_anew() -> None:
     bench.feed(WELCOME, head(0x80) + data("03"))
     assert bench.events() == [Connected(), received("01"), received("02"), received("03")]
     bench.feed(WELCOME, head(0x80) + data("04"))
-    assert bench.events() == [], "a third answer to two tries is a copy"
+    assert bench.events() == [SessionRestarted()], "a third answer to two tries"
     assert bench.session.dropped == {"answer that nobody asked for": 1}
+
+
+def test_an_answer_that_nothing_explains_is_a_copy_until_something_was_sent() -> None:
+    bench = Bench()
+    bench.feed(WELCOME)
+    assert bench.events() == []
+    bench.session.write(0x15, b"", 0x80)
+    bench.feed(WELCOME.replace("04010b000000", "04010b008500"))
+    assert bench.events() == [], "a refusal begins nothing"
+    bench.feed(WELCOME)
+    assert bench.events() == [SessionRestarted()], "the agent expects message 0 again, and we go on with 1"
+    bench.session.connect(1.0)
+    bench.feed(WELCOME)
+    assert bench.events() == [Connected()]
+    bench.feed(WELCOME)
+    assert bench.events() == []
 
 
 # Logout.

@@ -33,6 +33,7 @@ from msbot.xrce import (
     ConnectFailed,
     Pong,
     SessionClosed,
+    SessionRestarted,
     TimeSynchronised,
     status_words,
 )
@@ -254,6 +255,8 @@ class Connection:
                     self._offset = event
                 case Connected():
                     self._connected(now)
+                case SessionRestarted():
+                    self.lose("the agent has begun the session anew: a late login has reached it", now)
                 case ConnectFailed():
                     self._connect_failed(event.status, now)
                 case SessionClosed():

@@ -6,7 +6,8 @@ and samples that are booked in one turn of the owner are packed into as few mess
 
 The agent begins its streams anew with every CREATE_CLIENT it gets. A client that had to repeat itself is therefore told
 "yes" more than once, and the samples between two of these answers are numbered from 0 twice; so every further answer
-that repetitions explain begins the input anew. Answers that nothing explains are copies, and ignored.
+that repetitions explain begins the input anew. An answer that nothing explains is a copy as long as nothing was sent
+in the session; later it may mean that a late login has reached the agent, so the owner is told (SessionRestarted).
 
 ::
 
@@ -31,6 +32,7 @@ from msbot.xrce.events import (
     DataReceived,
     Pong,
     SessionClosed,
+    SessionRestarted,
     StatusReceived,
 )
 from msbot.xrce.ids import (
@@ -112,6 +114,7 @@ class ClientSession(Session[ClientEvent]):
         self._state = ClientState.IDLE
         self._retries = Retries(options.login_period_s, options.login_tries)
         self._answers = 0
+        self._sent_before = 0
         self._request_id = FIRST_REQUEST - 1
         self._pinged_at = 0.0
         self._time_asked_ns: int | None = None
@@ -368,6 +371,7 @@ class ClientSession(Session[ClientEvent]):
             self._state = ClientState.CONNECTED
             self._retries.end()
             self._answers = 1
+            self._sent_before = self.counters.packets_out
             self._request_id = FIRST_REQUEST - 1
             self._restart_streams()
             self._events.append(Connected())
@@ -376,6 +380,9 @@ class ClientSession(Session[ClientEvent]):
             self._restart_input()
         else:
             self.counters.drop(NOT_ASKED)
+            is_used = self._state is ClientState.CONNECTED and self.counters.packets_out > self._sent_before
+            if is_used and status < Status.ERR_DDS_ERROR:
+                self._events.append(SessionRestarted())
 
     def _take_info(self, info: Info) -> None:
         if info.request_id != REQUEST_PING or info.availability is None or info.availability <= 0:

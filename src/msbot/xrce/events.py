@@ -102,6 +102,15 @@ class Connected:
 
 
 @dataclass(slots=True)
+class SessionRestarted:
+    """The agent has begun the open session anew, though it was not asked to: connect again.
+
+    A login that was late or doubled on its way has reached it. Its streams begin at 0 and ours do not, so samples
+    would be taken for repetitions, and be lost without a trace.
+    """
+
+
+@dataclass(slots=True)
 class ConnectFailed:
     """No session: the agent refused, or has not answered any try."""
 
@@ -157,5 +166,13 @@ class SessionClosed:
 
 
 ClientEvent = (
-    Connected | ConnectFailed | StatusReceived | DataReceived | Pong | TimeSynchronised | SessionClosed | WindowOpened
+    Connected
+    | SessionRestarted
+    | ConnectFailed
+    | StatusReceived
+    | DataReceived
+    | Pong
+    | TimeSynchronised
+    | SessionClosed
+    | WindowOpened
 )
