@@ -4,7 +4,7 @@ import asyncio
 import errno
 import os
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 import pytest
@@ -197,10 +197,15 @@ class BusyLink(UdpClientLink):
 
     error: OSError | None = BlockingIOError(errno.EAGAIN, "busy")
 
-    def _transmit(self, opened: socket.socket, packet: bytes, peer: Peer) -> None:
-        if self.error is not None:
-            raise self.error
-        super()._transmit(opened, packet, peer)
+    def _transmitter(self, opened: socket.socket) -> Callable[[bytes, Peer], object]:
+        transmit = super()._transmitter(opened)
+
+        def busy(packet: bytes, peer: Peer) -> None:
+            if self.error is not None:
+                raise self.error
+            transmit(packet, peer)
+
+        return busy
 
 
 async def test_what_the_kernel_does_not_take_waits_in_order() -> None:

@@ -58,6 +58,7 @@ class _UdpLink(ABC):
         self._socket: socket.socket | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._ended: asyncio.Future[None] | None = None
+        self._transmit: Callable[[bytes, Peer], object]
         self._queue: deque[tuple[bytes, Peer]] = deque()
         self._was_full = False
         self._packet_handler: PacketHandler = ignore_packet
@@ -97,10 +98,10 @@ class _UdpLink(ABC):
             LinkFull: the queue is full.
             LinkDown: the link is not open.
         """
-        if self._socket is None or self._loop is None:
+        if self._loop is None or self._socket is None:
             raise LinkDown(f"{self.info.name} is not open: start its run() first")
         if not self._queue:
-            if self._hand_over(self._socket, packet, peer):
+            if self._hand_over(packet, peer):
                 return
             self._loop.add_writer(self._socket, self._send_queued, self._socket, self._loop)
         elif len(self._queue) >= QUEUE_PACKETS:
@@ -124,6 +125,7 @@ class _UdpLink(ABC):
         loop = asyncio.get_running_loop()
         opened = await self._open(loop)
         self._loop, self._socket, self._ended = loop, opened, loop.create_future()
+        self._transmit = self._transmitter(opened)
         loop.add_reader(opened, self._drain, opened, loop)
         self._signal_handler(Signal.LINK_UP, None, "opened", loop.time())
         try:
@@ -159,38 +161,35 @@ class _UdpLink(ABC):
         """Bind or connect the new socket."""
 
     @abstractmethod
-    def _transmit(self, opened: socket.socket, packet: bytes, peer: Peer) -> None:
-        """Give one packet to the kernel."""
+    def _transmitter(self, opened: socket.socket) -> Callable[[bytes, Peer], object]:
+        """What gives one packet to the kernel: the socket's own method where that is possible."""
 
     @abstractmethod
     def _why_not(self, error: OSError) -> LinkDown:
         """Why the socket cannot be opened, and what to do."""
 
     def _drain(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
+        counters = self.counters
         try:
-            self._take_burst(opened, loop)
+            for _ in range(DRAIN_PACKETS):
+                try:
+                    packet, peer = opened.recvfrom(UDP_MTU)
+                except BlockingIOError:
+                    return
+                except OSError as error:
+                    if not self._tolerate(error):
+                        return
+                    continue
+                now = loop.time()
+                counters.packets_in += 1
+                counters.bytes_in += len(packet)
+                if self.remote is not None:
+                    peer = self.remote
+                if self.tap is not None:
+                    self.tap(now, "in", peer, packet)
+                self._packet_handler(packet, peer, now)
         finally:
             self._burst_end_handler()
-
-    def _take_burst(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
-        counters = self.counters
-        for _ in range(DRAIN_PACKETS):
-            try:
-                packet, peer = opened.recvfrom(UDP_MTU)
-            except BlockingIOError:
-                return
-            except OSError as error:
-                if not self._tolerate(error):
-                    return
-                continue
-            now = loop.time()
-            counters.packets_in += 1
-            counters.bytes_in += len(packet)
-            if self.remote is not None:
-                peer = self.remote
-            if self.tap is not None:
-                self.tap(now, "in", peer, packet)
-            self._packet_handler(packet, peer, now)
 
     def _tolerate(self, error: OSError) -> bool:
         """Count an error that passes; end `run` on any other."""
@@ -201,10 +200,10 @@ class _UdpLink(ABC):
             self._ended.set_exception(LinkDown(f"{self.info.name} failed: {error.strerror}: start it again"))
         return False
 
-    def _hand_over(self, opened: socket.socket, packet: bytes, peer: Peer) -> bool:
+    def _hand_over(self, packet: bytes, peer: Peer) -> bool:
         """Whether the packet is off our hands: the kernel took it, or refused it for good."""
         try:
-            self._transmit(opened, packet, peer)
+            self._transmit(packet, peer)
         except BlockingIOError:
             return False
         except OSError as error:
@@ -218,7 +217,7 @@ class _UdpLink(ABC):
 
     def _send_queued(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
         while self._queue:
-            if not self._hand_over(opened, *self._queue[0]):
+            if not self._hand_over(*self._queue[0]):
                 return
             self._queue.popleft()
         loop.remove_writer(opened)
@@ -239,8 +238,8 @@ class UdpServerLink(_UdpLink):
         serve_both_kinds(opened, self._host)
         opened.bind(address)
 
-    def _transmit(self, opened: socket.socket, packet: bytes, peer: Peer) -> None:
-        opened.sendto(packet, peer)  # type: ignore[call-overload]  # peers are what recvfrom gave
+    def _transmitter(self, opened: socket.socket) -> Callable[[bytes, Peer], object]:
+        return opened.sendto  # type: ignore[return-value]  # peers are what recvfrom gave
 
     def _why_not(self, error: OSError) -> LinkDown:
         return cannot_listen(self.info.name, self._host, self._port, error, lister="ss -ulnp")
@@ -256,13 +255,16 @@ class UdpClientLink(_UdpLink):
     def _take_address(self, opened: socket.socket, address: Address) -> None:
         opened.connect(address)
 
-    def _transmit(self, opened: socket.socket, packet: bytes, peer: Peer) -> None:  # noqa: ARG002 - there is only one
-        try:
-            opened.send(packet)
-        except ConnectionRefusedError:
-            # The kernel reports the loss of an earlier packet here and has not sent this one.
-            self.counters.drop(NOBODY_LISTENS)
-            opened.send(packet)
+    def _transmitter(self, opened: socket.socket) -> Callable[[bytes, Peer], object]:
+        def transmit(packet: bytes, peer: Peer) -> None:  # noqa: ARG001 - there is only one
+            try:
+                opened.send(packet)
+            except ConnectionRefusedError:
+                # The kernel reports the loss of an earlier packet here and has not sent this one.
+                self.counters.drop(NOBODY_LISTENS)
+                opened.send(packet)
+
+        return transmit
 
     def _why_not(self, error: OSError) -> LinkDown:
         return cannot_reach(self.info.name, error)
