@@ -54,10 +54,10 @@ MOST_OBJECTS = 2 * MOST_BINDINGS + 10
 _PROFILE = ProfileMessage(index=1, message="MSBOT_MASTER", name="MSBOT_V1", id="X", dof="8-4-2021", make="M")
 
 
-def _configuration(version: int = 1) -> Configuration:
+def _configuration(version: int = 1, *, out: str = "one", into: str = "two") -> Configuration:
     bindings = [
-        PortBinding(port="out", topic="one", topic_type="HelloWorld", direction=0, reliable=1),
-        PortBinding(port="in", topic="two", topic_type="HelloWorld", direction=1, reliable=1),
+        PortBinding(port="out", topic=out, topic_type="HelloWorld", direction=0, reliable=1),
+        PortBinding(port="in", topic=into, topic_type="HelloWorld", direction=1, reliable=1),
     ]
     settings = [Setting(name="period_s", value="1.0")]
     return Configuration(version=version, slot="AA", bindings=bindings, settings=settings)
@@ -91,8 +91,10 @@ class PartWorld:
         publisher = master.create_publisher(participant)
         profile = master.create_topic(participant, PROFILE_TOPIC, PROFILE_TYPE)
         self.profile = master.create_writer(publisher, profile, EndpointQos(transient_local=True, depth=1))
-        into = master.create_topic(participant, "two", "HelloWorld")
-        self.samples = master.create_writer(publisher, into)
+        self.samples, self.honest_samples = (
+            master.create_writer(publisher, master.create_topic(participant, name, "HelloWorld"))
+            for name in ("two", "honest two")
+        )
         service = Service(INVENTORY_SERVICE, INVENTORY_REQUEST_TYPE, INVENTORY_REPLY_TYPE)
         self.replier = master.create_replier(participant, service)
         master.read(self.replier, stream_id=STREAM_BEST_EFFORT)
@@ -169,7 +171,7 @@ class PartWorld:
             raise Violation(f"{HEALED_S} s after healing the part is {self.part.state}: {self.part.reason}")
         self.heard.clear()
         for number in range(3):
-            self._write(self.samples, HelloWorld(index=number, message=f"m{number}").encode())
+            self._write(self.honest_samples, HelloWorld(index=number, message=f"m{number}").encode())
             await asyncio.sleep(0.2)
         if self.heard != ["m0", "m1", "m2"]:
             raise Violation(f"the part heard {self.heard}")
@@ -184,7 +186,8 @@ def honest_answer(body: bytes) -> bytes:
         case Beat(lease=lease):
             return BeatReply(configuration_version=HONEST_VERSION if lease == 7 else 0).encode()
         case ConfigurationRequest():
-            return _configuration(HONEST_VERSION).encode()
+            # Topics of its own: the agent keeps the type that a topic was first created with.
+            return _configuration(HONEST_VERSION, out="honest one", into="honest two").encode()
     raise AssertionError
 
 
