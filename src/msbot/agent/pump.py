@@ -88,13 +88,13 @@ class Pump:
         if proxy.is_blocked or proxy.outbox or port.batch is not None or not port.link.has_room(peer):
             self._send_slowly(proxy, port, peer, now)
             return
-        send = port.link.send
-        packets = proxy.session.packets_to_send(now)
-        for index, packet in enumerate(packets):
+        packets = iter(proxy.session.packets_to_send(now))
+        for packet in packets:
             try:
-                send(packet, peer)
+                port.link.send(packet, peer)
             except (LinkDown, LinkFull):
-                proxy.outbox.extend(packets[index:])
+                proxy.outbox.append(packet)
+                proxy.outbox.extend(packets)
                 self._send_slowly(proxy, port, peer, now)
                 return
             proxy.bytes_out += len(packet)

@@ -170,9 +170,10 @@ class ReadSide:
     def deliver(self, sample: Sample) -> bool:
         """Take a sample from the space (True) or leave it in the reader's history (False)."""
         shape = self._shape
-        if shape is not None and not shape.wants(sample):
-            return True
-        if not self.is_waiting and self._offer(sample):
+        if not self.is_waiting:
+            if self._offer(sample):
+                return True
+        elif shape is not None and not shape.wants(sample):
             return True
         self.is_waiting = True
         if shape is None or not shape.is_filter:
@@ -214,16 +215,15 @@ class ReadSide:
         self._on_hand.append(sample)
 
     def _offer(self, sample: Sample) -> bool:
-        read = self.read
-        if read is None:
-            return False
+        """Book the sample for the client, or drop it if it does not concern it; False = it may not go now."""
         payload = sample.payload
         shape = self._shape
         if shape is not None:
             if not shape.wants(sample):
                 return True
             payload = shape.payload(sample)
-        if read.limited and not self._in_time(read, len(payload)):
+        read = self.read
+        if read is None or (read.limited and not self._in_time(read, len(payload))):
             return False
         if not self._host.send_data(read.request_id, self._object_id, payload, read.stream_id):
             return False

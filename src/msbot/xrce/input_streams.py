@@ -38,14 +38,15 @@ class BestEffortInput:
 class ReliableInput:
     """A stream with acknowledgement: every message exactly once and in order."""
 
-    __slots__ = ("_announced", "_counters", "_held", "_memory", "_window", "joiner", "last_handled")
+    __slots__ = ("_counters", "_held", "_memory", "_window", "announced", "joiner", "last_handled")
 
     def __init__(self, window: int, memory: Memory, counters: SessionCounters) -> None:
         self._window = window
         self._memory = memory
         self._counters = counters
         self._held: dict[int, bytes] = {}
-        self._announced = NOTHING_YET
+        self.announced = NOTHING_YET
+        """The newest number that is known to exist; nothing is missing while it is the last one handled."""
         self.last_handled = NOTHING_YET
         self.joiner = Joiner(memory, counters)
 
@@ -53,8 +54,8 @@ class ReliableInput:
         """Whether the message is the next in order; an early one is held, any other is counted and forgotten."""
         ahead = (sequence_nr - self.last_handled) & 0xFFFF
         if ahead == 1:
-            if self._announced == self.last_handled:
-                self._announced = sequence_nr
+            if self.announced == self.last_handled:
+                self.announced = sequence_nr
             self.last_handled = sequence_nr
             return True
         if ahead == 0 or ahead >= HALF or sequence_nr in self._held:
@@ -92,19 +93,19 @@ class ReliableInput:
             if self.last_handled != target:
                 self.last_handled = target
                 given_up.append(None)
-            if is_after(target, self._announced):
-                self._announced = target
-        if is_after(last, self._announced):
-            self._announced = last
+            if is_after(target, self.announced):
+                self.announced = target
+        if is_after(last, self.announced):
+            self.announced = last
         return given_up
 
     def missing(self) -> tuple[int, int]:
         """The contents of an ACKNACK: the first number not handled; bit i is set if the i-th from there is missing."""
         first = (self.last_handled + 1) & 0xFFFF
-        if self._announced == self.last_handled:
+        if self.announced == self.last_handled:
             return first, 0
         bitmap = 0
-        for index in range(min(distance(self.last_handled, self._announced), BITMAP_BITS)):
+        for index in range(min(distance(self.last_handled, self.announced), BITMAP_BITS)):
             if (first + index) & 0xFFFF not in self._held:
                 bitmap |= 1 << index
         return first, bitmap
@@ -120,13 +121,13 @@ class ReliableInput:
             self._memory.give(len(packet))
         self._held.clear()
         self.joiner.clear()
-        self._announced = self.last_handled = NOTHING_YET
+        self.announced = self.last_handled = NOTHING_YET
 
     def _hold(self, sequence_nr: int, packet: bytes, ahead: int) -> None:
         # A number far beyond the window is not believed: it would be reported missing for ever, and C clients answer
         # any bit by sending everything again.
-        if ahead <= 2 * self._window and is_after(sequence_nr, self._announced):
-            self._announced = sequence_nr
+        if ahead <= 2 * self._window and is_after(sequence_nr, self.announced):
+            self.announced = sequence_nr
         if ahead > self._window:
             self._counters.drop(BEYOND_WINDOW)
         elif self._memory.take(len(packet)):

@@ -195,7 +195,11 @@ class ReliableOutput:
         if len(self._unacked) + len(self._waiting) >= self._window or self._waiting_large:
             self.refused = True
             return False
-        self.send(body)
+        if self._waiting or len(body) > self._capacity:
+            self.book(body)
+            self.advance()
+        else:
+            self._emit(body)
         return True
 
     def advance(self) -> None:
@@ -212,13 +216,24 @@ class ReliableOutput:
 
         Numbers outside of what was sent (an old or foreign ACKNACK) are ignored: a C client loses its history that way.
         """
+        unacked = self._unacked
         progress = (first - self._first) & 0xFFFF
-        if progress > len(self._unacked):
+        if progress > len(unacked):
             self._counters.drop(STALE_ACKNACK)
             return False
         self._unanswered = 0
         if progress:
-            self._forget(progress, now)
+            if progress == len(unacked):
+                unacked.clear()
+                self._resent_at.clear()
+            else:
+                self._forget(progress)
+            self._first = first
+            if self._timed is not None and self._timed not in unacked:
+                self._round_trip.measure(now - self._timed_at)
+                self._timed = None
+            self.heartbeat_at = None
+            self.moved = True
             if self._waiting:
                 self.advance()
         if bitmap:
@@ -278,19 +293,11 @@ class ReliableOutput:
             self._cut_at = end
         self._emit(Fragment(body[start:end], is_last).encode())
 
-    def _forget(self, count: int, now: float) -> None:
-        first = self._first
-        for _ in range(count):
-            del self._unacked[first]
-            if self._resent_at:
-                self._resent_at.pop(first, None)
-            first = (first + 1) & 0xFFFF
-        self._first = first
-        if self._timed is not None and self._timed not in self._unacked:
-            self._round_trip.measure(now - self._timed_at)
-            self._timed = None
-        self.heartbeat_at = None
-        self.moved = True
+    def _forget(self, count: int) -> None:
+        for index in range(count):
+            nr = (self._first + index) & 0xFFFF
+            del self._unacked[nr]
+            self._resent_at.pop(nr, None)
 
     def _note_missed(self, first: int, bitmap: int, now: float) -> None:
         for index in range(bitmap.bit_length()):

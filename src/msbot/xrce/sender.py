@@ -156,20 +156,21 @@ class Sender:
             best_effort.flush()
 
     def pull(self, now: float, limit: int | None = None) -> list[bytes]:
-        """The next messages for the link, at most `limit`; they count as sent."""
-        outbox = self.outbox
+        """The next messages for the link, all or at most `limit`; they count as sent."""
         packets: list[bytes] = []
         for stream in self._reliable.values():
             if stream.missed:
                 packets += stream.pull_missed(now, None if limit is None else limit - len(packets))
+            if stream.moved and limit is None:
+                stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
+        outbox = self.outbox
         if outbox.items:
             packets += outbox.pull(None if limit is None else limit - len(packets))
-        if packets:
-            self._counters.packets_out += len(packets)
-        if not outbox.items:
+        if limit is not None and not outbox.items:
             for stream in self._reliable.values():
                 if stream.moved:
                     stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
+        self._counters.packets_out += len(packets)
         return packets
 
     def stream_states(self) -> list[StreamState]:

@@ -240,7 +240,7 @@ class Session(ABC, Generic[Event]):
             return
         if stream.accept(packet[2] | packet[3] << 8, packet):
             self._process(packet, offset, stream_id)
-            if stream.held:
+            if stream.announced != stream.last_handled:
                 self._process_held(stream, stream_id)
         self._book_acknack(stream, stream_id)
 
@@ -261,7 +261,10 @@ class Session(ABC, Generic[Event]):
             self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
 
     def _book_acknack(self, stream: ReliableInput, stream_id: int) -> None:
-        first, bitmap = stream.missing()
+        if stream.announced == stream.last_handled and not self._gaps:
+            first, bitmap = (stream.last_handled + 1) & 0xFFFF, 0
+        else:
+            first, bitmap = stream.missing()
         if bitmap:
             self._sender.round_trip.note_loss(self.last_heard)
             self._watch_gap(stream_id, self.last_heard, 0)
