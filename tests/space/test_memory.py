@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from msbot.errors import LocalProtocolError
 from msbot.space import MemorySpace, Qos, Reader, Sample, Space, Topic, Writer
-from msbot.space.memory import FEEDBACK_LIMIT
+from msbot.space.memory import FAIR_SHARE, FEEDBACK_LIMIT
 
 LIGHT = Topic("light", "Light")
 LATCHED = Qos(transient_local=True, depth=1)
@@ -227,6 +227,37 @@ def test_what_is_written_while_a_reader_catches_up_waits_behind_the_kept_samples
 
     space.reader(LIGHT, Qos(), answer)
     assert got == [b"1", b"2", b"3"]
+
+
+def test_all_histories_together_are_bounded_in_octets_and_nobody_takes_everything() -> None:
+    space = MemorySpace(max_octets=10 * FAIR_SHARE)
+    hog = space.reader(LIGHT, Qos(depth=1000), Inbox(takes=False))
+    writer = space.writer(LIGHT, Qos(), guid(1))
+    latched = space.writer(Topic("profile", "P"), Qos(transient_local=True, depth=1000), guid(2))
+    for number in range(100):
+        writer.write(number.to_bytes(2) + bytes(FAIR_SHARE // 4 - 2))
+        latched.write(bytes(FAIR_SHARE // 4))
+        assert space.octets_kept <= 10 * FAIR_SHARE + 2 * FAIR_SHARE
+    assert hog.lost > 0
+    modest = space.reader(Topic("small", "S"), Qos(depth=4), Inbox(takes=False))
+    other = space.writer(Topic("small", "S"), Qos(), guid(3))
+    for number in range(4):
+        other.write(bytes([number]) * 1000)
+    assert modest.lost == 0, "a small reader keeps what it needs"
+    left = []
+    while (sample := hog.take()) is not None:
+        left.append(int.from_bytes(sample.payload[:2]))
+    assert left == list(range(hog.lost, 100)), "the oldest gave way"
+    latched.close()
+    modest.close()
+    assert space.octets_kept == 0
+
+
+def test_a_sample_larger_than_all_there_is_to_keep_is_lost() -> None:
+    space = MemorySpace(max_octets=FAIR_SHARE)
+    reader = space.reader(LIGHT, Qos(), Inbox(takes=False))
+    space.writer(LIGHT, Qos(), guid(1)).write(bytes(FAIR_SHARE + 1))
+    assert (reader.lost, reader.take(), space.octets_kept) == (1, None, 0)
 
 
 def test_a_topic_that_feeds_itself_is_stopped(space: Space) -> None:
