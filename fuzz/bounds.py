@@ -37,6 +37,7 @@ def check_agent(agent: Agent, settings: AgentSettings) -> None:
         raise Violation(f"{used} objects are there, and the budget has {agent._surroundings.budget._free} left")
     for proxy in proxies:
         _check_proxy(proxy, settings)
+    _check_shared(agent, proxies)
     hold("topics counted", len(agent.topics()), settings.max_topics + 1)
     hold("marked clients", len(agent._pump._marked), settings.max_clients)
     hold("gone", len(agent._clients._gone), settings.max_clients)
@@ -54,6 +55,19 @@ def check_agent(agent: Agent, settings: AgentSettings) -> None:
         if not timers._due.keys() <= set(proxies):
             raise Violation("a timer keeps a client alive that has gone")
     _check_space(agent, proxies)
+
+
+def _check_shared(agent: Agent, proxies: list[Proxy]) -> None:
+    sessions = [proxy.session for proxy in proxies]
+    held = sum(session._memory.used for session in sessions)
+    if agent._held.used != held:
+        raise Violation(f"{held} octets are held in all, counted {agent._held.used}")
+    hold("octets held in all", held, agent._held.limit)
+    streams = [stream for session in sessions for stream in session._sender._reliable.values()]
+    unacked = sum(len(packet) for stream in streams for packet in stream._unacked.values())
+    unacked += sum(len(body) for stream in streams for body in stream._waiting if len(body) > stream._capacity)
+    if agent._unacked.used != unacked:
+        raise Violation(f"{unacked} octets are not acknowledged, counted {agent._unacked.used}")
 
 
 def _check_proxy(proxy: Proxy, settings: AgentSettings) -> None:

@@ -58,7 +58,7 @@ def _expand(data: bytes) -> set[str]:
     try:
         whole = decompress(data)
     except RemoteProtocolError as error:
-        return {f"refused: {plain(str(error))}"}
+        return {f"refused: {plain(str(error), 30)}"}
     if len(whole) > LARGEST_PLAIN:
         raise Violation(f"{len(data)} octets have become {len(whole)}")
     if decompress(compress(whole)) != whole:

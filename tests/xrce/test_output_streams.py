@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.xrce.counters import SessionCounters
+from msbot.xrce.counters import Memory, SessionCounters
 from msbot.xrce.envelope import Envelope
 from msbot.xrce.outbox import Outbox
 from msbot.xrce.output_streams import (
@@ -20,13 +20,14 @@ from msbot.xrce.round_trip import RoundTrip
 class Rig:
     """One reliable stream, with 4-byte headers and room for 20 bytes of body."""
 
-    def __init__(self, *, window: int = 4, mtu: int = 24) -> None:
+    def __init__(self, *, window: int = 4, mtu: int = 24, pool: Memory | None = None) -> None:
         self.counters = SessionCounters()
         self.outbox = Outbox(8, self.counters)
         self.round_trip = RoundTrip()
         envelope = Envelope(0x81, 1, mtu, pads=False)
+        self.pool = pool or Memory(1000)
         self.stream = ReliableOutput(
-            0x80, envelope, self.outbox, self.counters, window=window, round_trip=self.round_trip
+            0x80, envelope, self.outbox, self.counters, window=window, round_trip=self.round_trip, pool=self.pool
         )
 
     def pull(self, now: float = 0.0) -> list[int]:
@@ -39,6 +40,42 @@ class Rig:
         """Book small messages."""
         for _ in range(count):
             self.stream.send(b"body")
+
+
+def test_when_the_pool_is_full_each_stream_goes_on_with_one_message_at_a_time() -> None:
+    pool = Memory(100)
+    hog, other = Rig(pool=pool, window=16), Rig(pool=pool)
+    while hog.stream.offer(bytes(20)):
+        pass
+    assert (hog.stream.unacked, pool.used) == (5, 120)
+    assert other.stream.offer(b"1234")
+    assert not other.stream.has_room()
+    assert not other.stream.offer(b"5678")
+    other.pull()
+    assert other.stream.acknowledge(1, 0, 0.1)
+    assert other.stream.has_room()
+    assert other.stream.offer(b"5678")
+    assert not other.stream.offer(b"")
+    assert hog.stream.acknowledge(2, 0, 0.1)
+    assert pool.used == 3 * 24 + 8
+    assert other.stream.offer(b"")
+    for rig in (hog, other):
+        rig.stream.release()
+    assert pool.used == 0
+
+
+def test_a_large_message_counts_as_it_waits_and_is_cut_piece_by_piece_in_a_full_pool() -> None:
+    rig = Rig(pool=Memory(60))
+    assert rig.stream.offer(bytes(100))
+    pieces = 0
+    while rig.stream.unacked:
+        assert rig.stream.unacked <= 3
+        assert rig.pool.used <= 100 + 60 + 24
+        numbers = rig.pull()
+        pieces += len(numbers)
+        rig.stream.acknowledge((numbers[-1] + 1) & 0xFFFF, 0, 0.1)
+    assert pieces == 7
+    assert rig.pool.used == 0
 
 
 def test_best_effort_numbers_from_0_and_drops_what_does_not_fit() -> None:

@@ -70,6 +70,7 @@ class Agent:
         )
         self._session_settings = {is_bus: _session_settings(self._settings, is_bus=is_bus) for is_bus in (False, True)}
         self._held = Memory(self._settings.max_held_in_all)
+        self._unacked = Memory(self._settings.max_unacked_in_all)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._tasks: dict[Port, asyncio.Task[None]] = {}
         self._group: asyncio.TaskGroup | None = None
@@ -227,6 +228,7 @@ class Agent:
             settings=self._session_settings[port.link.info.shared_bus],
             epoch_ns=self._epoch_ns,
             memory=self._held,
+            unacked=self._unacked,
         )
         silence_s = dead_after_s(request, self._settings.dead_after_s)
         proxy = Proxy(info, session, self._surroundings, now, dead_after_s=silence_s, echo=wants_echo(request))

@@ -41,6 +41,9 @@ class AgentSettings:
     """Largest submessage in octets that is joined from fragments."""
     max_held_in_all: int = 67_108_864
     """Octets of incomplete messages (pieces, and what came early) that are held for all clients together."""
+    max_unacked_in_all: int = 268_435_456
+    """Octets of reliable messages that all clients together have not acknowledged; beyond, one message at a time goes
+    on each stream."""
     max_burst: int = 1024
     """Best-effort messages of one stream that one turn of the loop may book; the oldest are dropped beyond."""
     max_requests: int = 64

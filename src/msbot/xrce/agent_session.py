@@ -72,6 +72,7 @@ class AgentSession(Session[AgentEvent]):
         epoch_ns: Callable[[], int],
         settings: AgentSessionSettings | None = None,
         memory: Memory | None = None,
+        unacked: Memory | None = None,
     ) -> None:
         """Open the session that a CREATE_CLIENT asked for.
 
@@ -82,8 +83,11 @@ class AgentSession(Session[AgentEvent]):
             epoch_ns: wall clock in nanoseconds since 1970, for time synchronisation.
             settings: windows, periods and limits.
             memory: bounds what all sessions that share it hold of incomplete messages; call `release` at the end.
+            unacked: the same for what they keep until it is acknowledged; beyond, each of their streams goes on with
+                one message at a time.
         """
-        super().__init__(client_key, session_id, mtu, settings or AgentSessionSettings(), pads=False, memory=memory)
+        options = settings or AgentSessionSettings()
+        super().__init__(client_key, session_id, mtu, options, pads=False, memory=memory, unacked=unacked)
         self._epoch_ns = epoch_ns
         self.on_data: Callable[[int, int, bytes], None] | None = None
         """Called with `(object_id, request_id, payload)` for a sample that nothing else precedes, in place of the event

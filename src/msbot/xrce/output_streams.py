@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from msbot.xrce.counters import SessionCounters
+from msbot.xrce.counters import Memory, SessionCounters
 from msbot.xrce.envelope import Envelope, append_submessage
 from msbot.xrce.messages import Fragment, Heartbeat
 from msbot.xrce.outbox import Lane, Outbox
@@ -93,7 +93,9 @@ class ReliableOutput:
         "_first",
         "_heartbeat_sent_at",
         "_next",
+        "_octets",
         "_outbox",
+        "_pool",
         "_resent_at",
         "_round_trip",
         "_timed",
@@ -112,8 +114,12 @@ class ReliableOutput:
 
     def __init__(
         self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters, *,
-        window: int, round_trip: RoundTrip,
+        window: int, round_trip: RoundTrip, pool: Memory,
     ) -> None:  # fmt: skip
+        """`pool` counts the octets that all sessions of an agent keep until they are acknowledged.
+
+        When it is full, a stream that has nothing unacknowledged goes on with one message at a time.
+        """
         self.stream_id = stream_id
         self.heartbeat_at: float | None = None
         """When a HEARTBEAT is due; None while nothing is unacknowledged or messages wait for the link."""
@@ -127,6 +133,8 @@ class ReliableOutput:
         self._counters = counters
         self._window = window
         self._round_trip = round_trip
+        self._pool = pool
+        self._octets = 0  # of the pool
         self._unanswered = 0  # HEARTBEATs since the last ACKNACK
         self._waiting: deque[bytes] = deque()
         self._unacked: dict[int, bytes] = {}
@@ -143,7 +151,8 @@ class ReliableOutput:
 
     def has_room(self) -> bool:
         """Whether one more submessage of any size may be booked within the window."""
-        return len(self._unacked) + len(self._waiting) < self._window and not self._waiting_large
+        kept = len(self._unacked) + len(self._waiting)
+        return kept < self._window and not self._waiting_large and not (kept and self._pool.used >= self._pool.limit)
 
     @property
     def next_nr(self) -> int:
@@ -170,6 +179,7 @@ class ReliableOutput:
         """Queue a body, whatever its size; the caller has asked `has_room` or bounds `waiting`."""
         if len(body) > self._capacity:
             self._waiting_large += 1
+            self._count(len(body))
         self._waiting.append(body)
 
     def pack(self, body: bytes) -> None:
@@ -192,7 +202,8 @@ class ReliableOutput:
 
     def offer(self, body: bytes) -> bool:
         """Book a body if there is room for it; False = it was not booked, and there will be news when there is."""
-        if len(self._unacked) + len(self._waiting) >= self._window or self._waiting_large:
+        kept, pool = len(self._unacked) + len(self._waiting), self._pool
+        if kept >= self._window or self._waiting_large or (kept and pool.used >= pool.limit):
             self.refused = True
             return False
         if self._waiting or len(body) > self._capacity:
@@ -205,7 +216,8 @@ class ReliableOutput:
     def advance(self) -> None:
         """Give numbers to what waits, as far as the window allows."""
         waiting = self._waiting
-        while waiting and len(self._unacked) < self._window:
+        unacked, pool = self._unacked, self._pool
+        while waiting and len(unacked) < self._window and (pool.used < pool.limit or not unacked):
             if len(waiting[0]) <= self._capacity:
                 self._emit(waiting.popleft())
             else:
@@ -224,6 +236,7 @@ class ReliableOutput:
         self._unanswered = 0
         if progress:
             if progress == len(unacked):
+                self._count(-sum(map(len, unacked.values())))
                 unacked.clear()
                 self._resent_at.clear()
             else:
@@ -272,10 +285,20 @@ class ReliableOutput:
         self.moved = True
         return Heartbeat(self._first, (self._next - 1) & 0xFFFF, self.stream_id)
 
+    def release(self) -> None:
+        """The stream is over: the pool gets its octets back."""
+        self._count(-self._octets)
+
+    def _count(self, octets: int) -> None:
+        self._octets += octets
+        self._pool.used += octets
+
     def _emit(self, body: bytes) -> None:
         nr = self._next
         packet = self._envelope.seal(self.stream_id, nr, body)
         self._unacked[nr] = packet
+        self._octets += len(packet)
+        self._pool.used += len(packet)
         self._next = (nr + 1) & 0xFFFF
         self.moved = True
         self._outbox.put(packet)
@@ -288,6 +311,7 @@ class ReliableOutput:
         if is_last:
             self._waiting.popleft()
             self._waiting_large -= 1
+            self._count(-len(body))
             self._cut_at = 0
         else:
             self._cut_at = end
@@ -296,7 +320,7 @@ class ReliableOutput:
     def _forget(self, count: int) -> None:
         for index in range(count):
             nr = (self._first + index) & 0xFFFF
-            del self._unacked[nr]
+            self._count(-len(self._unacked.pop(nr)))
             self._resent_at.pop(nr, None)
 
     def _note_missed(self, first: int, bitmap: int, now: float) -> None:

@@ -7,10 +7,11 @@ with HEARTBEATs. Messages to be sent again go first: they unblock the peer.
 
 from __future__ import annotations
 
+import sys
 from typing import TypeVar
 
 from msbot.errors import LocalProtocolError
-from msbot.xrce.counters import SessionCounters
+from msbot.xrce.counters import Memory, SessionCounters
 from msbot.xrce.envelope import Envelope
 from msbot.xrce.ids import STREAM_BEST_EFFORT, STREAM_NONE, STREAM_RELIABLE
 from msbot.xrce.outbox import Lane, Outbox
@@ -29,13 +30,17 @@ STREAM_LIMIT = "too many streams"
 class Sender:
     """The sending half of a session."""
 
-    def __init__(self, envelope: Envelope, counters: SessionCounters, settings: SessionSettings) -> None:
+    def __init__(
+        self, envelope: Envelope, counters: SessionCounters, settings: SessionSettings, pool: Memory | None = None
+    ) -> None:
+        """`pool` counts what is kept until it is acknowledged, for several sessions together; absent: no limit."""
         self.heartbeat_s = settings.heartbeat_s
         self.round_trip = RoundTrip()
         self.outbox = Outbox(settings.queue_limit, counters)
         self._envelope = envelope
         self._counters = counters
         self._settings = settings
+        self._pool = pool or Memory(sys.maxsize)
         self._answers = Lane(ANSWERS_FULL)
         self._answer_header = envelope.seal(STREAM_NONE, 0, b"")
         self._best_effort: dict[int, BestEffortOutput] = {}
@@ -128,6 +133,7 @@ class Sender:
                 self._counters,
                 window=self._settings.window,
                 round_trip=self.round_trip,
+                pool=self._pool,
             )
             self._reliable[stream_id] = stream
         return stream
@@ -212,6 +218,8 @@ class Sender:
         refused = [stream.stream_id for stream in self._reliable.values() if stream.refused]
         self.outbox.clear()
         self._best_effort.clear()
+        for stream in self._reliable.values():
+            stream.release()
         self._reliable.clear()
         return refused
 

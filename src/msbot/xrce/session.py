@@ -63,6 +63,7 @@ class Session(ABC, Generic[Event]):
         *,
         pads: bool,
         memory: Memory | None = None,
+        unacked: Memory | None = None,
     ) -> None:
         self.client_key = client_key
         self.session_id = session_id
@@ -81,7 +82,7 @@ class Session(ABC, Generic[Event]):
         self._gaps: dict[int, tuple[float, int]] = {}
         """Streams in which something is missing: when to say so again, and how often that was done."""
         envelope = Envelope(session_id, client_key, self.mtu, pads=pads)
-        self._sender = Sender(envelope, self.counters, settings)
+        self._sender = Sender(envelope, self.counters, settings, unacked)
 
     def receive_packet(self, packet: bytes, now: float) -> None:
         """Take one packet of the peer; afterwards call `next_event` until it returns None.
@@ -156,6 +157,7 @@ class Session(ABC, Generic[Event]):
     def release(self) -> None:
         """The session is over: give back the memory that it shares with others."""
         self._restart_input()
+        self._sender.reset()
 
     @property
     def heartbeat_s(self) -> float:
