@@ -1038,3 +1038,21 @@ def test_what_people_see_of_a_client() -> None:
         assert reader in {seen.object_id for seen in view.objects}
 
     play(scenario)
+
+
+def test_late_packets_of_a_clients_last_session_change_nothing_in_the_new_one() -> None:
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        one, other = await connected(link, 1, 2)
+        reader = await other.add_reader("light")
+        writer = await one.add_writer("light")
+        late = [bytes.fromhex("81800300") + bytes([7, 1, 5, 0, 0, 9]) + writer.to_bytes(2, "big") + b"x"] * 2
+        again = WiredClient(link, key=1, session_id=0x82)
+        await again.connect()
+        writer = await again.add_writer("light")
+        for packet in [*late, bytes.fromhex("81000000030104000002fffe"), bytes.fromhex("810000000c010000")]:
+            link.inject(packet, 1)
+        await again.write(writer, b"1", b"2", b"3", b"4", b"5")
+        assert other.received(reader) == [b"1", b"2", b"3", b"4", b"5"]
+        assert agent.dropped() == {"packet without a session": 3}
+
+    play(scenario)

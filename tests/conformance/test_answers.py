@@ -13,7 +13,7 @@ UNSEEN = "part of the dialogue was not recorded"
 DIFFERENT = {
     "create, key 0": "the genuine agent sends stale octets behind the status",
     "GET_INFO truncated": "answered with zeros; here silence",
-    "old session id 0x81 still used on that endpoint": "ACKNACK has the id of the header; here that of the session",
+    "old session id 0x81 still used on that endpoint": "taken for the new session; here a late packet of the old one",
     "HEARTBEAT first 4 last 5 (skips)": "number 18, which came beyond the window, is asked for again",
     "HEARTBEAT for best-effort stream 1": "answered with garbage; here silence",
     "unknown submessage 0x20 then CREATE in same message": "the rest of the message is dropped; here done",

@@ -1,8 +1,11 @@
 """Which client a packet belongs to: by its address, or by the key that some sessions carry in every header.
 
-Session ids from 0x80 up have no key in the header; the client is the one that logged in from that address, and the
-session id itself is not compared. Ids below 0x80 have the key in the header, and the address does not matter
-(XRCE 1.0 §8.2.1; seen on the wire).
+Session ids from 0x80 up have no key in the header; the client is the one that logged in from that address with that
+id. Ids below 0x80 have the key in the header, and the address does not matter (XRCE 1.0 §8.2.1; seen on the wire).
+
+DEVIATION: the genuine agent finds a client by its address alone, whatever the id. A packet of the client's earlier
+session that comes late, even from before a restart of the agent, would then push the streams of the new one on, and
+what the client sends next would be taken for repetitions, and be lost without a trace.
 """
 
 from __future__ import annotations

@@ -77,7 +77,9 @@ class Handshake:
                 status = self._log_in(port, peer, submessage, now)
                 return _status_agent(header, submessage, status)
             case GetInfo():
-                return _info(header, submessage, is_known=peer in port.clients)
+                # In a session of another id than its present one a client is unknown, so that it logs in again.
+                is_outside = header.session_id in (SESSION_NONE, SESSION_NONE_KEYED)
+                return _info(header, submessage, is_known=is_outside and peer in port.clients)
             case Delete() if kind_of(submessage.object_id) == ObjectKind.CLIENT:
                 return _deleted(header, submessage)
         port.dropped.add("packet without a session")

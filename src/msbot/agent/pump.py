@@ -158,18 +158,20 @@ class Pump:
         self._alarm, self._alarm_at = None, math.inf
         now = self._clock()
         self.in_burst = True
-        for proxy in self._timers.pop_due(now):
-            when = proxy.timer()
-            if when is not None and when <= now:
-                proxy.handle_timer(now)
-            elif when is not None:
-                self._timers.schedule(proxy, when)
-        for proxy in self._lives.pop_due(now):
-            self._check_life(proxy, now)
-        self.flush()
-        for when in (self._timers.next_at(), self._lives.next_at()):
-            if when is not None:
-                self._set_alarm(when)
+        try:
+            for proxy in self._timers.pop_due(now):
+                when = proxy.timer()
+                if when is not None and when <= now:
+                    proxy.handle_timer(now)
+                elif when is not None:
+                    self._timers.schedule(proxy, when)
+            for proxy in self._lives.pop_due(now):
+                self._check_life(proxy, now)
+        finally:
+            self.flush()
+        for next_at in (self._timers.next_at(), self._lives.next_at()):
+            if next_at is not None:
+                self._set_alarm(next_at)
 
     def _check_life(self, proxy: Proxy, now: float) -> None:
         when = proxy.next_life_check(now)

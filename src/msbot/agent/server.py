@@ -184,13 +184,13 @@ class Agent:
             proxy = port.clients.get(peer)
         elif 0 < session_id < 0x80:
             proxy = self._clients.keyed(int.from_bytes(packet[4:8], "big"))
-            if proxy is not None and port.members.get(proxy) != peer:
-                self._receive_from_elsewhere(proxy, port, packet, peer, now)
-                return
-        if proxy is None:
+        if proxy is None or proxy.session.session_id != session_id:
             answer = self._handshake.answer(port, packet, peer, now)
             if answer is not None:
                 self._pump.send_one(port, answer, peer)
+            return
+        if session_id < 0x80 and port.members.get(proxy) != peer:
+            self._receive_from_elsewhere(proxy, port, packet, peer, now)
             return
         proxy.receive(packet, now)
         if proxy.is_over:
