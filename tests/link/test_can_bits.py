@@ -29,11 +29,15 @@ def frames(draw: st.DrawFn) -> Frame:
     extended, fd = draw(st.booleans()), draw(st.booleans())
     can_id = draw(st.integers(0, (1 << 29 if extended else 1 << 11) - 1))
     if not fd and draw(st.integers(0, 5)) == 0:
-        return Frame(can_id, extended=extended, remote=True, remote_length=draw(st.integers(0, 8)))
+        code = draw(st.integers(0, 15))
+        long_dlc = code if code > 8 else 0
+        return Frame(can_id, extended=extended, remote=True, remote_length=min(code, 8), long_dlc=long_dlc)
     size = draw(st.sampled_from(FD_LENGTHS if fd else FD_LENGTHS[:9]))
+    long_dlc = draw(st.sampled_from([0, *range(9, 16)])) if size == 8 and not fd else 0
     octet = st.one_of(st.integers(0, 255), st.sampled_from([0x00, 0xFF, 0x0F, 0x1F, 0xE0, 0xF8, 0x83]))
     data = bytes(draw(st.lists(octet, min_size=size, max_size=size)))
-    return Frame(can_id, data, extended, fd, fd and draw(st.booleans()), esi=fd and draw(st.booleans()))
+    brs, esi = fd and draw(st.booleans()), fd and draw(st.booleans())
+    return Frame(can_id, data, extended, fd, brs, esi=esi, long_dlc=long_dlc)
 
 
 def remainder(bits: str, polynomial: int, width: int, initial: int) -> str:
@@ -62,7 +66,7 @@ def plain_bits(frame: Frame) -> str:
     """The frame from SOF to the last bit of the intermission, acknowledged, as a string of bits."""
     base = f"{frame.can_id >> 18:011b}11{frame.can_id & 0x3FFFF:018b}" if frame.extended else f"{frame.can_id:011b}"
     size = frame.remote_length if frame.remote else len(frame.data)
-    dlc = f"{FD_LENGTHS.index(size):04b}"
+    dlc = f"{frame.long_dlc or FD_LENGTHS.index(size):04b}"
     data = "".join(f"{octet:08b}" for octet in frame.data)
     tail = "1" + "0" + "1" + "1" * 7 + "1" * 3
     if not frame.fd:

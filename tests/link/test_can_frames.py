@@ -268,6 +268,11 @@ def test_reset_forgets_the_message_in_progress() -> None:
         Frame(1, error=True),
         Frame(1, b"x", remote=True),
         Frame(1, remote=True, remote_length=9),
+        Frame(1, bytes(7), long_dlc=9),
+        Frame(1, bytes(8), long_dlc=8),
+        Frame(1, bytes(8), long_dlc=16),
+        Frame(1, bytes(8), fd=True, long_dlc=9),
+        Frame(1, remote=True, remote_length=7, long_dlc=9),
     ],
 )
 def test_impossible_frames_are_refused(bad: Frame) -> None:

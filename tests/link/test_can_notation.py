@@ -19,6 +19,8 @@ TEXTS = [
     ("00000123#01", Frame(0x123, b"\1", extended=True)),
     ("123#R", Frame(0x123, remote=True)),
     ("123#R4", Frame(0x123, remote=True, remote_length=4)),
+    ("123#0011223344556677_F", Frame(0x123, bytes.fromhex("0011223344556677"), long_dlc=15)),
+    ("1ABCDEF0#R8_9", Frame(0x1ABCDEF0, extended=True, remote=True, remote_length=8, long_dlc=9)),
     ("1ABCDEF0#R8", Frame(0x1ABCDEF0, extended=True, remote=True, remote_length=8)),
     ("123##0", Frame(0x123, fd=True)),
     ("123##1DEADBEEF", Frame(0x123, b"\xde\xad\xbe\xef", fd=True, brs=True)),

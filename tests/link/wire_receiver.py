@@ -72,7 +72,8 @@ class Receiver:
         return self._receive_classic(can_id, extended=bool(extended), remote=bool(remote))
 
     def _receive_classic(self, can_id: int, *, extended: bool, remote: bool) -> Received:
-        size = self._number(4)
+        code = self._number(4)
+        size = min(code, 8)  # classic frames have 8 bytes with the codes 9 to 15, too
         data = b"" if remote else bytes(self._number(8) for _ in range(size))
         expected = self._crc15.value
         assert self._number(15) == expected, "CRC-15"
@@ -80,7 +81,8 @@ class Receiver:
             self._take_stuff_bit()  # a stuff bit may follow the last bit of the CRC
         self._destuffing = False
         self._tail()
-        frame = Frame(can_id, data, extended, remote=remote, remote_length=size if remote else 0)
+        asked, long_dlc = size if remote else 0, code if code > 8 else 0
+        frame = Frame(can_id, data, extended, remote=remote, remote_length=asked, long_dlc=long_dlc)
         return Received(frame, self._read, 0, self._dynamic)
 
     def _receive_fd(self, can_id: int, *, extended: bool) -> Received:

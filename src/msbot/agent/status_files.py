@@ -9,13 +9,12 @@ from __future__ import annotations
 import json
 import os
 import secrets
-import stat
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.errors import ConfigError
+from msbot.link.user_folder import check_owner, is_running, user_folder
 
 PREFIX = "status-"
 
@@ -31,12 +30,8 @@ class StatusFile:
 
 
 def status_folder() -> Path:
-    """The user's folder for such files: `$XDG_RUNTIME_DIR/msbot`, or one in the folder for temporary files."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    if runtime and Path(runtime).is_dir():
-        return Path(runtime) / "msbot"
-    owner = str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
-    return Path(tempfile.gettempdir()) / f"msbot-{owner}"
+    """The user's folder for such files (`user_folder`)."""
+    return user_folder()
 
 
 def leave_word(folder: Path, port: int) -> StatusFile:
@@ -68,14 +63,14 @@ def find_files(folder: Path) -> Iterator[StatusFile]:
     """
     if not folder.is_dir():
         return
-    _check_owner(folder)
+    check_owner(folder)
     for path in sorted(folder.glob(f"{PREFIX}*.json"), key=_written_at):
         try:
             content = json.loads(path.read_text())
             file = StatusFile(path, int(content["port"]), str(content["token"]), int(content["pid"]))
         except (OSError, ValueError, KeyError, TypeError):
             continue  # being written, being removed, or not ours
-        if _runs(file.pid):
+        if is_running(file.pid):
             yield file
         else:
             path.unlink(missing_ok=True)
@@ -86,24 +81,3 @@ def _written_at(path: Path) -> tuple[int, str]:
         return path.lstat().st_mtime_ns, path.name
     except FileNotFoundError:
         return 0, path.name  # removed meanwhile
-
-
-def _check_owner(folder: Path) -> None:
-    """In a folder that others can write to, a file may have been put there by anybody."""
-    if not hasattr(os, "getuid"):
-        return
-    info = folder.lstat()
-    if not stat.S_ISDIR(info.st_mode) or info.st_uid != os.getuid() or info.st_mode & 0o077:
-        raise ConfigError(f"{folder} is not a folder that belongs to you alone: remove it")
-
-
-def _runs(pid: int) -> bool:
-    if os.name != "posix":
-        return True  # there, a signal 0 would be more than a question
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        return True
-    return True

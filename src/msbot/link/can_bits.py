@@ -131,6 +131,8 @@ def _header_fields(frame: Frame) -> list[tuple[int, str]]:
 
 def data_length_code(frame: Frame) -> int:
     """The data length code in the frame's control field, 0 to 15."""
+    if frame.long_dlc:
+        return frame.long_dlc
     if frame.remote:
         return frame.remote_length
     return FD_LENGTHS.index(len(frame.data))

@@ -69,7 +69,9 @@ class Frame:
     esi: bool = False
     """Error state indicator: the transmitter was error-passive (FD only)."""
     remote_length: int = 0
-    """Data length code of a remote frame, 0 to 8."""
+    """Bytes that a remote frame asks for, 0 to 8."""
+    long_dlc: int = 0
+    """Data length code 9 to 15 of a classic frame, which means 8 bytes all the same; 0 = the length itself."""
 
 
 def check_frame(frame: Frame) -> None:
@@ -92,6 +94,10 @@ def check_frame(frame: Frame) -> None:
         raise LocalProtocolError(f"a classic CAN frame carries at most 8 bytes, not {len(frame.data)}")
     elif frame.brs or frame.esi:
         raise LocalProtocolError("only CAN FD frames have a bit-rate switch and an error state indicator")
+    if frame.long_dlc:
+        length = frame.remote_length if frame.remote else len(frame.data)
+        if frame.fd or length != 8 or not 9 <= frame.long_dlc <= 15:
+            raise LocalProtocolError("a data length code of 9 to 15 for 8 bytes is for classic frames of 8 bytes")
 
 
 def pad_fd(data: bytes, fill: bytes = b"\0") -> bytes:

@@ -5,11 +5,13 @@
     123#DEADBEEF             standard frame, identifier 3 hexadecimal digits; bytes may be parted by dots
     1ABCDEF0#11.22           extended frame, 8 digits
     123#R4                   remote frame that asks for 4 bytes
+    123#0011223344556677_F   data length code 15 (9 to 15 mean 8 bytes in a classic frame); also 123#R8_F
     123##1DEADBEEF           CAN FD; digit of flags: 1 = bit-rate switch (BRS), 2 = error state indicator (ESI)
     20000004#0008000000000000   report of the controller about a bus error
 
     (1700000000.123456) can0 123#DEADBEEF                    a line of `candump -l`
-     (1700000000.123456)  can0  123   [4]  DE AD BE EF       the same as `candump` shows it; with [04] it is CAN FD
+     (1700000000.123456)  can0  123   [4]  DE AD BE EF       the same as `candump` shows it; with [04] it is CAN FD;
+                                                             {F} is 8 bytes with the data length code 15 (candump -8)
 """
 
 from __future__ import annotations
@@ -34,11 +36,13 @@ _ERROR_REPORT = 0x20000000
 _FLAGS = 7
 """BRS, ESI, and 4, with which newer programs say once more that the frame is CAN FD."""
 
-_FRAME = re.compile(r"([0-9A-F]+)#(?:(#)([0-9A-F])|(R)([0-9A-F]?)$)?(?:\.?[0-9A-F]{2})*\.?", re.IGNORECASE)
+_FRAME = re.compile(
+    r"([0-9A-F]+)#(?:(#)([0-9A-F])|(R)([0-9A-F]?)(?=$|_))?((?:\.?[0-9A-F]{2})*)\.?(?:_([9A-F]))?", re.IGNORECASE
+)
 _LOG = re.compile(r"\((\d+(?:\.\d+)?)\)\s+(\S+)\s+(\S+#\S*)(?:\s+[RT])?")
 _SHOWN = re.compile(
-    r"(?:\((\d+(?:\.\d+)?)\)\s+)?(\S+)\s+(?:[RT]X\s+([B-])\s+([E-])\s+)?([0-9A-F]{3}|[0-9A-F]{8})\s+\[(\d{1,2})\]\s*"
-    r"((?:[0-9A-F]{2}(?:\s+|$))*|remote request)(?:'.*'|ERRORFRAME)?\s*"
+    r"(?:\((\d+(?:\.\d+)?)\)\s+)?(\S+)\s+(?:[RT]X\s+([B-])\s+([E-])\s+)?([0-9A-F]{3}|[0-9A-F]{8})\s+"
+    r"(?:\[(\d{1,2})\]|\{([9A-F])\})\s*((?:[0-9A-F]{2}(?:\s+|$))*|remote request)(?:'.*'|ERRORFRAME)?\s*"
 )
 
 
@@ -62,22 +66,25 @@ def parse_frame(text: str) -> Frame:
     match = _FRAME.fullmatch(text)
     if match is None or len(match[1]) not in (3, 8):
         raise ConfigError(f"{text!r} is no CAN frame: {HOW}")
-    digits, double, flags, remote, length = match.groups()
+    digits, double, flags, remote, length, octets, code = match.groups()
+    long_dlc = int(code or "0", 16)
     can_id, extended = int(digits, 16), len(digits) == 8
     error = extended and can_id >> 29 == _ERROR_REPORT >> 29
     if remote:
-        return _checked(text, Frame(can_id, extended=extended, remote=True, remote_length=int(length or "0", 16)))
+        asked = int(length or "0", 16)
+        return _checked(text, Frame(can_id, extended=extended, remote=True, remote_length=asked, long_dlc=long_dlc))
     if double and int(flags, 16) > _FLAGS:
         raise ConfigError(f"{text!r}: the flags of a CAN FD frame are 1 = bit-rate switch and 2 = ESI, not {flags}")
-    data = bytes.fromhex(text[match.end(3) if double else text.index("#") + 1 :].replace(".", ""))
+    data = bytes.fromhex(octets.replace(".", ""))
     if not double:
         if error:
             return Frame(can_id & ~_ERROR_REPORT, data, extended=False, error=True)
-        return _checked(text, Frame(can_id, data, extended))
+        return _checked(text, Frame(can_id, data, extended, long_dlc=long_dlc))
     if len(data) > 64:
         raise ConfigError(f"{text!r}: a CAN FD frame carries at most 64 bytes, not {len(data)}")
     bits = int(flags, 16)
-    return _checked(text, Frame(can_id, pad_fd(data, PADDING), extended, True, bool(bits & 1), esi=bool(bits & 2)))
+    data = pad_fd(data, PADDING)
+    return _checked(text, Frame(can_id, data, extended, True, bool(bits & 1), esi=bool(bits & 2), long_dlc=long_dlc))
 
 
 def format_frame(frame: Frame) -> str:
@@ -85,10 +92,11 @@ def format_frame(frame: Frame) -> str:
     if frame.error:
         return f"{frame.can_id | _ERROR_REPORT:08X}#{frame.data.hex().upper()}"
     digits = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
+    code = f"_{frame.long_dlc:X}" if frame.long_dlc else ""
     if frame.remote:
-        return f"{digits}#R{frame.remote_length or ''}"
+        return f"{digits}#R{frame.remote_length or ''}{code}"
     flags = f"#{frame.brs | frame.esi << 1}" if frame.fd else ""
-    return f"{digits}#{flags}{frame.data.hex().upper()}"
+    return f"{digits}#{flags}{frame.data.hex().upper()}{code}"
 
 
 def parse_log_line(line: str) -> LogLine:
@@ -115,19 +123,21 @@ def show_frame(frame: Frame) -> str:
     can_id = frame.can_id | _ERROR_REPORT if frame.error else frame.can_id
     digits = f"{can_id:08X}" if frame.extended or frame.error else f"     {can_id:03X}"
     length = frame.remote_length if frame.remote else len(frame.data)
-    brackets = f"[{length:02}]" if frame.fd else f" [{length}]"
+    brackets = f"[{length:02}]" if frame.fd else f" {{{frame.long_dlc:X}}}" if frame.long_dlc else f" [{length}]"
     return f"{digits}  {brackets}  {'remote request' if frame.remote else frame.data.hex(' ').upper()}".rstrip()
 
 
 def _read_columns(line: str, match: re.Match[str]) -> Frame:
-    brs, esi, digits, length, content = match.groups()[2:]
+    brs, esi, digits, length, code, content = match.groups()[2:]
+    suffix = f"_{code}" if code else ""
+    length = length or "8"
     if content == "remote request":
-        return parse_frame(f"{digits}#R{length}")
+        return parse_frame(f"{digits}#R{length}{suffix}")
     data = bytes.fromhex(content)
     if len(data) != int(length):
         raise ConfigError(f"{line!r} says it has {int(length)} data bytes and shows {len(data)}")
     flags = f"#{(brs == 'B') | (esi == 'E') << 1}" if len(length) == 2 else ""
-    return parse_frame(f"{digits}#{flags}{data.hex()}")
+    return parse_frame(f"{digits}#{flags}{data.hex()}{suffix}")
 
 
 def _checked(text: str, frame: Frame) -> Frame:
