@@ -131,6 +131,7 @@ class BurstLink(Protocol):
 
 # The links stand below because they need the words above.
 from msbot.link.address import open_link  # noqa: E402
+from msbot.link.can_address import CanSettings, open_can_bus  # noqa: E402
 from msbot.link.can_bits import FrameBits, frame_bits  # noqa: E402
 from msbot.link.can_bus import BusState, CanBus, CanBusInfo  # noqa: E402
 from msbot.link.can_cost import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost  # noqa: E402
@@ -166,6 +167,7 @@ __all__ = [
     "CanLegacyLink",
     "CanMasterLink",
     "CanPartLink",
+    "CanSettings",
     "Codec",
     "Cost",
     "Frame",
@@ -199,6 +201,7 @@ __all__ = [
     "frame_bits",
     "inproc_pair",
     "message_cost",
+    "open_can_bus",
     "open_link",
     "run_virtual",
 ]

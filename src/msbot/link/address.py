@@ -13,6 +13,15 @@ from dataclasses import dataclass
 
 from msbot.errors import ConfigError
 from msbot.link import Link
+from msbot.link.can_address import (
+    CAN_EXAMPLE,
+    CANFD_EXAMPLE,
+    LEGACY_EXAMPLE,
+    CanSettings,
+    open_can,
+    open_can_legacy,
+    open_canfd,
+)
 from msbot.link.lines import CLIENT_ADDRESS
 from msbot.link.pty import PtyServerLink
 from msbot.link.serial import AUTO, DEFAULT_BAUDRATE, SerialClientLink, SerialServerLink
@@ -26,16 +35,17 @@ class Scheme:
 
     example: str
     """An address that a person can copy."""
-    open: Callable[[str, bool], Link]
-    """`(rest of the address, serve)`: makes the link without opening it; raises ConfigError."""
+    open: Callable[[str, bool, CanSettings], Link]
+    """`(rest of the address, serve, what CAN needs)`: makes the link without opening it; raises ConfigError."""
 
 
-def open_link(address: str, *, serve: bool = False) -> Link:
+def open_link(address: str, *, serve: bool = False, can: CanSettings | None = None) -> Link:
     """Make the link of an address; it opens when it runs.
 
     Args:
         address: for example `udp:192.168.1.20:8888` or `udp:[::1]:8888`.
         serve: True for the side that many peers come to (the master), False for a part.
+        can: what a link on a CAN bus needs besides its address.
 
     Raises:
         ConfigError: the address makes no sense; the text shows a right one.
@@ -46,7 +56,7 @@ def open_link(address: str, *, serve: bool = False) -> Link:
         kinds = ", ".join(f"`{known.example}`" for known in SCHEMES.values())
         raise ConfigError(f"link {address!r}: unknown kind of link {name!r}; there are {kinds}")
     try:
-        return scheme.open(rest, serve)
+        return scheme.open(rest, serve, can or CanSettings())
     except ConfigError as error:
         raise ConfigError(f"link {address!r}: {error}; write it like `{scheme.example}`") from error
 
@@ -81,12 +91,12 @@ def parse_host_and_port(text: str, *, any_port: bool = False) -> tuple[str, int]
     return host, port
 
 
-def _open_udp(rest: str, serve: bool) -> Link:
+def _open_udp(rest: str, serve: bool, _: CanSettings) -> Link:
     host, port = parse_host_and_port(rest, any_port=serve)
     return UdpServerLink(host, port) if serve else UdpClientLink(host, port)
 
 
-def _open_tcp(rest: str, serve: bool) -> Link:
+def _open_tcp(rest: str, serve: bool, _: CanSettings) -> Link:
     host, port = parse_host_and_port(rest, any_port=serve)
     return TcpServerLink(host, port) if serve else TcpClientLink(host, port)
 
@@ -113,7 +123,7 @@ def parse_options(text: str, **defaults: int) -> tuple[str, dict[str, int]]:
     return path, options
 
 
-def _open_serial(rest: str, serve: bool) -> Link:
+def _open_serial(rest: str, serve: bool, _: CanSettings) -> Link:
     if serve:
         path, options = parse_options(rest, baudrate=DEFAULT_BAUDRATE)
         ports = [port.strip() for port in path.split(",")]
@@ -126,7 +136,7 @@ def _open_serial(rest: str, serve: bool) -> Link:
     return SerialClientLink(path, baudrate=options["baudrate"], address=options["address"])
 
 
-def _open_pty(rest: str, serve: bool) -> Link:
+def _open_pty(rest: str, serve: bool, _: CanSettings) -> Link:
     if not serve:
         raise ConfigError(f"a part opens the other end, as a serial port: `serial:{rest}`")
     if not rest:
@@ -139,5 +149,8 @@ SCHEMES: dict[str, Scheme] = {
     "tcp": Scheme("tcp:127.0.0.1:8888", _open_tcp),
     "serial": Scheme("serial:/dev/ttyUSB0?baudrate=115200", _open_serial),
     "pty": Scheme("pty:/tmp/robot.tty", _open_pty),
+    "can": Scheme(CAN_EXAMPLE, open_can),
+    "canfd": Scheme(CANFD_EXAMPLE, open_canfd),
+    "can-legacy": Scheme(LEGACY_EXAMPLE, open_can_legacy),
 }
 """Every kind of link that an address can name."""

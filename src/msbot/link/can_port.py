@@ -23,6 +23,7 @@ STOP_QUIET_S: Final = 0.1
 FIRST_RESTART_S: Final = 0.1
 LONGEST_RESTART_S: Final = 5.0
 """Pause before a return from bus-off; it doubles up to the longest until a frame gets through."""
+OFF_THE_BUS: Final = (BusState.OFF, BusState.GONE)
 
 
 class PortOwner(Protocol):
@@ -155,10 +156,11 @@ class CanPort:
         """
         loop = asyncio.get_running_loop()
         self._ended = loop.create_future()
+        self.state = BusState.ACTIVE
         serving = loop.create_task(self.bus.run())
         try:
-            await asyncio.sleep(0)  # the controller opens before anything is sent
-            if not serving.done():
+            await asyncio.sleep(0)  # the controller opens before anything is sent, or says that it needs longer
+            if not serving.done() and self.state not in OFF_THE_BUS:
                 self._go_up(loop.time())
             await asyncio.wait((serving, self._ended), return_when=asyncio.FIRST_COMPLETED)
             for ended in (self._ended, serving):
@@ -213,7 +215,7 @@ class CanPort:
         self.state = state
         if self._ended is None:
             return
-        if state in (BusState.OFF, BusState.GONE):
+        if state in OFF_THE_BUS:
             self._go_down(f"{state.value}: {words}", now)
             if state is BusState.OFF:
                 self._restart_later()

@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from msbot.link.can_frames import FD_LENGTHS, Frame
+from msbot.link.socketcan_frames import CLASSIC_SIZE, FD_SIZE, pack_frame, unpack_frame
+
+standard = st.integers(0, 0x7FF)
+extended = st.integers(0, 0x1FFFFFFF)
+identifier = st.one_of(standard.map(lambda n: (n, False)), extended.map(lambda n: (n, True)))
+
+
+@st.composite
+def frames(draw: st.DrawFn) -> Frame:
+    can_id, is_extended = draw(identifier)
+    kind = draw(st.sampled_from(["classic", "fd", "remote", "error"]))
+    if kind == "fd":
+        data = draw(st.sampled_from(FD_LENGTHS).flatmap(lambda size: st.binary(min_size=size, max_size=size)))
+        return Frame(can_id, data, is_extended, True, draw(st.booleans()), esi=draw(st.booleans()))
+    if kind == "remote":
+        return Frame(can_id, extended=is_extended, remote=True, remote_length=draw(st.integers(0, 8)))
+    data = draw(st.binary(max_size=8))
+    return Frame(can_id, data, error=True) if kind == "error" else Frame(can_id, data, is_extended)
+
+
+@given(frames())
+@settings(deadline=None)
+def test_a_frame_survives_the_kernels_format(frame: Frame) -> None:
+    raw = pack_frame(frame)
+    assert len(raw) == (FD_SIZE if frame.fd else CLASSIC_SIZE)
+    assert unpack_frame(raw) == frame
+
+
+@given(st.one_of(st.binary(max_size=80), st.binary(min_size=16, max_size=16), st.binary(min_size=72, max_size=72)))
+@settings(deadline=None)
+def test_any_octets_are_a_frame_or_none(raw: bytes) -> None:
+    frame = unpack_frame(raw)
+    if frame is not None:
+        assert unpack_frame(pack_frame(frame)) == frame
+
+
+@pytest.mark.parametrize(
+    ("raw", "frame"),
+    [
+        ("23010000 03 000000 0102030000000000", Frame(0x123, b"\1\2\3")),
+        ("7856349a 00 000000 0000000000000000", Frame(0x1A345678, extended=True)),
+        ("00010040 04 000000 0000000000000000", Frame(0x100, remote=True, remote_length=4)),
+        ("08000020 08 000000 0000040200000000", Frame(8, bytes.fromhex("0000040200000000"), error=True)),
+        ("23010000 01 01 0000 ff" + 63 * "00", Frame(0x123, b"\xff", fd=True, brs=True)),
+        ("23010000 01 06 0000 ff" + 63 * "00", Frame(0x123, b"\xff", fd=True, esi=True)),
+        ("23010000 09 000000 0102030000000000", None),
+        ("23010080 09 000000 0102030000000000", None),
+        ("23010000 41 01 0000 ff" + 63 * "00", None),
+        ("23010040 01 01 0000 ff" + 63 * "00", None),
+    ],
+)
+def test_frames_as_linux_writes_them_on_a_little_endian_machine(raw: str, frame: Frame | None) -> None:
+    assert unpack_frame(bytes.fromhex(raw)) == frame
+
+
+def test_what_is_cut_short_or_can_xl_is_no_frame() -> None:
+    assert unpack_frame(b"") is None
+    assert unpack_frame(bytes(15)) is None
+    assert unpack_frame(bytes(2060)) is None
