@@ -11,7 +11,16 @@ from msbot.cli import agent
 from msbot.cli.agent import command
 from msbot.cli.serving import Discovery, Wishes
 from msbot.errors import ConfigError
-from msbot.link import Link, PtyServerLink, SerialServerLink, TcpServerLink, UdpServerLink
+from msbot.link import (
+    CanFdEprosimaLink,
+    CanLegacyLink,
+    CanMasterLink,
+    Link,
+    PtyServerLink,
+    SerialServerLink,
+    TcpServerLink,
+    UdpServerLink,
+)
 
 
 class Served:
@@ -176,3 +185,27 @@ def test_a_pseudo_terminal_may_have_a_name(served: Served) -> None:
 )
 def test_values_that_cannot_be_are_refused(arguments: tuple[str, ...]) -> None:
     assert run(*arguments).exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind", "name"),
+    [
+        (("can", "-D", "can0"), CanMasterLink, "can:can0"),
+        (("can", "--dev", "can0?bitrate=250000"), CanMasterLink, "can:can0"),
+        (("can", "-D", "slcan:/dev/ttyACM0?bitrate=500000"), CanMasterLink, "can:slcan:/dev/ttyACM0"),
+        (("canfd", "-D", "can0"), CanFdEprosimaLink, "canfd:can0"),
+        (("can-legacy", "-D", "can0"), CanLegacyLink, "can-legacy:can0"),
+    ],
+)
+def test_a_bus_is_served_by_its_interface(
+    served: Served, arguments: tuple[str, ...], kind: type[Link], name: str
+) -> None:
+    assert run(*arguments).exit_code == 0
+    assert isinstance(served.link, kind)
+    assert served.link.info.name == name
+    assert served.link.info.compresses == (arguments[0] == "can")
+
+
+def test_a_wrong_bus_is_told_with_a_right_one() -> None:
+    with pytest.raises(ConfigError, match=r"link 'can:can0.bitrate=fast'.*5000 to 1000000.*write it like `can:can0"):
+        run("can", "-D", "can0?bitrate=fast")

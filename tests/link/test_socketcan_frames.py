@@ -9,6 +9,7 @@ from msbot.link.socketcan_frames import CLASSIC_SIZE, FD_SIZE, pack_frame, unpac
 
 standard = st.integers(0, 0x7FF)
 extended = st.integers(0, 0x1FFFFFFF)
+length_and_dlc = st.one_of(st.integers(0, 8).map(lambda n: (n, 0)), st.integers(9, 15).map(lambda n: (8, n)))
 identifier = st.one_of(standard.map(lambda n: (n, False)), extended.map(lambda n: (n, True)))
 
 
@@ -20,9 +21,12 @@ def frames(draw: st.DrawFn) -> Frame:
         data = draw(st.sampled_from(FD_LENGTHS).flatmap(lambda size: st.binary(min_size=size, max_size=size)))
         return Frame(can_id, data, is_extended, True, draw(st.booleans()), esi=draw(st.booleans()))
     if kind == "remote":
-        return Frame(can_id, extended=is_extended, remote=True, remote_length=draw(st.integers(0, 8)))
-    data = draw(st.binary(max_size=8))
-    return Frame(can_id, data, error=True) if kind == "error" else Frame(can_id, data, is_extended)
+        length, dlc = draw(length_and_dlc)
+        return Frame(can_id, extended=is_extended, remote=True, remote_length=length, long_dlc=dlc)
+    if kind == "error":
+        return Frame(can_id, draw(st.binary(max_size=8)), error=True)
+    length, dlc = draw(length_and_dlc)
+    return Frame(can_id, draw(st.binary(min_size=length, max_size=length)), is_extended, long_dlc=dlc)
 
 
 @given(frames())
@@ -50,6 +54,8 @@ def test_any_octets_are_a_frame_or_none(raw: bytes) -> None:
         ("08000020 08 000000 0000040200000000", Frame(8, bytes.fromhex("0000040200000000"), error=True)),
         ("23010000 01 01 0000 ff" + 63 * "00", Frame(0x123, b"\xff", fd=True, brs=True)),
         ("23010000 01 06 0000 ff" + 63 * "00", Frame(0x123, b"\xff", fd=True, esi=True)),
+        ("23010000 08 00000f 0102030405060708", Frame(0x123, bytes(range(1, 9)), long_dlc=15)),
+        ("23010000 03 00000f 0102030000000000", Frame(0x123, b"\1\2\3")),
         ("23010000 09 000000 0102030000000000", None),
         ("23010080 09 000000 0102030000000000", None),
         ("23010000 41 01 0000 ff" + 63 * "00", None),

@@ -11,7 +11,17 @@ import click
 
 from msbot.cli.serving import Wishes, discovery_for, serve
 from msbot.errors import ConfigError
-from msbot.link import Link, PtyServerLink, SerialServerLink, TcpServerLink, UdpServerLink
+from msbot.link import (
+    CanSettings,
+    Codec,
+    Link,
+    PtyServerLink,
+    SerialServerLink,
+    TcpServerLink,
+    UdpServerLink,
+    open_link,
+)
+from msbot.xrce import compress, decompress, is_whole
 
 DISCOVERY_PORT = 7400
 DEFAULT_VERBOSE = 4
@@ -161,3 +171,21 @@ def multiserial(*, ports: list[str], link: Link, wishes: Wishes) -> None:  # noq
 def pseudoterminal(*, path: str | None, baudrate: int, wishes: Wishes) -> None:  # noqa: ARG001 - nothing slows it down
     """Serve clients on this computer that want a serial port: makes a pseudo terminal and prints its path."""
     serve(PtyServerLink(path), wishes)
+
+
+def can_command(name: str, *, doc: str) -> None:
+    """Add the command for one framing on a CAN bus."""
+
+    @command.command(name, help=doc)
+    @click.option("-D", "--dev", "device", metavar="BUS", required=True,
+                  help="An interface of Linux (can0), or an interface of python-can and its channel "
+                  "(slcan:/dev/ttyACM0?bitrate=500000).")  # fmt: skip
+    @common_options
+    def run(*, device: str, wishes: Wishes) -> None:
+        settings = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
+        serve(open_link(f"{name}:{device}", serve=True, can=settings), wishes)
+
+
+can_command("can", doc="Serve parts of MsBOT on a CAN bus, classic or FD (?fd=1); up to 120 of them.")
+can_command("canfd", doc="Serve eProsima's clients on a CAN FD bus: one frame is one packet.")
+can_command("can-legacy", doc="Serve one part with the thesis' firmware on a classic CAN bus.")

@@ -5,6 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import click
@@ -13,10 +16,13 @@ from msbot.agent import StatusServer
 from msbot.cli.options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside, db_option
 from msbot.cli.running import run_until_signal
 from msbot.config import Blueprint, Library, load_blueprint, load_library
-from msbot.link import Link, open_link
-from msbot.master import Master
+from msbot.link import CanSettings, Codec, open_link
+from msbot.master import Master, profile_of
 from msbot.pnp import PartEvent
 from msbot.registry import open_registry
+from msbot.xrce import compress, decompress, is_whole
+
+CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 
 
 @click.command("master")
@@ -36,19 +42,23 @@ def command(
     )
     library = load_library(*folders)
     robot = load_blueprint(blueprint, library)
-    links = [open_link(address, serve=True) for address in addresses]
+    for address in addresses:
+        open_link(address, serve=True, can=CAN)  # what is wrong is told before the database is touched
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(_main(robot, library, links, db or database_beside(blueprint)))
+        asyncio.run(_main(robot, library, addresses, db or database_beside(blueprint)))
 
 
-async def _main(blueprint: Blueprint, library: Library, links: list[Link], db: str) -> None:
+async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str], db: str) -> None:
+    profile = profile_of(blueprint)
     with open_registry(db) as registry:
-        master = Master(blueprint, registry.store_for(registry.apply_blueprint(blueprint, library)))
+        robot = registry.apply_blueprint(blueprint, library)
+        master = Master(blueprint, registry.store_for(robot))
         master.inventory.on_event(_say)
+        can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.node_ids, robot))
+        links = [open_link(address, serve=True, can=can) for address in addresses]
         for link in links:
             master.add_link(link)
         where = ", ".join(link.info.name for link in links)
-        profile = master.profile
 
         def greet() -> None:
             click.echo(f"{profile.name} {profile.version} is up on {where}; database {db}. Ctrl-C ends it.")

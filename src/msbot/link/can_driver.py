@@ -117,6 +117,7 @@ class CanDriver:
         self._room_handler: Callable[[float], None] = _ignore_room
         self._state_handler: StateHandler = _ignore_state
         self._hear_again = False
+        self._was_open = False
 
     def on_frame(self, handler: FrameHandler) -> None:
         """See `CanBus`."""
@@ -163,6 +164,7 @@ class CanDriver:
         """See `CanBus`; an adapter that has gone is opened again when it is back."""
         loop = asyncio.get_running_loop()
         self._bus_state = BusState.GONE
+        self._was_open = False
         self._state_handler(BusState.GONE, NOT_OPEN, loop.time())
         try:
             await self._open()
@@ -197,7 +199,7 @@ class CanDriver:
         channel = await self._adapter.open(self)
         self._channel = channel
         if not gone.done() and self._bus_state is BusState.GONE:
-            self._tell(BusState.ACTIVE, "open", loop.time())
+            self._tell(BusState.ACTIVE, "back" if self._was_open else "open", loop.time())
 
     async def _close(self) -> None:
         channel, self._channel = self._channel, None
@@ -207,9 +209,12 @@ class CanDriver:
             await channel.close()
 
     def _tell(self, state: BusState, words: str, now: float) -> None:
-        self._bus_state = state
-        level = logging.INFO if state is BusState.ACTIVE else logging.WARNING
-        self._say(level, f"{self.info.name}: {words}", now)
+        former, self._bus_state = self._bus_state, state
+        if BusState.GONE in (former, state):
+            self._said.pop(f"{self.info.name}: {words}", None)  # whoever pulls a plug twice is told twice
+        fine = state is BusState.ACTIVE and not self._was_open
+        self._was_open = True
+        self._say(logging.INFO if fine else logging.WARNING, f"{self.info.name}: {words}", now)
         self._state_handler(state, words, now)
 
     def _say(self, level: int, words: str, now: float) -> None:

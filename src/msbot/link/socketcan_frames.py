@@ -23,10 +23,10 @@ ESI: Final = 0x02
 FDF: Final = 0x04
 """Flags of a CAN FD frame; FDF is set by newer kernels and by us, older ones tell FD by the size alone."""
 
-_CLASSIC: Final = Struct("=IB3x8s")
+_CLASSIC: Final = Struct("=IBxxB8s")
 _FD: Final = Struct("=IBBxx64s")
-_HEAD: Final = Struct("=IBB")
-_FLAGS: Final = EXTENDED | REMOTE | ERROR
+_CLASSIC_HEAD: Final = Struct("=IBxxB")
+_FD_HEAD: Final = Struct("=IBB")
 
 
 def pack_frame(frame: Frame) -> bytes:
@@ -36,21 +36,21 @@ def pack_frame(frame: Frame) -> bytes:
         data = frame.data
         return _FD.pack(can_id, len(data), FDF | (BRS if frame.brs else 0) | (ESI if frame.esi else 0), data)
     if frame.remote:
-        return _CLASSIC.pack(can_id | REMOTE, frame.remote_length, b"")
-    return _CLASSIC.pack(can_id | ERROR if frame.error else can_id, len(frame.data), frame.data)
+        return _CLASSIC.pack(can_id | REMOTE, frame.remote_length, frame.long_dlc, b"")
+    return _CLASSIC.pack(can_id | ERROR if frame.error else can_id, len(frame.data), frame.long_dlc, frame.data)
 
 
 def unpack_frame(raw: bytes) -> Frame | None:
     """The frame in what one read of a CAN_RAW socket gave; None when it is none (CAN XL, or cut short)."""
     size = len(raw)
     if size == CLASSIC_SIZE:
-        can_id, length, _ = _HEAD.unpack_from(raw)
-        if not can_id & _FLAGS and can_id <= 0x7FF and length <= 8:
+        can_id, length, dlc = _CLASSIC_HEAD.unpack_from(raw)
+        if can_id <= 0x7FF and length <= 8 and not dlc:
             return Frame(can_id, raw[8 : 8 + length])
-        return _unpack_rare(can_id, length, raw)
+        return _unpack_rare(can_id, length, dlc if length == 8 and 9 <= dlc <= 15 else 0, raw)
     if size != FD_SIZE:
         return None
-    can_id, length, flags = _HEAD.unpack_from(raw)
+    can_id, length, flags = _FD_HEAD.unpack_from(raw)
     if length > 64 or can_id & (REMOTE | ERROR):
         return None
     extended = bool(can_id & EXTENDED)
@@ -58,7 +58,7 @@ def unpack_frame(raw: bytes) -> Frame | None:
     return Frame(can_id, raw[8 : 8 + length], extended, True, bool(flags & BRS), esi=bool(flags & ESI))
 
 
-def _unpack_rare(can_id: int, length: int, raw: bytes) -> Frame | None:
+def _unpack_rare(can_id: int, length: int, long_dlc: int, raw: bytes) -> Frame | None:
     if length > 8:
         return None
     if can_id & ERROR:
@@ -66,5 +66,5 @@ def _unpack_rare(can_id: int, length: int, raw: bytes) -> Frame | None:
     extended = bool(can_id & EXTENDED)
     number = can_id & (ID_MASK if extended else 0x7FF)
     if can_id & REMOTE:
-        return Frame(number, extended=extended, remote=True, remote_length=length)
-    return Frame(number, raw[8 : 8 + length], extended)
+        return Frame(number, extended=extended, remote=True, remote_length=length, long_dlc=long_dlc)
+    return Frame(number, raw[8 : 8 + length], extended, long_dlc=long_dlc)

@@ -12,23 +12,26 @@ import logging
 import os
 import signal
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from msbot.errors import ConfigError, MsbotError
-from msbot.link import Link, open_link
+from msbot.link import CanSettings, Codec, Link, open_link
 from msbot.part.identity import parse_uid, stored_uid
+from msbot.xrce import compress, decompress, is_whole
 
 if TYPE_CHECKING:
     from msbot.part.part import Part
 
 DEFAULT_LINK = "udp:127.0.0.1:8888"
 LINK_VARIABLE = "MSBOT_LINK"
+CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 
 
 def run(*parts: Part, args: list[str] | None = None) -> None:
     """Run one or more parts until Ctrl-C or SIGTERM; each has its own session and says goodbye at the end.
 
-    Options: `--link udp:HOST:PORT` (or $MSBOT_LINK, or this computer), `--uid HEX` (one part only), `--quiet`.
+    Options: `--link ADDRESS` (or $MSBOT_LINK, or this computer), `--uid HEX` (one part only), `--quiet`.
 
     Args:
         parts: what to run.
@@ -43,7 +46,7 @@ def run(*parts: Part, args: list[str] | None = None) -> None:
     )
     try:
         _give_uids(parts, options.uid)
-        links = [open_link(options.link) for _ in parts]
+        links = [open_link(options.link, can=replace(CAN, uid=part.uid)) for part in parts]
         with contextlib.suppress(KeyboardInterrupt):
             asyncio.run(_run_all(list(zip(parts, links, strict=True))))
     except MsbotError as error:
