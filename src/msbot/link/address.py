@@ -25,6 +25,7 @@ from msbot.link.can_address import (
 from msbot.link.lines import CLIENT_ADDRESS
 from msbot.link.pty import PtyServerLink
 from msbot.link.serial import AUTO, DEFAULT_BAUDRATE, SerialClientLink, SerialServerLink
+from msbot.link.sim_address import SIM_EXAMPLE, open_sim
 from msbot.link.tcp import TcpClientLink, TcpServerLink
 from msbot.link.udp import UdpClientLink, UdpServerLink
 
@@ -152,5 +153,6 @@ SCHEMES: dict[str, Scheme] = {
     "can": Scheme(CAN_EXAMPLE, open_can),
     "canfd": Scheme(CANFD_EXAMPLE, open_canfd),
     "can-legacy": Scheme(LEGACY_EXAMPLE, open_can_legacy),
+    "sim": Scheme(SIM_EXAMPLE, open_sim),
 }
 """Every kind of link that an address can name."""

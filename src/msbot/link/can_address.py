@@ -101,10 +101,18 @@ def open_can(rest: str, serve: bool, settings: CanSettings) -> Link:
     """
     target = parse_target(rest)
     others = dict(target.others)
-    codec = settings.codec if _flag(others, "compression", default=True) else None
+    codec = settings.codec if flag(others, "compression", default=True) else None
     ids = CanIds()
+    filters = master_filters(ids) if serve else part_filters(ids)
+    bus = _driver(target, "can", filters, others=others, fd_by_interface=not serve)
+    return native_link(bus, serve, settings, codec, ids)
+
+
+def native_link(
+    bus: CanDriver, serve: bool, settings: CanSettings, codec: Codec | None, ids: CanIds
+) -> CanMasterLink | CanPartLink:
+    """The link of a master (`serve`) or a part on a controller."""
     if serve:
-        bus = _driver(target, "can", master_filters(ids), others=others)
         node_ids = None if settings.node_ids is None else settings.node_ids(bus.info.name)
         link: CanMasterLink | CanPartLink = CanMasterLink(
             bus,
@@ -117,7 +125,6 @@ def open_can(rest: str, serve: bool, settings: CanSettings) -> Link:
         )
     else:
         uid = settings.uid or settings.random.randbytes(UID_SIZE)
-        bus = _driver(target, "can", part_filters(ids), others=others, fd_by_interface=True)
         link = CanPartLink(bus, uid=uid, random=settings.random, codec=codec, ids=ids)
     bus.dropped = link.counters.dropped
     return link
@@ -180,9 +187,9 @@ def parse_target(rest: str) -> CanTarget:
     return CanTarget(
         interface.lower(),
         channel,
-        bitrate=_rate(options, "bitrate", 1_000_000),
-        data_bitrate=_rate(options, "dbitrate", 8_000_000),
-        fd=_flag(options, "fd", default=False) if "fd" in options else None,
+        bitrate=rate(options, "bitrate", 1_000_000),
+        data_bitrate=rate(options, "dbitrate", 8_000_000),
+        fd=flag(options, "fd", default=False) if "fd" in options else None,
         others=others,
     )
 
@@ -223,7 +230,12 @@ def _look(name: str) -> Interface | None:
     return None
 
 
-def _flag(options: dict[str, str], name: str, *, default: bool) -> bool:
+def flag(options: dict[str, str], name: str, *, default: bool) -> bool:
+    """Take an option that is 0 or 1.
+
+    Raises:
+        ConfigError: it is something else.
+    """
     value = options.pop(name, None)
     if value is None:
         return default
@@ -232,7 +244,12 @@ def _flag(options: dict[str, str], name: str, *, default: bool) -> bool:
     return value == "1"
 
 
-def _rate(options: dict[str, str], name: str, most: int) -> int | None:
+def rate(options: dict[str, str], name: str, most: int) -> int | None:
+    """A bit rate among the options; None = it is not there.
+
+    Raises:
+        ConfigError: it is none that CAN has.
+    """
     value = options.get(name)
     if value is None:
         return None

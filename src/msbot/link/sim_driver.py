@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Final
 
 from msbot.errors import LinkDown
-from msbot.link.can_bus import BusState, CanBus, CanBusInfo, FrameHandler, StateHandler
+from msbot.link.can_bus import BusState, CanBusInfo, FrameHandler, StateHandler
 from msbot.link.can_frames import Frame
 from msbot.link.sim_events import BusCounters, BusEvent, Delivered, Sent
 from msbot.link.simbus import MAILBOXES, SimBus
@@ -40,13 +40,15 @@ class SimBusDriver:
         self.bus = bus
         self.tap: FrameTap | None = None
         """Called with every frame when set; None costs nothing."""
+        self.listeners: list[FrameTap] = []
+        """Called with every frame, too: whoever only listens to the bus, and comes and goes."""
         self._ports: dict[int, SimCanBus] = {}
         self._by_name: dict[str, SimCanBus] = {}
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at: float | None = None
         self._logical: float | None = None
 
-    def attach(self, name: str, *, fd: bool | None = None) -> CanBus:
+    def attach(self, name: str, *, fd: bool | None = None) -> SimCanBus:
         """Add a controller to the bus, plugged in.
 
         Args:
@@ -173,6 +175,9 @@ class SimBusDriver:
         if isinstance(event, Sent):
             if self.tap is not None:
                 self.tap(event.at, port.name, event.frame)
+            for listener in self.listeners:
+                listener(event.at, port.name, event.frame)
+            port.sent_handler(event.frame, event.at)
             port.room_handler(event.at)
         else:
             port.state_handler(event.state, _STATE_WORDS[event.state], event.at)
@@ -188,6 +193,7 @@ class SimCanBus:
         self.name = name
         self.is_attached = True
         self.frame_handler: FrameHandler = _ignore_frame
+        self.sent_handler: FrameHandler = _ignore_frame
         self.room_handler: Callable[[float], None] = _ignore_room
         self.state_handler: StateHandler = _ignore_state
         self._driver = driver
@@ -195,6 +201,10 @@ class SimCanBus:
     def on_frame(self, handler: FrameHandler) -> None:
         """See `CanBus`."""
         self.frame_handler = handler
+
+    def on_sent(self, handler: FrameHandler) -> None:
+        """Set the one handler that is called with each own frame that has left the controller, before `on_room`'s."""
+        self.sent_handler = handler
 
     def on_room(self, handler: Callable[[float], None]) -> None:
         """See `CanBus`."""
@@ -214,6 +224,10 @@ class SimCanBus:
     def pending(self) -> int:
         """See `CanBus`."""
         return self._driver.bus.pending(self.node) if self.is_attached else 0
+
+    def error_counters(self) -> tuple[int, int]:
+        """Transmit and receive error counter."""
+        return self._driver.bus.error_counters(self.node) if self.is_attached else (0, 0)
 
     def send(self, frame: Frame) -> None:
         """See `CanBus`."""
