@@ -18,7 +18,8 @@ from msbot.xrce.compact_dictionary import DICTIONARY
 PAGE = (Path(__file__).parent.parent.parent / "docs/reference/can.md").read_text()
 SECTION = PAGE.partition("### Header compression\n")[2].partition("\n### ")[0]
 
-FIRST_MESSAGE = "81800000" + DICTIONARY[:324].hex()
+# 5 CREATE as in the dictionary; READ_DATA of the profile, one sample; endless READ_DATA of the inventory's answers.
+FIRST_MESSAGE = "81800000" + DICTIONARY[:284].hex() + "08010800c016001680000000" + DICTIONARY[304:324].hex()
 PROFILE = ProfileMessage(
     index=1,
     message="MSBOT_MASTER",

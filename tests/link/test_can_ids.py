@@ -51,7 +51,7 @@ def test_join_on_the_wire() -> None:
 
 def test_assign_on_the_wire() -> None:
     frame = assign_frame(Assign(UID, 120, 0x3FFF, 1), IDS)
-    assert frame == Frame(0x1F000000 + (0x3FFF << 10) + (1 << 8) + 120, UID, extended=True)
+    assert frame == Frame(0x02000000 + (0x3FFF << 10) + (1 << 8) + 120, UID, extended=True)
     assert read_assign(frame, IDS) == Assign(UID, 120, 0x3FFF, 1)
 
 
@@ -107,16 +107,24 @@ def test_frames_that_only_look_like_a_join(frame: Frame) -> None:
 
 def test_other_versions_and_impossible_addresses_are_not_ours() -> None:
     assert read_beacon(Frame(0x700, bytes.fromhex("02 01 3412 ddccbbaa")), IDS) is None
-    assert read_assign(Frame(0x1F000000 + 121, UID, extended=True), IDS) is None
+    assert read_assign(Frame(0x02000000 + 121, UID, extended=True), IDS) is None
     assert not is_joining(Frame(0x1D000000, UID, extended=True), IDS)
     assert not is_joining(Frame(0x701, UID), IDS)
 
 
 def test_bases_can_be_moved_but_not_onto_each_other() -> None:
-    moved = CanIds(stop=1, up=0x400, down=0x500, beacon=0x600, join=0x0A000000, assign=0x0B000000)
+    moved = CanIds(stop=1, up=0x400, down=0x500, beacon=0x600, join=0x0B000000, assign=0x0A000000)
     assert read_join(join_frame(UID, 0, moved), moved) == (UID, 0)
     assert read_join(join_frame(UID, 0, IDS), moved) is None
-    for bad in ({"up": 0x130}, {"beacon": 0x101}, {"down": 0x7F0}, {"join": 0x1F000000}, {"assign": 0x1F000001}):
+    bases: tuple[dict[str, int], ...] = (
+        {"up": 0x130},
+        {"beacon": 0x101},
+        {"down": 0x7F0},
+        {"join": 0x02000000},
+        {"assign": 0x1F000000},
+        {"assign": 0x02000001},
+    )
+    for bad in bases:
         with pytest.raises(ConfigError, match="identifier bases"):
             CanIds(**bad)
 

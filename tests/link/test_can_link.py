@@ -509,7 +509,7 @@ def test_any_frames_at_all_never_raise(story: list[Frame]) -> None:
 
 
 def test_moved_identifiers_work_beside_the_usual_ones() -> None:
-    ids = CanIds(stop=1, up=0x400, down=0x500, beacon=0x600, join=0x0A000000, assign=0x0B000000)
+    ids = CanIds(stop=1, up=0x400, down=0x500, beacon=0x600, join=0x0B000000, assign=0x0A000000)
 
     async def scene(robot: Robot) -> None:
         first, second = robot.master(), robot.master(ids=ids, seed=2)

@@ -8,7 +8,15 @@ from msbot.part import plug
 from msbot.part.client import Client
 from msbot.part.joining import Changed, ExpectedRobot, Joining, JoinState
 from msbot.part.membership import Membership
-from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, ObjectKind, WriteData, iter_submessages
+from msbot.xrce import (
+    STREAM_BEST_EFFORT,
+    STREAM_RELIABLE,
+    DeliveryControl,
+    ObjectKind,
+    ReadData,
+    WriteData,
+    iter_submessages,
+)
 from tests.part.wire import STATUS_AGENT_OK, HandLink
 
 CLAIM = plug.Claim(part_number="ABCD", local_name="ABCD-local", uid=bytes(range(8)), session_nonce=1)
@@ -102,6 +110,56 @@ def test_the_whole_way_to_active_and_the_beats() -> None:
             "active",
             "stopped",
         ]
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+    run_virtual(main())
+
+
+def test_where_many_share_a_bus_the_profile_is_read_once_and_after_another_robots_until_it_agrees() -> None:
+    async def main() -> None:
+        link = HandLink()
+        client = Client(link, key=1)
+        joining = Joining(ExpectedRobot(name="ROBOT"))
+        membership = Membership(
+            client, joining, CLAIM, profile_once=True, changed=lambda _: None, configure=lambda _: None
+        )
+        client.on_topic = hand_to(membership)
+        membership.start()
+        running = asyncio.create_task(client.run())
+
+        async def reads() -> list[DeliveryControl | None]:
+            await asyncio.sleep(0.01)
+            sent, link.sent = link.sent, []
+            return [
+                submessage.delivery
+                for packet in sent
+                for submessage in iter_submessages(packet, 4)
+                if isinstance(submessage, ReadData) and submessage.object_id == 0x0016
+            ]
+
+        def state() -> JoinState:
+            return joining.state
+
+        def profile_of(name: str) -> bytes:
+            return plug.ProfileMessage(index=1, message=name, name="V1", id="S1", dof="today", make="us").encode()
+
+        await reads()
+        link.receive(STATUS_AGENT_OK)
+        assert await reads() == [None], "one sample"
+        link.receive(data(0x0016, 0, profile_of("OTHER")))
+        assert state() is JoinState.WRONG_ROBOT
+        assert await reads() == [DeliveryControl()], "until it agrees"
+        link.receive(data(0x0016, 1, profile_of("ANOTHER")))
+        assert await reads() == []
+        link.receive(data(0x0016, 2, profile_of("ROBOT")))
+        assert state() is JoinState.CLAIMING
+        assert await reads() == [DeliveryControl(max_samples=0)], "no more"
+        client.reconnect("for the test")
+        await asyncio.sleep(0.01)
+        link.receive(b"\x82" + STATUS_AGENT_OK[1:])
+        assert state() is JoinState.RECOGNISING
+        assert await reads() == [None], "a new session, both steps anew"
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
 

@@ -90,8 +90,8 @@ def load(
 ) -> None:  # fmt: skip
     """Foretell how busy a CAN bus is with the robot that BLUEPRINT (robot.toml) describes.
 
-    Counted are the beats, the profile, and the samples of every binding whose port has a rate_hz, bit by bit; what
-    happens only sometimes (joining, set-up, losses) is not.
+    Counted are BEACON, the beats and the samples of every binding whose port has a rate_hz, bit by bit; what happens
+    only sometimes (joining, set-up, losses) is not.
     """
     from msbot.cli.bus_load import Bus, load_report
 

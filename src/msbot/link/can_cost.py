@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from msbot.link.can_assign import BEACON_PERIOD_S
 from msbot.link.can_bits import frame_bits
 from msbot.link.can_frames import COUNTER, Frame, split
 from msbot.link.can_ids import CAN_FD, COMPRESSION, EPOCHS, Beacon, CanIds, beacon_frame
-from msbot.link.can_join import BEACON_PERIOD_S
 
 BEACONS_HZ: Final = 1 / BEACON_PERIOD_S
 _EPOCHS_TRIED: Final = 64

@@ -50,9 +50,9 @@ class CanIds:
     """Master to part n: `down + n`."""
     beacon: int = 0x700
     join: int = 0x1E000000
-    """29 bits, the low 24 are 0."""
-    assign: int = 0x1F000000
-    """29 bits, the low 24 are 0."""
+    """29 bits, the low 24 are 0; goes after everything else, so that newcomers wait while the bus is busy."""
+    assign: int = 0x02000000
+    """29 bits, the low 24 are 0; goes before all messages: who was heard has its answer before it asks again."""
 
     def __post_init__(self) -> None:
         """Make sure that no two kinds of frame can have one identifier.
@@ -68,10 +68,10 @@ class CanIds:
                 f"the CAN identifier bases stop={self.stop:#x} up={self.up:#x} down={self.down:#x} "
                 f"beacon={self.beacon:#x} overlap or leave 0 to 0x7ff: up and down need {NODES} identifiers each"
             )
-        if self.join == self.assign or any(base & 0xFFFFFF or base >> 29 for base in (self.join, self.assign)):
+        if self.join <= self.assign or any(base & 0xFFFFFF or base >> 29 for base in (self.join, self.assign)):
             raise ConfigError(
-                f"the CAN identifier bases join={self.join:#x} and assign={self.assign:#x} must differ, "
-                "have 29 bits, and end in 24 zero bits"
+                f"the CAN identifier bases assign={self.assign:#x} and join={self.join:#x} must have 29 bits, end in "
+                "24 zero bits, and assign must be below join, so that answers go before questions"
             )
 
 

@@ -1,61 +1,49 @@
-"""Addresses that nobody types: how a part gets its node id (`ComponentJoin`) and a master gives it (`MasterJoin`).
+"""Addresses that nobody types: how a part gets its node id. The master's side is `can_assign`.
 
 Theory of operation. A part says JOIN with its UID, again after 10, 20, 40, ... ms (at most 1 s, +-25 % at random)
 until an ASSIGN with its UID comes. The master says BEACON each second; in it stands the `epoch`, drawn anew whenever
 a master starts, so that a part notices a restart and joins again at once.
 
-====================  =======================================  ====================================================
+====================  =======================================  ======================================================
 part's state          goes to                                  when
-====================  =======================================  ====================================================
+====================  =======================================  ======================================================
 JOINING               JOINED                                   ASSIGN with its UID and an address
-JOINED                JOINING                                  another epoch; no beacon for 3.5 s; address given away
+JOINED                JOINING                                  another epoch or robot; no beacon for 3.5 s; given away
 JOINING, JOINED       FOREIGN (says nothing)                   beacon of another robot's master
 FOREIGN               JOINING                                  beacon of its own robot; no beacon for 3.5 s
-====================  =======================================  ====================================================
+====================  =======================================  ======================================================
 
-Both machines are pure: frames and times in, frames and events out. `take_frames` gives what is to be sent; the part's
-back-off starts when its JOIN has really left (`sent`), so a loaded bus is not loaded further by repetitions.
+Pure: frames and times in, frames and events out. `take_frames` gives what is to be sent. The back-off starts when a
+JOIN has really left (`sent`). JOIN goes after everything else on the bus and its answer before all messages, so parts
+that are switched on together come in one after the other, as quickly as the bus can carry what follows, and a busy bus
+is not loaded further by repetitions (docs/decisions/0005).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from random import Random
 from typing import Final
 
 from msbot.link.can_frames import Frame
 from msbot.link.can_ids import (
-    EPOCHS,
-    NOBODY,
     NODES,
     Assign,
     Beacon,
     CanIds,
-    assign_frame,
-    beacon_frame,
     check_uid,
     join_frame,
     read_assign,
     read_beacon,
-    read_join,
 )
-from msbot.link.can_nodes import NodeIds
 
-BEACON_PERIOD_S: Final = 1.0
 BEACON_TIMEOUT_S: Final = 3.5
 """Without a beacon for this long a part has lost its master."""
 FIRST_PAUSE_S: Final = 0.010
 JITTER: Final = 0.25
 LONGEST_PAUSE_S: Final = 1.0 / (1 + JITTER)
 """So that no pause is longer than 1 s, and the jitter still spreads the parts of a bus without a master."""
-STARTING_S: Final = 1.5
-"""While a master starts, another master's beacon stops it; the other answers ours at once, so this is ample."""
-SILENT_S: Final = 10.0
-"""A node that was not heard for this long may lose its address to a newcomer. Longer than `BEACON_TIMEOUT_S`: a part
-that cannot hear the master has given up its address by then."""
-REPEAT_S: Final = 0.1
-"""Shortest time between two beacons, or two take-backs of one address, that are sent as answers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +102,7 @@ class ComponentJoin:
         self._profile_hash = profile_hash
         self._ids = ids or CanIds()
         self._epoch = -1
+        self._robot: int | None = None
         self._due: float | None = None
         self._deadline: float | None = None
         self._pause = FIRST_PAUSE_S
@@ -182,11 +171,24 @@ class ComponentJoin:
         if self._profile_hash is not None and beacon.profile_hash != self._profile_hash:
             return self._hear_foreign(beacon, now)
         if self.state is ComponentState.JOINED:
-            self._deadline = now + BEACON_TIMEOUT_S
-            return None if beacon.epoch == self._epoch else self._lose("the master has started anew", now)
-        if news or self.state is ComponentState.FOREIGN:
+            return self._hear_own_master(beacon, now)
+        if self.state is ComponentState.FOREIGN or (news and not self._asks_soon(now)):
             self._join(now)
         return None
+
+    def _asks_soon(self, now: float) -> bool:
+        """Whether a JOIN still waits for the bus, or the next one is hardly further away than the answer to the last.
+
+        A second one would be answered, too, when the part has begun to speak, and be taken for its restart.
+        """
+        return self._awaiting_departure or (self._due is not None and self._due - now <= FIRST_PAUSE_S * (1 + JITTER))
+
+    def _hear_own_master(self, beacon: Beacon, now: float) -> ComponentEvent | None:
+        self._deadline = now + BEACON_TIMEOUT_S
+        if beacon.epoch != self._epoch:
+            return self._lose("the master has started anew", now)
+        known, self._robot = self._robot, beacon.profile_hash
+        return None if known in (None, beacon.profile_hash) else self._lose("the robot's profile has changed", now)
 
     def _hear_foreign(self, beacon: Beacon, now: float) -> ComponentEvent | None:
         if self.state is ComponentState.JOINED and beacon.epoch != self._epoch:
@@ -216,6 +218,7 @@ class ComponentJoin:
         self.state = ComponentState.JOINED
         self.node_id = assign.node_id
         self._epoch = assign.epoch
+        self._robot = None
         self._refused = False
         self._deadline = now + BEACON_TIMEOUT_S
         return Joined(assign.node_id, assign.use & self._caps)
@@ -242,150 +245,3 @@ class ComponentJoin:
         self._due = None
         self._awaiting_departure = True
         self._outbox = [join_frame(self.uid, self._caps, self._ids)]
-
-
-@dataclass(frozen=True, slots=True)
-class NodeJoined:
-    """A part has got an address, for the first time or again after a restart."""
-
-    node_id: int
-    uid: bytes
-    use: int
-
-
-@dataclass(frozen=True, slots=True)
-class NodeEvicted:
-    """A silent part has lost its address to a newcomer."""
-
-    node_id: int
-    uid: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class NodeRefused:
-    """A part was refused because every address is held by a live part."""
-
-    uid: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class OtherMaster:
-    """A second master is on this bus; `fatal` when this one was only starting and must give way."""
-
-    profile_hash: int
-    fatal: bool
-
-
-MasterEvent = NodeJoined | NodeEvicted | NodeRefused | OtherMaster
-
-
-@dataclass(slots=True)
-class Member:
-    """A part that has an address in this epoch."""
-
-    uid: bytes
-    use: int
-    heard_at: float
-    """When the last frame of it came; set by the link, which sees the data frames."""
-    spoke: bool = False
-    """It has sent data since it joined: another JOIN means that it has started anew."""
-
-
-@dataclass(slots=True)
-class MasterJoin:
-    """The master's side of joining."""
-
-    node_ids: NodeIds
-    profile_hash: int
-    random: Random
-    """The epoch is drawn from it."""
-    caps: int = 0
-    ids: CanIds = field(default_factory=CanIds)
-    members: dict[int, Member] = field(default_factory=dict, init=False)
-    """By node id."""
-    epoch: int = field(default=0, init=False)
-    _outbox: list[Frame] = field(default_factory=list, init=False)
-    _starting_until: float = field(default=0.0, init=False)
-    _beacon_at: float = field(default=0.0, init=False)
-    _beacon_due: float | None = field(default=None, init=False)
-    _taken_back_at: dict[int, float] = field(default_factory=dict, init=False)
-
-    def start(self, now: float) -> None:
-        """Begin a new epoch: nobody has an address, BEACON at once."""
-        self.epoch = self.random.randrange(EPOCHS)
-        self.members.clear()
-        self._taken_back_at.clear()
-        self._starting_until = now + STARTING_S
-        self._send_beacon(now)
-
-    def resume(self, now: float) -> None:
-        """Go on in the same epoch after a time off the bus: parts that still wait for a beacon need not join again."""
-        self._send_beacon(now)
-
-    def receive(self, frame: Frame, now: float) -> list[MasterEvent]:
-        """Take a frame that is not a data frame; anything else than JOIN and BEACON is ignored."""
-        join = read_join(frame, self.ids)
-        if join is not None:
-            return self._admit(*join, now)
-        beacon = read_beacon(frame, self.ids)
-        if beacon is None:
-            return []
-        fatal = now < self._starting_until
-        if not fatal and now - self._beacon_at >= REPEAT_S:
-            self._send_beacon(now)
-        return [OtherMaster(beacon.profile_hash, fatal)]
-
-    def stranger(self, node_id: int, now: float) -> None:
-        """Data came from an address that nobody has in this epoch: take it back, so that the part joins again."""
-        if now - self._taken_back_at.get(node_id, -REPEAT_S) >= REPEAT_S:
-            self._taken_back_at[node_id] = now
-            self._outbox.append(assign_frame(Assign(NOBODY, node_id, self.epoch, 0), self.ids))
-
-    def take_frames(self) -> list[Frame]:
-        """What is to be sent now."""
-        frames, self._outbox = self._outbox, []
-        return frames
-
-    def timer(self) -> float | None:
-        """When `handle_timer` wants to be called."""
-        return self._beacon_due
-
-    def handle_timer(self, now: float) -> None:
-        """Send the beacon when it is time."""
-        if self._beacon_due is not None and now >= self._beacon_due:
-            self._send_beacon(now)
-
-    def _send_beacon(self, now: float) -> None:
-        self._beacon_at = now
-        self._beacon_due = now + BEACON_PERIOD_S
-        self._outbox.append(beacon_frame(Beacon(self.caps, self.epoch, self.profile_hash), self.ids))
-
-    def _admit(self, uid: bytes, caps: int, now: float) -> list[MasterEvent]:
-        node_id = self._address(uid, now)
-        use = caps & self.caps
-        self._outbox.append(assign_frame(Assign(uid, node_id or 0, self.epoch, use if node_id else 0), self.ids))
-        if node_id is None:
-            return [NodeRefused(uid)]
-        events: list[MasterEvent] = []
-        member = self.members.get(node_id)
-        if member is not None and member.uid == uid and member.use == use and not member.spoke:
-            member.heard_at = now
-            return events  # the same JOIN once more: our answer was still on its way
-        if member is not None and member.uid != uid:
-            events.append(NodeEvicted(node_id, member.uid))
-        self.node_ids.keep(node_id, uid)
-        self.members[node_id] = Member(uid, use, now)
-        return [*events, NodeJoined(node_id, uid, use)]
-
-    def _address(self, uid: bytes, now: float) -> int | None:
-        """The address for a part: its own, else a fresh one, else the one unused for longest; None = all are live."""
-        own = self.node_ids.find(uid)
-        if own is not None:
-            return own
-        taken = self.node_ids.oldest_first()
-        fresh = next((node_id for node_id in range(1, NODES + 1) if node_id not in taken), None)
-        if fresh is not None:
-            return fresh
-        silent = [n for n in taken if n not in self.members or now - self.members[n].heard_at > SILENT_S]
-        never = float("-inf")
-        return min(silent, key=lambda n: self.members[n].heard_at if n in self.members else never, default=None)

@@ -2,7 +2,7 @@
 
 Both carry whole, opaque packets. A packet is cut into frames when it is sent and put together in the call-back of its
 last frame (`can_frames`); nothing stands between the controller and the packet handler. Addresses come from joining
-(`can_join`). A master's peer is the node id, 1 to 120; a part's only peer, the master, is 0.
+(`can_join`, `can_assign`). A master's peer is the node id, 1 to 120; a part's only peer, the master, is 0.
 """
 
 from __future__ import annotations
@@ -13,21 +13,12 @@ from typing import Final
 
 from msbot.errors import ConfigError, LinkDown
 from msbot.link import Peer, Signal
+from msbot.link.can_assign import MasterEvent, MasterJoin, Member, NodeEvicted, NodeJoined, NodeRefused
 from msbot.link.can_bus import CanBus
 from msbot.link.can_end import BUS_LEFT, CanEnd, CanWire, Codec
 from msbot.link.can_frames import MTU, Frame
 from msbot.link.can_ids import CAN_FD, COMPRESSION, NODES, CanIds, is_joining
-from msbot.link.can_join import (
-    AddressLost,
-    ComponentEvent,
-    ComponentJoin,
-    MasterEvent,
-    MasterJoin,
-    Member,
-    NodeEvicted,
-    NodeJoined,
-    NodeRefused,
-)
+from msbot.link.can_join import AddressLost, ComponentEvent, ComponentJoin
 from msbot.link.can_nodes import MemoryNodeIds, NodeIds
 from msbot.link.can_queue import QUEUE_FRAMES
 

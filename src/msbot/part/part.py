@@ -280,7 +280,14 @@ class Part:
             uid=self.uid,
             session_nonce=self._random.getrandbits(32),
         )
-        membership = Membership(client, self._joining, claim, changed=self._changed, configure=self._configure)
+        membership = Membership(
+            client,
+            self._joining,
+            claim,
+            profile_once=link.info.shared_bus,
+            changed=self._changed,
+            configure=self._configure,
+        )
         client.on_topic = self._sample_received
         client.on_signal = self._signal_received
         self._client, self._membership = client, membership

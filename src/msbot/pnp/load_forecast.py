@@ -1,7 +1,8 @@
 """How busy a CAN bus will be with a robot at work: from its blueprint, without running it. Pure.
 
 Every message that a robot sends again and again is written as it will be, many times with different numbers in it, cut
-into frames and counted bit by bit. What happens only sometimes is left out: joining, set-up, losses, events.
+into frames and counted bit by bit. What happens only sometimes is left out: joining, set-up, losses, events. So is the
+profile: a part on a bus reads it once, and the BEACON tells when it has changed.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ from msbot.config import Binding, Blueprint, Library, PartType
 from msbot.link import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
 from msbot.part import SAMPLE_PARTS, Beat, BeatReply, HelloWorld
 from msbot.pnp.profile import Profile
-from msbot.pnp.services import profile_message
 from msbot.xrce import (
     FIRST_REQUEST,
     SESSION_DEFAULT,
@@ -42,10 +42,8 @@ UNKNOWN_BYTES: Final = 8
 
 BEACON: Final = "BEACON"
 BEATS: Final = "beats"
-PROFILE: Final = "profile"
 
 _REQUESTER: Final = make_object_id(1, ObjectKind.REQUESTER)
-_PROFILE_READER: Final = make_object_id(1, ObjectKind.DATAREADER)
 _FIRST_DATA_READER: Final = 2
 _SAYS: Final = {sample.part_number: sample.says for sample in SAMPLE_PARTS.values()}
 
@@ -55,7 +53,7 @@ class Flow:
     """Messages of one kind between one part and the master."""
 
     group: str
-    """What it belongs to: `BEACON`, `beats`, `profile`, or a topic."""
+    """What it belongs to: `BEACON`, `beats`, or a topic."""
     what: str
     """The kind in words."""
     slot: str
@@ -97,7 +95,6 @@ def forecast(
     flows = [Flow(BEACON, "the master is here", "", BEACONS_HZ, beacon_cost(profile.profile_hash(), framing))]
     for scribe in scribes.values():
         flows += scribe.beats(1 / blueprint.timing.beat_period_s)
-        flows += scribe.profile(profile, 1 / blueprint.timing.profile_period_s)
     samples = _Samples(sizes or {})
     on_event = []
     for binding in blueprint.bindings:
@@ -134,15 +131,6 @@ class _Scribe:
         return [
             self._flow(BEATS, "beat", rate_hz, beats, up=True),
             self._flow(BEATS, "answer", rate_hz, self._datas(_REQUESTER, STREAM_BEST_EFFORT, answers), up=False),
-        ]
-
-    def profile(self, profile: Profile, rate_hz: float) -> list[Flow]:
-        """The profile, again and again."""
-        payloads = [profile_message(profile, number + 1).encode() for number in _numbers()]
-        datas = self._datas(_PROFILE_READER, STREAM_RELIABLE, payloads)
-        return [
-            self._flow(PROFILE, "profile", rate_hz, datas, up=False),
-            self._flow(PROFILE, "acknowledgement", rate_hz, _acknacks(), up=True),
         ]
 
     def publishes(self, topic: str, rate_hz: float, *, reliable: bool, payload: Callable[[int], bytes]) -> list[Flow]:
