@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot.agent.rpc import PendingRequests, encode_identity
+from msbot.agent.rpc import UNASKED, PendingRequests, encode_identity
 from msbot.agent.shapes import NoEchoShape, ReplyShape, RequestShape
 from msbot.space import Sample
 
@@ -30,6 +30,17 @@ def test_replies_to_open_requests_of_the_present_writer_are_wanted_once() -> Non
     assert shape.payload(reply) == bytes.fromhex("1234 0017") + b"body"
     shape.sent(reply)
     assert not shape.wants(reply)
+
+
+def test_what_is_said_unasked_to_the_present_writer_comes_with_request_id_0_as_often_as_it_is_said() -> None:
+    shape = ReplyShape(0x0017, PendingRequests(4))
+    shape.guid = ASKER
+    for _ in range(2):
+        said = Sample(b"body", bytes(16), 1, (ASKER, UNASKED))
+        assert shape.wants(said)
+        assert shape.payload(said) == bytes.fromhex("0000 0017") + b"body"
+        shape.sent(said)
+    assert not shape.wants(Sample(b"body", bytes(16), 1, (bytes(16), UNASKED)))
 
 
 def test_a_sample_that_is_no_reply_is_not_wanted() -> None:

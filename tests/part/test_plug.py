@@ -8,20 +8,26 @@ from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part.message import Message
 from msbot.part.plug import (
     MOST_BINDINGS,
+    NO_BINDING,
     PROFILE_TYPE,
     Beat,
     BeatReply,
+    Challenge,
     Claim,
     Configuration,
     ConfigurationRequest,
     Direction,
+    Notice,
+    NoticeKind,
     PortBinding,
     ProfileMessage,
+    Proof,
     Refusal,
     Setting,
     Verdict,
     decode_reply,
     decode_request,
+    safe_setting,
 )
 from msbot.part.wire_types import uint32
 
@@ -37,6 +43,7 @@ PROFILE = ProfileMessage(
 REQUESTS: list[tuple[Message, str]] = [
     (Beat(lease=0x01020304), "04030201"),
     (ConfigurationRequest(lease=1, have_version=2), "01000000 02000000"),
+    (Proof(proof=bytes(range(16))), "00010203 04050607 08090a0b 0c0d0e0f"),
     (
         Claim(part_number="ABCD", local_name="L", uid=b"12345678", session_nonce=5),
         "05000000 41424344 00 000000 02000000 4c00 3132333435363738 0000 05000000",
@@ -45,6 +52,9 @@ REQUESTS: list[tuple[Message, str]] = [
 
 REPLIES: list[tuple[Message, str]] = [
     (BeatReply(configuration_version=7), "07000000"),
+    (Challenge(nonce=bytes(range(16))), "00010203 04050607 08090a0b 0c0d0e0f"),
+    (Notice(configuration_version=2, binding=1, kind=NoticeKind.PARTNER_LOST), "02000000 0100 01 00"),
+    (Notice(configuration_version=0, binding=NO_BINDING, kind=NoticeKind.STOP), "00000000 ffff 04 00"),
     (Verdict(lease=1, configuration_version=2, beat_period_ms=1000), "01000000 02000000 e803 00 00"),
     (Configuration(version=1, slot="", bindings=[], settings=[]), "01000000 01000000 00000000 00000000 00000000"),
     (
@@ -128,5 +138,9 @@ def test_any_octets_are_understood_or_a_remote_protocol_error(octets: bytes) -> 
 
 
 def test_every_refusal_has_words() -> None:
-    assert [refusal.value for refusal in Refusal] == [1, 2, 3, 4, 5, 6, 7]
+    assert [refusal.value for refusal in Refusal] == list(range(1, 12))
     assert all(refusal.words for refusal in Refusal)
+
+
+def test_a_safe_value_is_a_setting_with_a_name_that_no_parameter_has() -> None:
+    assert safe_setting("speed", "value") == "speed.safe.value"

@@ -174,6 +174,11 @@ class SmallMaster:
         """(what was asked, part number or "") in order."""
         self.parts: dict[int, str] = {}
         """Lease -> part number."""
+        self.nonce: bytes | None = None
+        """Answer claims with this challenge."""
+        self.proofs: list[bytes] = []
+        self.askers: dict[str, bytes] = {}
+        """Part number -> GUID of its requests."""
         self.hub = InprocHub()
         self._server = server or self.hub.server
         self._next_lease = 1
@@ -209,6 +214,10 @@ class SmallMaster:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
+    def say(self, number: str, message: plug.Reply) -> None:
+        """Say something to a part that did not ask."""
+        self.client.reply(self._replier, self.askers[number] + bytes(8), message.encode())
+
     def publish_profile(self) -> None:
         """Say who the robot is."""
         name, version, serial, released, make = self.profile
@@ -225,18 +234,24 @@ class SmallMaster:
         except RemoteProtocolError:
             self.requests.append(("rubbish", body.hex()))
             return
+        if isinstance(request, plug.Claim):
+            self.askers[request.part_number] = identity[:16]
         answer = self._answer(request, client_key_of(identity[:16]))
         if answer is not None and self.client.has_room():
             self.client.reply(self._replier, identity, answer.encode())
 
     def _answer(
-        self, request: plug.Beat | plug.ConfigurationRequest | plug.Claim, key: int
-    ) -> plug.BeatReply | plug.Configuration | plug.Verdict | None:
+        self, request: plug.Beat | plug.ConfigurationRequest | plug.Proof | plug.Claim, key: int
+    ) -> plug.Reply | None:
         assert key
         match request:
             case plug.Claim(part_number=number):
                 self.requests.append(("claim", number))
-                return self._verdict(number)
+                return self._verdict(number) if self.nonce is None else plug.Challenge(nonce=self.nonce)
+            case plug.Proof(proof=proof):
+                self.requests.append(("proof", ""))
+                self.proofs.append(proof)
+                return self._verdict(next(iter(self.bindings)))
             case plug.Beat(lease=lease):
                 self.requests.append(("beat", self.parts.get(lease, "")))
                 known = lease in self.parts

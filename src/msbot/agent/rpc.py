@@ -15,6 +15,9 @@ from msbot.space import Guid
 IDENTITY_SIZE = 24
 """Octets of a sample identity: 16 GUID, int32 high and uint32 low part of the sequence number."""
 
+UNASKED = 0
+"""Sequence number of no request: a reply with it goes to the requester though it answers nothing."""
+
 _IDENTITY = Struct("<16siI")
 _GUID = Struct(">8sIHH")
 _KEY = Struct(">I")

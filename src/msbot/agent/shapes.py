@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from msbot.agent.rpc import PendingRequests, encode_identity
+from msbot.agent.rpc import UNASKED, PendingRequests, encode_identity
 from msbot.space import Guid, Sample
 
 
@@ -26,7 +26,11 @@ class RequestShape:
 
 
 class ReplyShape:
-    """For requesters: replies to own open requests only, with the client's request id in front."""
+    """For requesters: replies to own open requests only, with the client's request id in front.
+
+    A replier may also speak unasked to a requester it knows (the inventory tells a part that its configuration has
+    changed); that comes with request id 0, which no request has.
+    """
 
     is_filter = True
 
@@ -37,9 +41,11 @@ class ReplyShape:
         """GUID of the writer that carries the requests now."""
 
     def wants(self, sample: Sample) -> bool:
-        """Whether the sample answers an open request of this requester."""
+        """Whether the sample answers an open request of this requester, or is said to it unasked."""
         related = sample.related
-        return related is not None and related[0] == self.guid and self._pending.request_id(related[1]) is not None
+        if related is None or related[0] != self.guid:
+            return False
+        return related[1] == UNASKED or self._pending.request_id(related[1]) is not None
 
     def payload(self, sample: Sample) -> bytes:
         """Request id and object id (a BaseObjectRequest), then the body; only for a wanted sample."""

@@ -115,6 +115,14 @@ class Every:
             self._timer.cancel()
             self._timer = None
 
+    def change(self, period_s: float, guard: Guard) -> None:
+        """Have another period; one that runs begins anew with it, at once."""
+        if period_s == self.period_s:
+            return
+        self.period_s = period_s
+        if self._timer is not None:
+            self.start(guard)
+
     def _arm(self, loop: asyncio.AbstractEventLoop, due_at: float, guard: Guard) -> None:
         self._timer = loop.call_at(due_at, self._due, loop, due_at, guard)
 

@@ -35,13 +35,18 @@ def state_folder(environ: Mapping[str, str] = os.environ) -> Path:
     return Path(environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
 
 
+def kept_file(what: str, part_number: str, local_name: str, folder: Path | None = None) -> Path:
+    """Where something about that part is kept on this computer; `what` is `uid` or `key`."""
+    return (folder or state_folder()) / "msbot" / what / f"{_file_name(part_number)}.{_file_name(local_name)}"
+
+
 def stored_uid(part_number: str, local_name: str, folder: Path | None = None) -> bytes:
     """The UID of that part on this computer; drawn and written down at the first call.
 
     Raises:
         ConfigError: the file cannot be read or written, or holds something else.
     """
-    path = (folder or state_folder()) / "msbot" / "uid" / f"{_file_name(part_number)}.{_file_name(local_name)}"
+    path = kept_file("uid", part_number, local_name, folder)
     try:
         return _parse_file(path, path.read_text())
     except FileNotFoundError:

@@ -2,10 +2,11 @@
 
 Theory of operation. A part says nothing about itself before it has heard the robot's profile and found it to be
 the robot it is made for (step 1, thesis 3.12.1). Then it claims its place with its part number (step 2, thesis
-3.12.2) until somebody answers; a stranger hears nothing. With the lease it fetches its configuration, and only
-then it is active: nothing is published before. From the lease on it beats; a beat without an answer makes it look
-after the agent at once, a lease that the inventory no longer knows makes it claim again, and when the inventory is
-silent for three and a half beats the part is lost and begins again with a new session (thesis 3.10.3, 3.12.1.1).
+3.12.2) until somebody answers; a stranger hears nothing, and a robot with keys asks for a proof first. With the
+lease it fetches its configuration, and only then it is active: nothing is published before. From the lease on it
+beats; a beat without an answer makes it look after the agent at once, a lease that the inventory no longer knows
+makes it claim again, and when the inventory is silent for three and a half beats the part is lost and begins again
+with a new session (thesis 3.10.3, 3.12.1.1).
 
 The owner feeds the news (`agent_found`, `profile_seen`, ...), takes `next_action()` until None after each, and
 calls `handle_timer` when `timer()` says so.
@@ -127,6 +128,13 @@ class SendClaim:
 
 
 @dataclass(frozen=True, slots=True)
+class SendProof:
+    """Answer the inventory's challenge."""
+
+    nonce: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class SendBeat:
     """Send one beat."""
 
@@ -165,7 +173,7 @@ class Changed:
     """Why, in words."""
 
 
-Action = SendClaim | SendBeat | FetchConfiguration | CheckAgent | BeginAnew | Changed
+Action = SendClaim | SendProof | SendBeat | FetchConfiguration | CheckAgent | BeginAnew | Changed
 
 _CLAIMS = (S.CLAIMING, S.REFUSED)
 _BEATS = (S.CONFIGURING, S.ACTIVE)
@@ -216,6 +224,13 @@ class Joining:
             self._take(E.PROFILE_AGREES, f"recognised robot {robot.name}", now)
         else:
             self._take(E.PROFILE_DISAGREES, disagreement, now)
+
+    def challenged(self, nonce: bytes, now: float) -> None:
+        """The inventory wants a proof before it decides on the claim; the answer is due at once."""
+        self._heard_at = now
+        if self.state in _CLAIMS:
+            self._actions.append(SendProof(nonce))
+            self._retry_at = now + self._pace.retry_s
 
     def verdict_given(self, lease: int, beat_period_s: float, refusal: str, now: float) -> None:
         """The inventory has answered a claim (step 2): a lease, or 0 and why not in words.

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from msbot.errors import LinkFull, LocalProtocolError, RemoteProtocolError
 from msbot.part import plug
-from msbot.part.client import ENDLESS, Client, Service
+from msbot.part.client import Client, Service
 from msbot.part.client_settings import ConnectionState
 from msbot.part.joining import (
     BeginAnew,
@@ -25,9 +25,11 @@ from msbot.part.joining import (
     JoinState,
     SendBeat,
     SendClaim,
+    SendProof,
 )
+from msbot.part.keys import KEY_VARIABLE
 from msbot.part.turn import Turn
-from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl
+from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE
 
 INVENTORY = Service(
     plug.INVENTORY_SERVICE,
@@ -37,11 +39,6 @@ INVENTORY = Service(
     plug.INVENTORY_REPLY_TOPIC,
 )
 """Where a part claims, beats and asks for its configuration."""
-
-ONE_SAMPLE = None
-"""Delivery control of a read that ends with its first sample: none at all (seen on the wire)."""
-NO_MORE = DeliveryControl(max_samples=0)
-"""Delivery control that only ends the running read."""
 
 SHORTEST_BEAT_MS = 20
 """A master cannot ask for beats more often; a blueprint cannot either."""
@@ -58,9 +55,10 @@ class Membership:
         joining: Joining,
         claim: plug.Claim,
         *,
-        profile_once: bool = False,
+        prove: Callable[[bytes], bytes | None] = lambda _: None,
         changed: Callable[[Changed], None],
         configure: Callable[[plug.Configuration], None],
+        noticed: Callable[[plug.Notice], None] = lambda _: None,
     ) -> None:
         """Ask the client for what joining needs; `start` begins.
 
@@ -68,19 +66,20 @@ class Membership:
             client: not yet running.
             joining: in its first state.
             claim: what the part says about itself in step 2.
-            profile_once: read the profile only until step 1 is done, because it costs others on the link their time,
-                and the link itself tells when the robot is another one.
+            prove: the answer to a challenge with that nonce; None = the part has no key.
             changed: hears every change of the state.
             configure: puts a configuration into use; called before the change to `active` is heard.
+            noticed: hears what the inventory says unasked.
         """
         self.joining = joining
         self.dropped = 0
         """Profiles and replies that made no sense."""
         self._client = client
         self._claim = claim.encode()
-        self._profile_once = profile_once
         self._changed = changed
         self._configure = configure
+        self._prove = prove
+        self._noticed = noticed
         self._turn = Turn(self._work)
         # Without a name: nobody hears who the part is before it has recognised its robot.
         self.participant = client.create_participant()
@@ -89,7 +88,7 @@ class Membership:
         topic = client.create_topic(self.participant, plug.PROFILE_TOPIC, plug.PROFILE_TYPE)
         self._profile_reader = client.create_reader(self.subscriber, topic)
         self._requester = client.create_requester(self.participant, INVENTORY)
-        self._read_profile(JoinState.LOOKING)
+        client.read(self._profile_reader)
         client.read(self._requester)
         client.on_state = self._client_changed
         client.on_reply = self._reply_received
@@ -143,6 +142,10 @@ class Membership:
             case plug.Verdict():
                 period_s = max(reply.beat_period_ms, SHORTEST_BEAT_MS) / 1000
                 self.joining.verdict_given(reply.lease, period_s, _refusal_words(reply.reason), now)
+            case plug.Challenge():
+                self.joining.challenged(reply.nonce, now)
+            case plug.Notice():
+                self._noticed(reply)
             case plug.Configuration():
                 self._configuration_received(reply, now)
         self._drain()
@@ -161,10 +164,11 @@ class Membership:
         while (action := self.joining.next_action()) is not None:
             match action:
                 case Changed():
-                    self._read_profile(action.after)
                     self._changed(action)
                 case SendClaim():
                     self._send(self._claim, STREAM_RELIABLE)
+                case SendProof():
+                    self._send_proof(action.nonce)
                 case SendBeat():
                     self._send(plug.Beat(lease=action.lease).encode(), STREAM_BEST_EFFORT)
                 case FetchConfiguration():
@@ -184,21 +188,13 @@ class Membership:
             # No room, or the session is closing: `joining` asks again in time.
             _log.debug("not sent to the inventory: %s", error)
 
-    def _read_profile(self, state: JoinState) -> None:
-        reading = self._profile_reader.reading
-        running = None if reading is None else reading.control
-        wanted = self._profile_control(state, running)
-        if reading is None or wanted != running:
-            self._client.read(self._profile_reader, control=wanted)
-
-    def _profile_control(self, state: JoinState, running: DeliveryControl | None) -> DeliveryControl | None:
-        """How the profile is to be read from that state on."""
-        if not self._profile_once or state is JoinState.WRONG_ROBOT:
-            return ENDLESS
-        if state in (JoinState.LOOKING, JoinState.LOST):
-            return ONE_SAMPLE
-        # Step 1 is done after a profile that did not agree: whoever only ever read one has nothing to end.
-        return NO_MORE if state is JoinState.CLAIMING and running == ENDLESS else running
+    def _send_proof(self, nonce: bytes) -> None:
+        proof = self._prove(nonce)
+        if proof is None:
+            words = f"{plug.Refusal.KEY_NEEDED.words}: give it its key with --key or ${KEY_VARIABLE}"
+            self.joining.verdict_given(0, 0.0, words, self._turn.now())
+        else:
+            self._send(plug.Proof(proof=proof).encode(), STREAM_RELIABLE)
 
     def _read_replies(self, stream_id: int) -> None:
         reading = self._requester.reading

@@ -18,27 +18,22 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from random import Random, SystemRandom
-from types import MappingProxyType
-from typing import TypeVar
 
 from msbot.errors import ConfigError, LocalProtocolError, RemoteProtocolError
 from msbot.link import Link, Peer, Signal
 from msbot.part.boards import UsbGpio
 from msbot.part.client import Client
 from msbot.part.client_settings import ClientSettings
-from msbot.part.handlers import Every, Guard, check_handler
 from msbot.part.joining import ANY, PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
+from msbot.part.keys import check_key, parse_key, prove
 from msbot.part.membership import Membership
 from msbot.part.message import Message
-from msbot.part.plug import TEXT_OCTETS, UID_OCTETS, Claim, Configuration
+from msbot.part.plug import TEXT_OCTETS, UID_OCTETS, Claim, Configuration, Notice, NoticeKind
 from msbot.part.ports import Ports
+from msbot.part.program import Program
+from msbot.part.safety import Safety
 
 _log = logging.getLogger("msbot.part")
-
-_M = TypeVar("_M", bound=Message)
-Action = Callable[[], object]
-"""A student's function without arguments; what it returns is ignored."""
-_A = TypeVar("_A", bound=Action)
 
 
 @dataclass(slots=True)
@@ -53,19 +48,15 @@ class PartCounters:
     """Samples for which stream or link had no room."""
     dropped: int = 0
     """Samples that came and could not be used."""
+    held: int = 0
+    """Samples that came after STOP and were not used."""
     beats: int = 0
     """Beats that the inventory answered."""
     missed_beats: int = 0
     handler_errors: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class _Listener:
-    message_class: type[Message]
-    function: Callable[[Message], object]
-
-
-class Part:
+class Part(Program):
     """One part of a robot: a part number, ports, and functions that are called when something happens.
 
     All functions are called in one thread, one after the other, and must return quickly.
@@ -80,6 +71,7 @@ class Part:
         uid: bytes | None = None,
         board: UsbGpio | None = None,
         random: Random | None = None,
+        key: bytes | str | None = None,
     ) -> None:
         """Describe a part; `run` or `run_async` brings it to life.
 
@@ -90,9 +82,10 @@ class Part:
             uid: 8 octets that identify the piece of hardware; `run` keeps one per part on this computer.
             board: the GPIO board that the part's functions drive; found again as `part.board`.
             random: draws the client key and the session nonce, and the UID if there is none.
+            key: what the part proves its UID with, as octets or as `msbot key new` writes it; never sent.
 
         Raises:
-            ConfigError: a name is empty or too long, or the UID has not 8 octets.
+            ConfigError: a name is empty or too long, the UID has not 8 octets, or the key makes no sense.
         """
         self.part_number = _name("part number", part_number)
         self.local_name = _name("local name", part_number if local_name is None else local_name)
@@ -100,14 +93,13 @@ class Part:
         if uid is not None and len(uid) != UID_OCTETS:
             raise ConfigError(f"a UID has {UID_OCTETS} octets, not {len(uid)}")
         self.uid = uid
+        self.key = parse_key(key) if isinstance(key, str) else check_key(key) if key is not None else None
+        """The part's key; `run` gives it the one that is kept for the part."""
         self._board = board
         self._random = random or SystemRandom()
-        self._every: list[Every] = []
-        self._listeners: dict[str, _Listener] = {}
-        self._when: dict[str, list[Action]] = {"join": [], "lost": [], "stop": [], "safe": []}
-        self._guard = Guard(self._mistaken)
+        super().__init__(self._mistaken)
+        self._safety = Safety(self._listeners, self._when["safe"], self._guard)
         self._counters = PartCounters()
-        self._settings: dict[str, str] = {}
         self._slot = ""
         self._configurations = 0
         self._mistake: ConfigError | None = None
@@ -117,56 +109,6 @@ class Part:
         self._membership: Membership | None = None
 
     # What a student's program says.
-
-    def every(self, seconds: float) -> Callable[[_A], _A]:
-        """Call the function below every so many seconds while the part is active (the first time at once).
-
-        Raises:
-            ConfigError: the period is not positive, or what is below is no plain function without arguments.
-        """
-        if not seconds > 0:
-            raise ConfigError(f"every({seconds}): the period must be more than 0 seconds")
-
-        def remember(function: _A) -> _A:
-            check_handler(function)
-            self._every.append(Every(seconds, function))
-            return function
-
-        return remember
-
-    def on(self, port: str, message_class: type[_M]) -> Callable[[Callable[[_M], object]], Callable[[_M], object]]:
-        """Call the function below with each message that comes in at the port.
-
-        Raises:
-            ConfigError: not a message class, a port with two functions, or no plain function of one argument.
-        """
-        if not (isinstance(message_class, type) and issubclass(message_class, Message)):
-            raise ConfigError(f"on({port!r}, ...) needs a Message class, not {message_class!r}")
-        if port in self._listeners:
-            raise ConfigError(f"port {port!r} has a function already: one function per port")
-
-        def remember(function: Callable[[_M], object]) -> Callable[[_M], object]:
-            check_handler(function, "message")
-            self._listeners[port] = _Listener(message_class, function)  # type: ignore[arg-type]  # decoded as _M
-            return function
-
-        return remember
-
-    def on_join(self, function: _A) -> _A:
-        """Call the function below whenever the part has become active."""
-        return self._remember("join", function)
-
-    def on_lost(self, function: _A) -> _A:
-        """Call the function below whenever the part is no longer active though it did not end; see `reason`."""
-        return self._remember("lost", function)
-
-    def on_stop(self, function: _A) -> _A:
-        """Call the function below once when the part ends."""
-        return self._remember("stop", function)
-
-    def safe_state(self, function: _A) -> _A:
-        """Call the function below when nobody is in command any more: master lost, STOP pressed, part ended."""
-        return self._remember("safe", function)
 
     def publish(self, port: str, message: Message) -> bool:
         """Send a message out of a port; False when there was no room for it (counted as `not_sent`).
@@ -220,8 +162,13 @@ class Part:
 
     @property
     def settings(self) -> Mapping[str, str]:
-        """The slot's settings, as text; changes while the part runs."""
-        return MappingProxyType(self._settings)
+        """The slot's settings, as text; changes while the part runs. `setting` gives one with its type."""
+        return self._settings.texts
+
+    @property
+    def stopped(self) -> bool:
+        """Whether STOP was said and GO was not: no message reaches a function, and nothing should move."""
+        return self._safety.stopped
 
     @property
     def counters(self) -> PartCounters:
@@ -265,6 +212,7 @@ class Part:
         self._joining = Joining(self.robot, PATIENT if link.info.shared_bus else QUICK)
         self._mistake = None
         self._configurations = 0
+        self._settings.forget()
         # Not derived from the UID: two devices with one UID must be seen as two (they would take over each
         # other's session without a word).
         client = Client(
@@ -284,9 +232,10 @@ class Part:
             client,
             self._joining,
             claim,
-            profile_once=link.info.shared_bus,
+            prove=self._prove,
             changed=self._changed,
             configure=self._configure,
+            noticed=self._noticed,
         )
         client.on_topic = self._sample_received
         client.on_signal = self._signal_received
@@ -307,27 +256,31 @@ class Part:
             self._membership.stop("ended")
             self._client.close_soon()
 
-    def _remember(self, when: str, function: _A) -> _A:
-        check_handler(function)
-        self._when[when].append(function)
-        return function
-
-    def _tell(self, *whens: str) -> None:
-        for when in whens:
-            for function in self._when[when]:
-                self._guard.call(function)
+    def _prove(self, nonce: bytes) -> bytes | None:
+        if self.key is None or self.uid is None or self._client is None:
+            return None
+        return prove(
+            self.key,
+            nonce,
+            self.uid,
+            part_number=self.part_number,
+            local_name=self.local_name,
+            session_key=self._client.key,
+        )
 
     def _changed(self, change: Changed) -> None:
         _log.info("%s is %s: %s", self.local_name, change.after.value, change.reason)
         assert self._ports is not None
         if change.after is JoinState.ACTIVE:
             self._tell("join")
-            for every in self._every:
-                every.start(self._guard)
+            for timed in self._timed:
+                timed.start(self._guard)
         elif change.before is JoinState.ACTIVE:
-            for every in self._every:
-                every.stop()
-            self._tell("safe")
+            for timed in self._timed:
+                timed.stop()
+            self._safety.enter()
+            # Whoever takes the part back says STOP again if it still holds.
+            self._safety.go()
         if change.after is JoinState.STOPPED:
             self._tell("stop")
         elif change.before is JoinState.ACTIVE:
@@ -340,7 +293,7 @@ class Part:
         assert self._ports is not None
         self._configurations += 1
         self._slot = configuration.slot
-        self._settings = {setting.name: setting.value for setting in configuration.settings}
+        self._safety.configure(self._settings.take(configuration.settings))
         self._ports.bind(configuration.bindings)
         for port, listener in self._listeners.items():
             binding = self._ports.binding(port)
@@ -349,6 +302,29 @@ class Part:
                 self._guard.report(f"port {port!r}", f"nothing will come in; {self._ports.words}")
             elif binding.topic_type != name:
                 self._guard.report(f"port {port!r}", f"carries {binding.topic_type}, but its function expects {name}")
+        self._settings.tell()
+
+    def _noticed(self, notice: Notice) -> None:
+        match notice.kind:
+            case NoticeKind.STOP:
+                self._safety.stop("said by the master")
+            case NoticeKind.GO:
+                self._safety.go()
+            case NoticeKind.IDENTIFY:
+                _log.warning("%s: somebody asks which part this is", self.local_name)
+                self._tell("identify")
+            case NoticeKind.PARTNER_LOST:
+                self._partner_lost_at(notice)
+
+    def _partner_lost_at(self, notice: Notice) -> None:
+        assert self._ports is not None
+        port = self._ports.port_at(notice.binding)
+        if port is None or notice.configuration_version != self._joining.configuration_version:
+            return
+        _log.warning("%s: nobody sends to port %s any more", self.local_name, port)
+        self._safety.enter(port)
+        for function in self._partner_lost:
+            self._guard.call(function, port)
 
     def _sample_received(self, object_id: int, _request_id: int, payload: bytes) -> None:
         assert self._membership is not None
@@ -371,13 +347,15 @@ class Part:
                 f"port {bound.binding.port!r}", f"a message that cannot be read: {error}", kind="unreadable"
             )
             return
+        if self._safety.stopped:
+            self._counters.held += 1
+            return
         self._counters.messages_in += 1
         self._guard.call(listener.function, message)
 
     def _signal_received(self, signal: Signal, _peer: Peer | None, reason: str, _now: float) -> None:
         if signal is Signal.STOP:
-            _log.warning("%s: STOP: %s", self.local_name, reason)
-            self._tell("safe")
+            self._safety.stop(reason)
 
     def _mistaken(self, error: ConfigError) -> None:
         """A handler asked for a port that is not there, or with the wrong type."""

@@ -7,9 +7,14 @@ its length, which keeps a beat at 4 octets (one classic CAN frame with header co
 from the part         answer of the inventory              octets
 ====================  ===================================  ==============
 `Claim`               `Verdict`, or none to a stranger     28 or more, 12
+`Claim`, key mode     `Challenge`                          28 or more, 16
+`Proof`               `Verdict`, or none                   16, 12
 `Beat`                `BeatReply`                          4, 4
 `ConfigurationRequest`  `Configuration`                    8, 20 or more
 ====================  ===================================  ==============
+
+Besides, the inventory may speak unasked: a `Verdict` (a part that stands by has got a slot), a `BeatReply` (the
+configuration has changed, or the lease is void) and a `Notice` (8 octets).
 """
 
 from __future__ import annotations
@@ -34,6 +39,12 @@ INVENTORY_REPLY_TYPE = "msbot_inventory_reply"
 UID_OCTETS = 8
 TEXT_OCTETS = 254
 """Longest text of the profile and of a claim: the original's `char[255]` with its NUL."""
+
+NONCE_OCTETS = 16
+PROOF_OCTETS = 16
+
+SAFE_MARK = ".safe."
+"""In the name of a setting: `PORT.safe.FIELD` is a field of the port's safe value. Parameters have no dot."""
 
 MOST_BINDINGS = 120
 """Ports of one part that a configuration can bind: each takes two of the 256 objects that an agent grants a client."""
@@ -69,6 +80,19 @@ class Claim(Message):
     """Identifies the piece of hardware."""
     session_nonce: uint32
     """Drawn anew at each start of the part, so that two devices with one UID are told apart."""
+
+
+class Challenge(Message):
+    """The answer to a claim in a robot with keys: prove that you know the key of your UID."""
+
+    nonce: Annotated[bytes, Octets(NONCE_OCTETS)]
+    """Never used before; good for one proof."""
+
+
+class Proof(Message):
+    """The answer of a part to a challenge, see `msbot.part.keys`."""
+
+    proof: Annotated[bytes, Octets(PROOF_OCTETS)]
 
 
 class Verdict(Message):
@@ -139,6 +163,37 @@ class Configuration(Message):
     settings: list[Setting]
 
 
+class NoticeKind(IntEnum):
+    """What a notice is about."""
+
+    PARTNER_LOST = 1
+    """Nobody publishes any more what the port subscribes."""
+    PARTNER_BACK = 2
+    """Somebody publishes it again."""
+    IDENTIFY = 3
+    """Show yourself to the people in the room: blink, beep."""
+    STOP = 4
+    """Go to the safe state, and stay in it."""
+    GO = 5
+    """STOP is over."""
+
+
+class Notice(Message):
+    """Said to a part unasked, best effort."""
+
+    configuration_version: uint32
+    """The configuration that `binding` is about; 0 = none."""
+    binding: uint16
+    """Which of the configuration's bindings, counted from 0; 0xFFFF = none."""
+    kind: uint8
+    """`NoticeKind`."""
+    reserved: uint8 = 0
+
+
+NO_BINDING = 0xFFFF
+"""`Notice.binding` of a notice that is about the part as a whole."""
+
+
 class Refusal(IntEnum):
     """Why a claim was refused."""
 
@@ -149,6 +204,10 @@ class Refusal(IntEnum):
     WRONG_ROBOT = 5
     BAD_CLAIM = 6
     NOT_READY = 7
+    WRONG_KEY = 8
+    KEY_NEEDED = 9
+    NO_KEY = 10
+    REPLAYED = 11
 
     @property
     def words(self) -> str:
@@ -164,34 +223,54 @@ _REFUSALS = {
     Refusal.WRONG_ROBOT: "the part was made for another robot",
     Refusal.BAD_CLAIM: "the claim makes no sense",
     Refusal.NOT_READY: "the inventory is not ready yet",
+    Refusal.WRONG_KEY: "the part's key is not the one that the robot has for its UID",
+    Refusal.KEY_NEEDED: "this robot asks for keys, and the part has shown none",
+    Refusal.NO_KEY: "this robot asks for keys, and has none for the part's UID",
+    Refusal.REPLAYED: "the proof answers no question of the inventory: somebody may have repeated an old one",
 }
 
 _BEAT_OCTETS = 4
 _CONFIGURATION_REQUEST_OCTETS = 8
+_NOTICE_OCTETS = 8
 _VERDICT_OCTETS = 12
 
 
-def decode_request(payload: bytes) -> Beat | ConfigurationRequest | Claim:
+def decode_request(payload: bytes) -> Beat | ConfigurationRequest | Proof | Claim:
     """What a part asks of the inventory, told apart by length.
 
     Raises:
-        RemoteProtocolError: it is none of the three.
+        RemoteProtocolError: it is none of the four.
     """
     if len(payload) == _BEAT_OCTETS:
         return Beat.decode(payload)
     if len(payload) == _CONFIGURATION_REQUEST_OCTETS:
         return ConfigurationRequest.decode(payload)
+    if len(payload) == PROOF_OCTETS:
+        return Proof.decode(payload)
     return Claim.decode(payload)
 
 
-def decode_reply(payload: bytes) -> BeatReply | Verdict | Configuration:
-    """What the inventory answers, told apart by length.
+Reply = BeatReply | Notice | Verdict | Challenge | Configuration
+"""What the inventory says to a part."""
+
+
+def decode_reply(payload: bytes) -> Reply:
+    """What the inventory says, told apart by length.
 
     Raises:
-        RemoteProtocolError: it is none of the three.
+        RemoteProtocolError: it is none of the five.
     """
     if len(payload) == _BEAT_OCTETS:
         return BeatReply.decode(payload)
+    if len(payload) == _NOTICE_OCTETS:
+        return Notice.decode(payload)
+    if len(payload) == NONCE_OCTETS:
+        return Challenge.decode(payload)
     if len(payload) == _VERDICT_OCTETS:
         return Verdict.decode(payload)
     return Configuration.decode(payload)
+
+
+def safe_setting(port: str, field: str) -> str:
+    """The name of the setting that carries a field of a port's safe value."""
+    return f"{port}{SAFE_MARK}{field}"

@@ -46,6 +46,7 @@ class Ports:
         self._subscriber = subscriber
         self._publisher: Entity | None = None
         self._bound: dict[str, BoundPort] = {}
+        self._order: list[str] = []
         self._by_reader: dict[int, BoundPort] = {}
 
     def __contains__(self, port: object) -> bool:
@@ -53,6 +54,8 @@ class Ports:
 
     def bind(self, bindings: Iterable[PortBinding]) -> None:
         """Make the ports what the configuration says; those that stay the same lose nothing."""
+        bindings = list(bindings)
+        self._order = [binding.port for binding in bindings]
         wanted = {binding.port: binding for binding in bindings}
         for port, bound in list(self._bound.items()):
             if wanted.get(port) != bound.binding:
@@ -63,6 +66,7 @@ class Ports:
 
     def unbind_all(self) -> None:
         """Have no port bound."""
+        self._order = []
         for port in list(self._bound):
             self._unbind(port)
         if self._publisher is not None:
@@ -72,6 +76,10 @@ class Ports:
     def port_of(self, object_id: int) -> BoundPort | None:
         """The subscribed port whose data reader has that object id."""
         return self._by_reader.get(object_id)
+
+    def port_at(self, place: int) -> str | None:
+        """The port that the configuration's binding with that number (from 0) is about, or None."""
+        return self._order[place] if 0 <= place < len(self._order) else None
 
     def binding(self, port: str) -> PortBinding | None:
         """What a port is tied to, or None."""

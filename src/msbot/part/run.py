@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from msbot.errors import ConfigError, MsbotError
 from msbot.link import CanSettings, Codec, Link, open_link
 from msbot.part.identity import parse_uid, stored_uid
+from msbot.part.keys import KEY_VARIABLE, given_key
 from msbot.xrce import compress, decompress, is_whole
 
 if TYPE_CHECKING:
@@ -31,7 +32,8 @@ CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 def run(*parts: Part, args: list[str] | None = None) -> None:
     """Run one or more parts until Ctrl-C or SIGTERM; each has its own session and says goodbye at the end.
 
-    Options: `--link ADDRESS` (or $MSBOT_LINK, or this computer), `--uid HEX` (one part only), `--quiet`.
+    Options: `--link ADDRESS` (or $MSBOT_LINK, or this computer), `--uid HEX` and
+    `--key FILE` (one part only), `--quiet`.
 
     Args:
         parts: what to run.
@@ -46,6 +48,7 @@ def run(*parts: Part, args: list[str] | None = None) -> None:
     )
     try:
         _give_uids(parts, options.uid)
+        _give_keys(parts, options.key)
         links = [open_link(options.link, can=replace(CAN, uid=part.uid)) for part in parts]
         with contextlib.suppress(KeyboardInterrupt):
             asyncio.run(_run_all(list(zip(parts, links, strict=True))))
@@ -64,6 +67,14 @@ def _give_uids(parts: tuple[Part, ...], uid: str | None) -> None:
             part.uid = parse_uid(uid)
         elif part.uid is None:
             part.uid = stored_uid(part.part_number, part.local_name)
+
+
+def _give_keys(parts: tuple[Part, ...], key: str | None) -> None:
+    if key is not None and len(parts) > 1:
+        raise ConfigError(f"--key is for a program with one part, this one has {len(parts)}")
+    for part in parts:
+        if key is not None or part.key is None:
+            part.key = given_key(key, part.part_number, part.local_name)
 
 
 async def _run_all(pairs: list[tuple[Part, Link]]) -> None:
@@ -93,6 +104,7 @@ def _parse(args: list[str] | None) -> argparse.Namespace:
     default = os.environ.get(LINK_VARIABLE) or DEFAULT_LINK
     parser.add_argument("--link", default=default, help=f"the way to the master (now {default}; ${LINK_VARIABLE})")
     parser.add_argument("--uid", help="16 hexadecimal digits that identify the piece of hardware")
+    parser.add_argument("--key", help=f"file with the part's key, or the key itself (${KEY_VARIABLE})")
     parser.add_argument("--quiet", action="store_true", help="say only what is wrong")
     return parser.parse_args(args)
 

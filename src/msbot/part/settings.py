@@ -1,0 +1,120 @@
+"""A part's settings: the parameters of its slot, read with a type, followed while the part runs.
+
+They come as text in the configuration (`Setting`). Where a value comes from (library, blueprint, by hand) is the
+registry's business; the part gets the one that holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TypeVar
+
+from msbot.errors import ConfigError
+from msbot.part.handlers import Guard
+from msbot.part.plug import SAFE_MARK, Setting
+
+Value = bool | int | float | str
+"""What a setting can be."""
+V = TypeVar("V", bound=Value)
+
+_TRUTHS = {"true": True, "false": False}
+_WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
+
+
+@dataclass(frozen=True, slots=True)
+class _Follower:
+    read: Callable[[str], Value]
+    function: Callable[..., object]
+
+
+class Settings:
+    """What the present configuration sets, and the functions that want to know when it changes."""
+
+    def __init__(self, guard: Guard) -> None:
+        self._guard = guard
+        self._texts: dict[str, str] = {}
+        self._followers: dict[str, list[_Follower]] = {}
+        self._told: dict[str, str] = {}
+
+    @property
+    def texts(self) -> Mapping[str, str]:
+        """The settings by name, as text."""
+        return MappingProxyType(self._texts)
+
+    def follow(self, name: str, kind: type[V], function: Callable[[V], object]) -> None:
+        """Call the function with the value when it is known, and whenever it changes.
+
+        Raises:
+            ConfigError: a setting cannot be of that kind.
+        """
+        check_kind(name, kind)
+        self._followers.setdefault(name, []).append(_Follower(lambda text: read_value(name, text, kind), function))
+
+    def value(self, name: str, kind: type[V], default: V | None = None) -> V:
+        """The value of a setting; the default when this robot does not set it.
+
+        Raises:
+            ConfigError: it is not set and there is no default, or its text is not of that kind.
+        """
+        check_kind(name, kind)
+        text = self._texts.get(name)
+        if text is not None:
+            return read_value(name, text, kind)
+        if default is not None:
+            return default
+        known = ", ".join(sorted(self._texts)) or "none"
+        raise ConfigError(f"there is no setting {name!r} in this robot; it sets: {known}")
+
+    def take(self, settings: Iterable[Setting]) -> dict[str, str]:
+        """Make these the settings; returns the safe values among them, by their whole names."""
+        everything = {setting.name: setting.value for setting in settings}
+        safe = {name: text for name, text in everything.items() if SAFE_MARK in name}
+        self._texts = {name: text for name, text in everything.items() if name not in safe}
+        return safe
+
+    def forget(self) -> None:
+        """Nothing is set, nobody has been told."""
+        self._texts, self._told = {}, {}
+
+    def tell(self) -> None:
+        """Call the functions whose setting has changed since they were told."""
+        told, self._told = self._told, dict(self._texts)
+        for name, followers in self._followers.items():
+            text = self._texts.get(name)
+            if text is None:
+                self._guard.report(f"setting {name!r}", "this robot does not set it", kind="absent")
+            elif told.get(name) != text:
+                for follower in followers:
+                    self._tell(name, text, follower)
+
+    def _tell(self, name: str, text: str, follower: _Follower) -> None:
+        try:
+            value = follower.read(text)
+        except ConfigError as error:
+            self._guard.report(f"setting {name!r}", str(error))
+            return
+        self._guard.call(follower.function, value)
+
+
+def check_kind(name: str, kind: object) -> None:
+    """Refuse a kind that no setting has.
+
+    Raises:
+        ConfigError: it is none of bool, int, float, str.
+    """
+    if kind not in _WORDS:
+        raise ConfigError(f"setting {name!r} can be read as bool, int, float or str, not as {kind!r}")
+
+
+def read_value(name: str, text: str, kind: type[V]) -> V:
+    """The text of a setting as a value of that kind.
+
+    Raises:
+        ConfigError: it is not of that kind.
+    """
+    try:
+        return kind(_TRUTHS[text] if kind is bool else text)
+    except (ValueError, KeyError):
+        raise ConfigError(f"setting {name!r} is {text!r}, which is not {_WORDS[kind]}") from None

@@ -1,0 +1,107 @@
+"""The safe state: safe values go to the ports' own functions, STOP holds until GO."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+import pytest
+
+from msbot.errors import ConfigError, LocalProtocolError
+from msbot.link.virtual_time import run_virtual
+from msbot.part.handlers import Guard
+from msbot.part.hello import HelloWorld
+from msbot.part.message import Message
+from msbot.part.program import Listener
+from msbot.part.safety import Safety, safe_message
+from msbot.part.wire_types import float32, int16, uint8
+
+
+class Motor(Message):
+    """Something with fields of every simple kind."""
+
+    speed: float32 = 1.0
+    gear: int16 = 0
+    brake: bool = False
+    note: str = ""
+    rest: list[uint8] = []  # noqa: RUF012 - copied for each message
+
+
+class Scene:
+    """A motor, a lamp, and what happened to them."""
+
+    def __init__(self) -> None:
+        self.story: list[object] = []
+        listeners = {"motor": Listener(Motor, self.story.append), "lamp": Listener(HelloWorld, self.story.append)}
+        actions: list[Callable[[], object]] = [lambda: self.story.append("safe")]
+        self.safety = Safety(listeners, actions, Guard(lambda _: None))
+
+
+def play(scenario: Callable[[Scene], None]) -> None:
+    async def main() -> None:
+        scenario(Scene())
+
+    run_virtual(main())
+
+
+def test_fields_are_read_as_what_they_are_and_the_others_have_their_defaults() -> None:
+    message = safe_message(Motor, {"gear": "-3", "brake": "true", "note": "parked"})
+    assert message == Motor(speed=1.0, gear=-3, brake=True, note="parked", rest=[])
+    assert safe_message(Motor, {}) == Motor()
+
+
+@pytest.mark.parametrize("fields", [{"pace": "0"}, {"rest": "0"}, {"gear": "1.5"}, {"brake": "no"}])
+def test_what_does_not_fit_the_message_is_an_error(fields: dict[str, str]) -> None:
+    with pytest.raises(ConfigError):
+        safe_message(Motor, fields)
+    with pytest.raises(LocalProtocolError):
+        safe_message(Motor, {"gear": "70000"})
+
+
+def test_all_ports_get_their_safe_value_then_the_functions_are_called() -> None:
+    def scenario(scene: Scene) -> None:
+        scene.safety.configure({"motor.safe.speed": "0", "motor.safe.brake": "true", "lamp.safe.message": "off"})
+        scene.safety.enter()
+        assert scene.story == [Motor(speed=0.0, brake=True), HelloWorld(index=0, message="off"), "safe"]
+
+    play(scenario)
+
+
+def test_one_port_alone_gets_its_safe_value() -> None:
+    def scenario(scene: Scene) -> None:
+        scene.safety.configure({"motor.safe.speed": "0", "lamp.safe.message": "off"})
+        scene.safety.enter("lamp")
+        assert scene.story == [HelloWorld(index=0, message="off"), "safe"]
+        scene.safety.configure({})
+        scene.safety.enter()
+        assert scene.story[2:] == ["safe"]
+
+    play(scenario)
+
+
+def test_a_port_without_a_function_drives_nothing_and_a_misfit_is_reported(caplog: pytest.LogCaptureFixture) -> None:
+    def scenario(scene: Scene) -> None:
+        scene.safety.configure({"other.safe.value": "0", "motor.safe.pace": "0", "lamp.safe.index": "-1"})
+        scene.safety.enter()
+        assert scene.story == ["safe"]
+
+    with caplog.at_level(logging.ERROR):
+        play(scenario)
+    assert [record.getMessage().partition(":")[0] for record in caplog.records] == [
+        "safe value of port 'motor'",
+        "safe value of port 'lamp'",
+    ]
+
+
+def test_stop_holds_until_go() -> None:
+    def scenario(scene: Scene) -> None:
+        assert not scene.safety.stopped
+        scene.safety.go()
+        scene.safety.stop("button")
+        scene.safety.stop("button")
+        assert scene.safety.stopped
+        assert scene.story == ["safe", "safe"]
+        scene.safety.go()
+        assert not scene.safety.stopped
+
+    play(scenario)
