@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from msbot.errors import LinkFull, LocalProtocolError, RemoteProtocolError
 from msbot.part import plug
-from msbot.part.client import Client, Service
+from msbot.part.client import ENDLESS, Client, Service
 from msbot.part.client_settings import ConnectionState
 from msbot.part.joining import (
     BeginAnew,
@@ -29,7 +29,7 @@ from msbot.part.joining import (
 )
 from msbot.part.keys import KEY_VARIABLE
 from msbot.part.turn import Turn
-from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE
+from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl
 
 INVENTORY = Service(
     plug.INVENTORY_SERVICE,
@@ -39,6 +39,11 @@ INVENTORY = Service(
     plug.INVENTORY_REPLY_TOPIC,
 )
 """Where a part claims, beats and asks for its configuration."""
+
+ONE_SAMPLE = None
+"""Delivery control of a read that ends with its first sample: none at all (seen on the wire)."""
+NO_MORE = DeliveryControl(max_samples=0)
+"""Delivery control that only ends the running read."""
 
 SHORTEST_BEAT_MS = 20
 """A master cannot ask for beats more often; a blueprint cannot either."""
@@ -55,6 +60,7 @@ class Membership:
         joining: Joining,
         claim: plug.Claim,
         *,
+        profile_once: bool = False,
         prove: Callable[[bytes], bytes | None] = lambda _: None,
         changed: Callable[[Changed], None],
         configure: Callable[[plug.Configuration], None],
@@ -66,6 +72,8 @@ class Membership:
             client: not yet running.
             joining: in its first state.
             claim: what the part says about itself in step 2.
+            profile_once: read the profile only until step 1 is done, because it costs others on the link their time,
+                and the link itself tells when the robot is another one.
             prove: the answer to a challenge with that nonce; None = the part has no key.
             changed: hears every change of the state.
             configure: puts a configuration into use; called before the change to `active` is heard.
@@ -76,6 +84,7 @@ class Membership:
         """Profiles and replies that made no sense."""
         self._client = client
         self._claim = claim.encode()
+        self._profile_once = profile_once
         self._changed = changed
         self._configure = configure
         self._prove = prove
@@ -88,7 +97,7 @@ class Membership:
         topic = client.create_topic(self.participant, plug.PROFILE_TOPIC, plug.PROFILE_TYPE)
         self._profile_reader = client.create_reader(self.subscriber, topic)
         self._requester = client.create_requester(self.participant, INVENTORY)
-        client.read(self._profile_reader)
+        self._read_profile(JoinState.LOOKING)
         client.read(self._requester)
         client.on_state = self._client_changed
         client.on_reply = self._reply_received
@@ -164,6 +173,7 @@ class Membership:
         while (action := self.joining.next_action()) is not None:
             match action:
                 case Changed():
+                    self._read_profile(action.after)
                     self._changed(action)
                 case SendClaim():
                     self._send(self._claim, STREAM_RELIABLE)
@@ -187,6 +197,22 @@ class Membership:
         except (LinkFull, LocalProtocolError) as error:
             # No room, or the session is closing: `joining` asks again in time.
             _log.debug("not sent to the inventory: %s", error)
+
+    def _read_profile(self, state: JoinState) -> None:
+        reading = self._profile_reader.reading
+        running = None if reading is None else reading.control
+        wanted = self._profile_control(state, running)
+        if reading is None or wanted != running:
+            self._client.read(self._profile_reader, control=wanted)
+
+    def _profile_control(self, state: JoinState, running: DeliveryControl | None) -> DeliveryControl | None:
+        """How the profile is to be read from that state on."""
+        if not self._profile_once or state is JoinState.WRONG_ROBOT:
+            return ENDLESS
+        if state in (JoinState.LOOKING, JoinState.LOST):
+            return ONE_SAMPLE
+        # Step 1 is done after a profile that did not agree: whoever only ever read one has nothing to end.
+        return NO_MORE if state is JoinState.CLAIMING and running == ENDLESS else running
 
     def _send_proof(self, nonce: bytes) -> None:
         proof = self._prove(nonce)

@@ -232,6 +232,7 @@ class Part(Program):
             client,
             self._joining,
             claim,
+            profile_once=link.info.shared_bus,
             prove=self._prove,
             changed=self._changed,
             configure=self._configure,
