@@ -27,6 +27,12 @@ type = "LightLevel"
 name = "button"
 direction = "publish"
 type = "Pressed"
+[[type]]
+name = "LightLevel"
+fields = { level = "float32" }
+[[type]]
+name = "Pressed"
+fields = { at = "uint32" }
 """
 ROBOT = """
 [robot]

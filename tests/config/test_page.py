@@ -1,36 +1,62 @@
-"""`docs/reference/blueprint.md` names every key, and its sample is the one that is written."""
+"""The pages of the blueprint and of the library name every key; the sample is the one that is written."""
 
 import re
 from pathlib import Path
 
 import pytest
 
-from msbot.config import PRESETS, SAMPLE_ROBOT_TOML, load_blueprint, load_library
+from msbot.config import PRESETS, SAMPLE_ROBOT_TOML, load_blueprint, load_library, standard_message_types
 from msbot.config.check import RESERVED_TOPICS
 from msbot.config.reader import Table
 
-PAGE = (Path(__file__).parents[2] / "docs/reference/blueprint.md").read_text()
+DOCS = Path(__file__).parents[2] / "docs/reference"
+PAGE = (DOCS / "blueprint.md").read_text()
+LIBRARY_PAGE = (DOCS / "library.md").read_text()
 
 TYPE = """
 number = "X"
 name = "x"
+[supply]
+[[pin]]
+name = "VCC"
+[[type]]
+name = "T"
+fields = { on = "bool" }
 [[port]]
 name = "p"
 direction = "subscribe"
 type = "T"
 safe = {}
+[[port]]
+name = "r"
+direction = "publish"
+type = "T"
 [[parameter]]
 name = "q"
 type = "int"
 default = 1
 min = 0
 max = 2
+[[simulator.control]]
+name = "c"
+type = "number"
+start = 1
+min = 0
+max = 2
+[[simulator.reading]]
+name = "d"
+follows = "c"
+[[simulator.publish]]
+port = "r"
+fields = { on = "d" }
 """
+FREE = {"safe", "settings", "fields", "units"}
+"""Tables whose keys are names that the writer of a file chooses."""
 
 
 def _sections() -> dict[str, str]:
-    """Text of the page by heading, without brackets and backticks."""
-    parts = re.split(r"(?m)^##+ (.*)$", PAGE)
+    """Text of the pages by heading, without brackets and backticks."""
+    parts = re.split(r"(?m)^##+ (.*)$", PAGE + "\n" + LIBRARY_PAGE)
     return {heading.strip("`[]"): text for heading, text in zip(parts[1::2], parts[2::2], strict=True)}
 
 
@@ -42,8 +68,8 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> set[tuple[str, str
 
     def note(table: Table, key: str) -> object:
         names = [step for step in table.path if isinstance(step, str)]
-        if not {"safe", "settings"}.intersection(names):
-            asked.add((names[-1] if names else "", key))
+        if not FREE.intersection(names):
+            asked.add((".".join(names), key))
         return get(table, key)
 
     monkeypatch.setattr(Table, "_get", note)
@@ -51,7 +77,7 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> set[tuple[str, str
     folder.mkdir()
     (folder / "x.toml").write_text(TYPE)
     library = load_library(folder)
-    asked = {(table or "The part library", key) for table, key in asked}
+    asked = {(table or "Part type", key) for table, key in asked}
     path = tmp_path / "robot.toml"
     path.write_text(SAMPLE_ROBOT_TOML)
     load_blueprint(path, library)
@@ -65,8 +91,18 @@ def test_every_key_has_a_row_in_its_table(asked: set[tuple[str, str]]) -> None:
     assert {key for table, key in asked if not table} <= set(sections)
 
 
+def test_the_standard_message_types_have_their_rows() -> None:
+    text = _sections()["Standard message types"]
+    for message in standard_message_types().values():
+        row = re.search(rf"(?m)^\| `{message.name}` \| (.*?) \|", text)
+        assert row is not None
+        assert re.findall(r"`(\w+)`", row[1]) == list(message.fields)
+
+
 def test_every_row_is_a_key(asked: set[tuple[str, str]]) -> None:
-    for heading, text in _sections().items():
+    sections = _sections()
+    sections.pop("Standard message types")
+    for heading, text in sections.items():
         for key in re.findall(r"(?m)^\| `(\w+)` \|", text):
             assert (heading, key) in asked
 

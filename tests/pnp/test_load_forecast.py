@@ -123,6 +123,9 @@ rate_hz = {rate}
 name = "in"
 direction = "subscribe"
 type = "LightLevel"
+[[type]]
+name = "LightLevel"
+fields = {{ level = "float64" }}
 """
 
 

@@ -6,6 +6,7 @@ Values that were found wrong before (they are empty then) are passed over, so th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 from msbot.config.library import Direction, Library, PartType, Port, scalar_text
 from msbot.config.plan import Binding, Endpoint, Slot, Timing
@@ -23,6 +24,30 @@ RESERVED_TOPICS = (
 
 _LATE_AFTER_BEATS = 1.5
 """A part is late after so many beat periods; it must be late before it can be delisted."""
+
+
+class Complaints(Protocol):
+    """Where problems of one binding go: its table in a file, or a list."""
+
+    def problem(self, sentence: str, *steps: str | int) -> None:
+        """Note one mistake about a key."""
+
+
+class _Sentences:
+    """Problems of bindings that stand in no file."""
+
+    def __init__(self) -> None:
+        self.found: list[str] = []
+
+    def problem(self, sentence: str, *_steps: str | int) -> None:
+        self.found.append(sentence)
+
+
+def binding_faults(bindings: Sequence[Binding], slots: Sequence[Slot], library: Library) -> list[str]:
+    """What is wrong with bindings that come from elsewhere than a file, in the words for a file."""
+    sentences = _Sentences()
+    check_bindings([sentences] * len(bindings), bindings, slots, library)
+    return sentences.found
 
 
 def check_timing(table: Table, timing: Timing) -> None:
@@ -77,7 +102,7 @@ def _check_settings(table: Table, slot: Slot, part_type: PartType) -> None:
 
 
 def check_bindings(
-    tables: Sequence[Table], bindings: Sequence[Binding], slots: Sequence[Slot], library: Library
+    tables: Sequence[Complaints], bindings: Sequence[Binding], slots: Sequence[Slot], library: Library
 ) -> None:
     """Each binding joins ports that exist, of the right direction and of its message type."""
     ports = _Ports(slots, library)
@@ -92,7 +117,7 @@ def check_bindings(
                 ports.check(table, binding, target, Direction.SUBSCRIBE, "to", position)
 
 
-def _check_topic(table: Table, binding: Binding, topics: dict[str, Binding]) -> None:
+def _check_topic(table: Complaints, binding: Binding, topics: dict[str, Binding]) -> None:
     if binding.topic in RESERVED_TOPICS:
         table.problem(f'"{binding.topic}" belongs to plug-and-play itself; choose another name', "topic")
     earlier = topics.setdefault(binding.topic, binding)
@@ -125,7 +150,7 @@ class _Ports:
         self._topics: dict[Endpoint, str] = {}
 
     def check(
-        self, table: Table, binding: Binding, endpoint: Endpoint, direction: Direction, *steps: str | int
+        self, table: Complaints, binding: Binding, endpoint: Endpoint, direction: Direction, *steps: str | int
     ) -> None:
         """Note what is wrong with one end of a binding."""
         if not endpoint.slot:
@@ -143,7 +168,7 @@ class _Ports:
             self._check_one_topic(table, binding, endpoint, direction, *steps)
 
     def _check_one_topic(
-        self, table: Table, binding: Binding, endpoint: Endpoint, direction: Direction, *steps: str | int
+        self, table: Complaints, binding: Binding, endpoint: Endpoint, direction: Direction, *steps: str | int
     ) -> None:
         earlier = self._topics.setdefault(endpoint, binding.topic)
         if earlier != binding.topic and earlier and binding.topic:
@@ -159,7 +184,12 @@ class _Ports:
 
 
 def _check_port(
-    table: Table, binding: Binding, endpoint: Endpoint, part_type: PartType, direction: Direction, *steps: str | int
+    table: Complaints,
+    binding: Binding,
+    endpoint: Endpoint,
+    part_type: PartType,
+    direction: Direction,
+    *steps: str | int,
 ) -> bool:
     """Whether the port is there, of that direction and of the binding's type; otherwise a problem is noted."""
     port = part_type.port(endpoint.port)

@@ -1,0 +1,172 @@
+"""How one reading follows its source: patterns, thresholds, lag, slew, noise. Pure: time comes in as steps.
+
+The order of the steps is that of the fields of `msbot.config.Reading`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from random import Random
+
+from msbot.config import Operand, Reading, Scalar, format_text
+
+Values = Mapping[str, Scalar]
+"""Every source by its name."""
+
+
+class Gauge:
+    """One reading with what it remembers."""
+
+    def __init__(self, reading: Reading, random: Random) -> None:
+        self.reading = reading
+        self.moves = bool(reading.integrate or reading.lag_s or reading.slew_per_s)
+        """Whether its value depends on the time between two looks."""
+        self._random = random
+        self._pattern = re.compile(reading.pattern) if reading.pattern else None
+        self._state: float | None = None
+        self._found: Scalar | None = None
+        self._drawn_at: float | None = None
+
+    def update(self, values: Values, now: float, step_s: float, came_at: float | None, *, final: bool) -> Scalar:
+        """The reading's value now.
+
+        Args:
+            values: the sources.
+            now: the time.
+            step_s: seconds since the last update.
+            came_at: when the message came that it follows, None = not yet, or it follows none.
+            final: False: an intermediate step, in which noise is left out.
+        """
+        reading = self.reading
+        if reading.text:
+            return self._shown(format_text(reading.text, values))
+        if reading.random_every is not None:
+            return self._draw(values, now)
+        value = self._taken(values, now, came_at)
+        if self._pattern is not None:
+            value = self._pick(value)
+        if reading.equals is not None:
+            return value == reading.equals
+        if reading.above is not None:
+            return as_number(value) > number(reading.above, values)
+        if isinstance(value, str) or (isinstance(value, bool) and not self._is_numeric):
+            return self._shown(value) if isinstance(value, str) else value
+        return self._measure(as_number(value), values, step_s, final=final)
+
+    @property
+    def _is_numeric(self) -> bool:
+        reading = self.reading
+        return self.moves or reading.scale != 1.0 or reading.offset != 0.0 or bool(reading.negate)
+
+    def _taken(self, values: Values, now: float, came_at: float | None) -> Scalar:
+        """What the source says, or `start` before anything has come and when it has run out."""
+        reading = self.reading
+        value = values[reading.follows]
+        if reading.start is None:
+            rest: Scalar = type(value)()
+        else:
+            rest = reading.start
+        lasts_s = number(reading.lasts, values)
+        if lasts_s > 0 and (came_at is None or now - came_at >= lasts_s):
+            return rest
+        if reading.start is not None and came_at is None and "." in reading.follows:
+            return rest
+        return value
+
+    def _pick(self, value: Scalar) -> Scalar:
+        """The part of a text that the pattern is for; a text without it leaves things as they are."""
+        assert self._pattern is not None
+        found = self._pattern.search(str(value))
+        if found is not None:
+            self._found = _number_or_text(found[1] or "")
+        if self._found is None:
+            return 0.0 if self.reading.start is None else self.reading.start
+        return self._found
+
+    def _measure(self, value: float, values: Values, step_s: float, *, final: bool) -> float:
+        reading = self.reading
+        if reading.negate and values[reading.negate]:
+            value = -value
+        value = value * number(reading.scale, values) + number(reading.offset, values)
+        if reading.integrate:
+            value = (self._state or 0.0) + value * step_s
+        if reading.wrap is not None and (wrap := number(reading.wrap, values)) > 0:
+            value %= wrap
+        value = self._limited(value, values)
+        if not reading.integrate:
+            value = self._followed(value, values, step_s)
+        self._state = value
+        if final and (noise := number(reading.noise, values)):
+            value = self._limited(value + self._random.gauss(0.0, noise), values)
+        step = number(reading.step, values)
+        # Rounded once more, because 3 x 0.1 is not 0.3.
+        return round(round(value / step) * step, 9) if step > 0 else value
+
+    def _followed(self, value: float, values: Values, step_s: float) -> float:
+        """The value after lag and slew; the first one holds at once."""
+        if self._state is None:
+            if self.reading.start is None or not self.moves:
+                return value
+            self._state = as_number(self.reading.start)
+        before = self._state
+        lag_s, slew = number(self.reading.lag_s, values), number(self.reading.slew_per_s, values)
+        if lag_s > 0:
+            value = value + (before - value) * math.exp(-step_s / lag_s)
+        if slew > 0:
+            most = slew * step_s
+            value = before + min(most, max(-most, value - before))
+        return value
+
+    def _limited(self, value: float, values: Values) -> float:
+        reading = self.reading
+        if reading.least is not None:
+            value = max(value, number(reading.least, values))
+        if reading.most is not None:
+            value = min(value, number(reading.most, values))
+        return value
+
+    def _draw(self, values: Values, now: float) -> float:
+        assert self.reading.random_every is not None
+        period_s = number(self.reading.random_every, values)
+        if self._state is None or self._drawn_at is None or now - self._drawn_at >= period_s:
+            self._drawn_at = now
+            least, most = number(self.reading.least or 0.0, values), number(self.reading.most or 0.0, values)
+            step = number(self.reading.step, values)
+            if step > 0:
+                self._state = least + step * self._random.randrange(math.floor((most - least) / step) + 1)
+            else:
+                self._state = self._random.uniform(least, most)
+        return self._state
+
+    def _shown(self, text: str) -> str:
+        """A text in the rows and columns of a display."""
+        reading = self.reading
+        if not (reading.rows or reading.columns):
+            return text
+        rows = text.split("\n")
+        if reading.columns:
+            rows = [row[: reading.columns] for row in rows]
+        return "\n".join(rows[: reading.rows] if reading.rows else rows)
+
+
+def number(operand: Operand, values: Values) -> float:
+    """The number that an operand stands for."""
+    return as_number(values[operand]) if isinstance(operand, str) else operand
+
+
+def as_number(value: Scalar) -> float:
+    """A value as a number: true is 1, a text is what it says or 0, and what is not finite is 0."""
+    try:
+        result = float(value)
+    except ValueError:
+        return 0.0
+    return result if math.isfinite(result) else 0.0
+
+
+def _number_or_text(text: str) -> Scalar:
+    try:
+        return float(text)
+    except ValueError:
+        return text
