@@ -77,15 +77,13 @@ def publish(bus: NamedBus, folder: Path | None = None) -> Path:
         other = find_bus(bus.name, folder)
         if other is not None:
             raise _taken(other)
+        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         try:
-            descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             with os.fdopen(descriptor, "w") as stream:
                 json.dump(asdict(bus), stream)
-            os.link(draft, path)  # whole or not at all, and never over another's
+            _link(draft, path, bus.name)
         finally:
             draft.unlink(missing_ok=True)
-    except FileExistsError:
-        raise LinkDown(f"another program has just begun to serve a simulated bus {bus.name!r}") from None
     except OSError as error:
         raise ConfigError(f"cannot write {path} ({error.strerror})") from error
     return path
@@ -145,6 +143,14 @@ def list_buses(folder: Path | None = None) -> list[NamedBus]:
     names = sorted(path.name.removeprefix(PREFIX).removesuffix(".json") for path in folder.glob(f"{PREFIX}*.json"))
     found = (find_bus(name, folder) for name in names if _NAME.fullmatch(name))
     return [bus for bus in found if bus is not None]
+
+
+def _link(draft: Path, path: Path, name: str) -> None:
+    """Give the file its name: whole or not at all, and never over another's."""
+    try:
+        os.link(draft, path)
+    except FileExistsError:
+        raise LinkDown(f"another program has just begun to serve a simulated bus {name!r}") from None
 
 
 def _path(name: str, folder: Path) -> Path:
