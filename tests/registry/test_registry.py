@@ -100,7 +100,7 @@ def test_reading_only_changes_nothing(registry: Registry, path: Path, blueprint:
             lambda: reader.apply_blueprint(blueprint, library),
             lambda: reader.store_for(robot),
             lambda: reader.node_ids(robot, "can:can0"),
-            lambda: reader.block("why", number="ABCD"),
+            lambda: reader.block(robot, "number", "ABCD", "why", "Ann"),
         ):
             with pytest.raises(RegistryError, match="was opened for reading only"):
                 write()

@@ -91,7 +91,7 @@ def test_what_another_process_changes_is_seen(
     store: RobotStore, path: Path, blueprint: Blueprint, library: Library
 ) -> None:
     with open_registry(path) as other:
-        other.block("stolen", number="ABCD")
+        other.block(other.robots()[0], "number", "ABCD", "stolen", "Ann")
     assert store.blocked(UID, "ABCD") == "stolen"
 
 

@@ -19,12 +19,13 @@ from msbot.registry.engine import make_engine, parse_address
 from msbot.registry.schema import Migrations, bring_up_to_date, check_schema, folder_migrations, own_migrations
 from msbot.registry.tables import metadata
 
-NEXT = """
+NOW = own_migrations().newest
+NEXT = f"""
 from alembic import op
 import sqlalchemy as sa
 
-revision = "0002"
-down_revision = "0001"
+revision = "{NOW + 1:04}"
+down_revision = "{NOW:04}"
 
 
 def upgrade() -> None:
@@ -45,7 +46,7 @@ def _migrations(tmp_path: Path, script: str) -> Migrations:
     """MsBOT's own migrations and one more."""
     folder = tmp_path / "migrations"
     shutil.copytree(str(files("msbot.registry") / "migrations"), folder)
-    (folder / "versions" / "v0002_next.py").write_text(script)
+    (folder / "versions" / f"v{NOW + 1:04}_next.py").write_text(script)
     return folder_migrations(folder)
 
 
@@ -80,7 +81,7 @@ def test_a_second_process_that_was_quicker_is_noticed(path: Path, engine: Engine
     address = parse_address(path)
     bring_up_to_date(engine, address, own_migrations())
     bring_up_to_date(engine, address, own_migrations())
-    assert _rows(path, "SELECT version_num FROM alembic_version") == [("0001",)]
+    assert _rows(path, "SELECT version_num FROM alembic_version") == [(f"{NOW:04}",)]
 
 
 def test_making_a_database_says_nothing(path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -95,28 +96,30 @@ def test_an_older_database_is_copied_and_brought_up_to_date(
         registry.apply_blueprint(blueprint, library)
     with open_registry(path, migrations=_migrations(tmp_path, NEXT)) as registry:
         assert [robot.name for robot in registry.robots()] == ["MSBOT_MASTER"]
-    copy = path.with_name("robot.db.schema1.1.backup")
-    assert caplog.messages == [f"the database {path} is of schema 1 and is brought to 2; a copy is kept in {copy}"]
-    assert _rows(path, "SELECT version_num FROM alembic_version") == [("0002",)]
+    copy = path.with_name(f"robot.db.schema{NOW}.1.backup")
+    assert caplog.messages == [
+        f"the database {path} is of schema {NOW} and is brought to {NOW + 1}; a copy is kept in {copy}"
+    ]
+    assert _rows(path, "SELECT version_num FROM alembic_version") == [(f"{NOW + 1:04}",)]
     assert _rows(path, "SELECT name, colour FROM robots") == [("MSBOT_MASTER", "red")]
-    assert _rows(copy, "SELECT version_num FROM alembic_version") == [("0001",)]
+    assert _rows(copy, "SELECT version_num FROM alembic_version") == [(f"{NOW:04}",)]
     assert _rows(copy, "SELECT name FROM robots") == [("MSBOT_MASTER",)]
 
 
 def test_an_earlier_copy_is_never_overwritten(path: Path, tmp_path: Path) -> None:
     open_registry(path).close()
-    earlier = path.with_name("robot.db.schema1.1.backup")
+    earlier = path.with_name(f"robot.db.schema{NOW}.1.backup")
     earlier.write_text("mine")
     open_registry(path, migrations=_migrations(tmp_path, NEXT)).close()
     assert earlier.read_text() == "mine"
-    assert path.with_name("robot.db.schema1.2.backup").exists()
+    assert path.with_name(f"robot.db.schema{NOW}.2.backup").exists()
 
 
 def test_a_migration_that_fails_changes_nothing(path: Path, tmp_path: Path) -> None:
     open_registry(path).close()
     with pytest.raises(RegistryError, match='near "this": syntax error'):
         open_registry(path, migrations=_migrations(tmp_path, BROKEN))
-    assert _rows(path, "SELECT version_num FROM alembic_version") == [("0001",)]
+    assert _rows(path, "SELECT version_num FROM alembic_version") == [(f"{NOW:04}",)]
     assert "colour" not in [row[1] for row in _rows(path, "PRAGMA table_info(robots)")]
     open_registry(path).close()
 
@@ -127,7 +130,7 @@ def test_a_newer_database_is_refused_and_left_alone(path: Path, tmp_path: Path) 
     with pytest.raises(RegistryError) as caught:
         open_registry(path)
     assert str(caught.value) == (
-        f"the database {path} was written by a newer MsBOT (schema 2, this one knows 1): "
+        f"the database {path} was written by a newer MsBOT (schema {NOW + 1}, this one knows {NOW}): "
         "update MsBOT or choose another --db"
     )
     assert path.read_bytes() == before

@@ -111,15 +111,15 @@ def test_a_lost_part_keeps_its_slot_in_memory(registry: Registry, store: RobotSt
     assert [part.slot for part in registry.parts()] == ["AA"]
 
 
-def test_blocking_a_uid_or_a_number(registry: Registry, store: RobotStore) -> None:
+def test_blocking_a_uid_or_a_number(registry: Registry, store: RobotStore, robot: RobotRecord) -> None:
     assert store.blocked(UID, "ABCD") is None
-    registry.block("broken series", number="ABCD")
+    registry.block(robot, "number", "ABCD", "broken series", "Ann")
     assert store.blocked(UID, "ABCD") == "broken series"
-    registry.block("smells burnt", uid=UID)
+    registry.block(robot, "uid", UID.hex(), "smells burnt", "Ann")
     assert store.blocked(UID, "ABCD") == "smells burnt"
     assert store.blocked(b"", "ABCD") == "broken series"
-    registry.block("", number="ABCD")
-    registry.block("", uid=UID)
+    registry.unblock(robot, "number", "ABCD", "Ann")
+    registry.unblock(robot, "uid", UID.hex(), "Ann")
     assert store.blocked(UID, "ABCD") is None
 
 

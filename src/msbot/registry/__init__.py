@@ -4,7 +4,16 @@ from msbot.errors import RegistryError
 
 try:
     from msbot.registry.node_ids import StoredNodeIds
-    from msbot.registry.records import JournalEntry, PartRecord, RobotRecord
+    from msbot.registry.people import ROLES
+    from msbot.registry.records import (
+        EditRecord,
+        JournalEntry,
+        KeyRecord,
+        PartRecord,
+        RobotRecord,
+        UserRecord,
+        ValueRecord,
+    )
     from msbot.registry.registry import Registry, open_registry
     from msbot.registry.robot_store import RobotStore
 except ModuleNotFoundError as error:
@@ -13,11 +22,16 @@ except ModuleNotFoundError as error:
     raise RegistryError("the database needs SQLAlchemy and Alembic: pip install 'msbot[master]'") from None
 
 __all__ = [
+    "ROLES",
+    "EditRecord",
     "JournalEntry",
+    "KeyRecord",
     "PartRecord",
     "Registry",
     "RobotRecord",
     "RobotStore",
     "StoredNodeIds",
+    "UserRecord",
+    "ValueRecord",
     "open_registry",
 ]

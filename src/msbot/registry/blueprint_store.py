@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from sqlalchemy import Connection, delete, insert, select, update
 
-from msbot.config import Blueprint, Endpoint, Library, Parameter, PartType, Port, Scalar
+from msbot.config import Blueprint, Library, Parameter, PartType, Port, Scalar
 from msbot.pnp import Configuration
 from msbot.registry.records import RobotRecord
 from msbot.registry.store import bump_versions, find_configuration, find_robot, upsert
@@ -110,22 +110,47 @@ def _same(old: Scalar | None, new: Scalar) -> bool:
 
 
 def _put_bindings(connection: Connection, robot_id: int, slot_ids: Mapping[str, int], blueprint: Blueprint) -> None:
-    rows: dict[tuple[Endpoint, str], dict[str, object]] = {}
+    """Write the blueprint's wires; what was taken away by hand stays away, what was made by hand stays if it can."""
+    wanted: dict[_End, dict[str, object]] = {}
     for binding in blueprint.bindings:
         for endpoint in (binding.source, *binding.targets):
             # Several senders of one topic may name the same receiver.
-            rows[endpoint, binding.topic] = {
+            publishes = endpoint is binding.source
+            wanted[slot_ids[endpoint.slot], endpoint.port, binding.topic, publishes] = {
                 "robot_id": robot_id,
                 "topic": binding.topic,
                 "type_name": binding.type_name,
                 "slot_id": slot_ids[endpoint.slot],
                 "port": endpoint.port,
-                "publishes": endpoint is binding.source,
+                "publishes": publishes,
                 "reliable": binding.reliable,
+                "origin": "blueprint",
+                "in_use": True,
             }
+    here = select(bindings).where(bindings.c.robot_id == robot_id).order_by(bindings.c.id)
+    by_hand: list[dict[str, object]] = []
+    for row in connection.execute(here).all():
+        end = (row.slot_id, row.port, row.topic, row.publishes)
+        if end in wanted:
+            wanted[end]["in_use"] = row.in_use
+        elif row.origin == "hand" and row.slot_id in slot_ids.values() and not _contradicts(row._asdict(), wanted):
+            by_hand.append({name: value for name, value in row._asdict().items() if name != "id"})
     connection.execute(delete(bindings).where(bindings.c.robot_id == robot_id))
-    if rows:
-        connection.execute(insert(bindings), list(rows.values()))
+    if wanted or by_hand:
+        connection.execute(insert(bindings), [*wanted.values(), *by_hand])
+
+
+_End = tuple[int, str, str, bool]
+"""Slot, port, topic, whether it publishes: what makes a row of `bindings` the same."""
+
+
+def _contradicts(row: Mapping[str, object], wanted: Mapping[_End, Mapping[str, object]]) -> bool:
+    """Whether the blueprint has the topic with another type or reliability, or the port on another topic."""
+    return any(
+        (other["topic"] == row["topic"] and any(other[key] != row[key] for key in ("type_name", "reliable")))
+        or (other["slot_id"] == row["slot_id"] and other["port"] == row["port"])
+        for other in wanted.values()
+    )
 
 
 def _put_library(connection: Connection, part_types: Library) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from msbot.config import Parameter, ParameterKind, Scalar
+from msbot.errors import ConfigError
 from msbot.pnp import PartEvent
 
 NO_UID = bytes(8)
@@ -59,6 +61,111 @@ class JournalEntry:
     """Nanoseconds since 1970."""
     event: PartEvent
     """What happened; its `at` is in seconds since 1970, its session is not kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class EditRecord:
+    """One thing a person changed."""
+
+    id: int
+    """Counts up through the whole database; what `undo` takes."""
+    at_ns: int
+    """Nanoseconds since 1970."""
+    who: str
+    kind: str
+    """`value`, `place`, `block`, `bind`, `apply`, `user`, `key`, or `undo`."""
+    slot: str
+    """The slot it is about; empty when it is about none, or about several."""
+    words: str
+    """What it did, for people."""
+    undone: bool
+    """Whether it was taken back."""
+    slots: tuple[str, ...] = ()
+    """Slots whose configuration it changed."""
+    placed: tuple[tuple[bytes, str | None], ...] = ()
+    """UIDs that belong elsewhere since, and the slots they belong in; None: in none."""
+
+
+@dataclass(frozen=True, slots=True)
+class ValueRecord:
+    """A parameter of a slot: what it is, which value holds, and where that comes from."""
+
+    name: str
+    kind: str
+    """`bool`, `int`, `float` or `text`."""
+    unit: str
+    least: float | None
+    most: float | None
+    default: Scalar
+    """The library's value."""
+    value: Scalar
+    """The value that holds."""
+    origin: str
+    """`library`, `blueprint` or `hand`: where that value comes from."""
+    description: str
+    changed_ns: int
+    """When it got this value, nanoseconds since 1970."""
+    who: str
+    """Who set it by hand; empty for another origin."""
+
+    def read(self, text: str) -> Scalar:
+        """The value that a person means by this text.
+
+        Raises:
+            ConfigError: it is no value of this parameter; the text says what would be right.
+        """
+        parameter = Parameter(self.name, ParameterKind(self.kind), self.default, self.unit, self.least, self.most)
+        value = _scalar(parameter.kind, text)
+        fault = parameter.fault(value)
+        if fault is not None:
+            raise ConfigError(f"{self.name}: {fault}")
+        return value
+
+
+def _scalar(kind: ParameterKind, text: str) -> Scalar:
+    """The text as a value of this kind, or the text itself when it is none."""
+    text = text if kind is ParameterKind.TEXT else text.strip()
+    match kind:
+        case ParameterKind.BOOL:
+            return _TRUTH.get(text.casefold(), text)
+        case ParameterKind.INT | ParameterKind.FLOAT:
+            try:
+                return int(text)
+            except ValueError:
+                pass
+            try:
+                return float(text) if kind is ParameterKind.FLOAT else text
+            except ValueError:
+                return text
+        case ParameterKind.TEXT:
+            return text
+
+
+_TRUTH = {"true": True, "on": True, "yes": True, "1": True, "false": False, "off": False, "no": False, "0": False}
+
+
+@dataclass(frozen=True, slots=True)
+class UserRecord:
+    """Somebody who may log in."""
+
+    name: str
+    role: str
+    """`viewer`, `student`, `teacher` or `administrator`."""
+    password_hash: str
+    """Salted hash; empty: no password will do."""
+    tokens: tuple[tuple[str, str], ...]
+    """Pairs of (what for, hash)."""
+    created_ns: int
+    changed_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class KeyRecord:
+    """A part that has a key; the key itself is told by `Registry.key_of` only."""
+
+    uid: bytes
+    created_ns: int
+    created_by: str
 
 
 def uid_text(uid: bytes) -> str:

@@ -8,26 +8,27 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Self
 
 from sqlalchemy import Connection, Engine
 
 from msbot.config import Blueprint, Library
 from msbot.errors import RegistryError
 from msbot.pnp import PartState
-from msbot.registry import blueprint_store, run_lock, store
-from msbot.registry.engine import WRITE, Address, check_file, make_engine, parse_address, use_write_ahead_log
-from msbot.registry.faults import told_as_registry_error
+from msbot.registry import changes, run_lock, store
+from msbot.registry.editing import Editing
+from msbot.registry.engine import Address, check_file, make_engine, parse_address, use_write_ahead_log
 from msbot.registry.node_ids import StoredNodeIds
-from msbot.registry.records import JournalEntry, PartRecord, RobotRecord, uid_text
+from msbot.registry.records import (
+    JournalEntry,
+    PartRecord,
+    RobotRecord,
+)
 from msbot.registry.robot_store import JOURNAL_ROWS, STRANGERS, RobotStore
 from msbot.registry.schema import Migrations, bring_up_to_date, check_schema, own_migrations
-from msbot.registry.writer import Writer
 
 BUSY_TIMEOUT_S = 2.0
 """So long another program may hold the database before it counts as locked."""
-
-_T = TypeVar("_T")
 
 
 def open_registry(
@@ -74,7 +75,7 @@ def _prepare(engine: Engine, where: Address, migrations: Migrations, *, read_onl
     bring_up_to_date(engine, where, migrations)
 
 
-class Registry:
+class Registry(Editing):
     """An open database; made by `open_registry`, closed by `close` or at the end of a `with`."""
 
     def __init__(
@@ -86,15 +87,9 @@ class Registry:
         busy_timeout_s: float,
         read_only: bool,
     ) -> None:
-        self._address = address
-        self._busy_timeout_s = busy_timeout_s
+        super().__init__(engine, address, epoch_ns, busy_timeout_s=busy_timeout_s, read_only=read_only)
         self._running: dict[int, run_lock.RunLock] = {}
         """Robots that this process runs, by number."""
-        self.database = address.words
-        """The database in words, without a password."""
-        self._engine = engine
-        self._epoch_ns = epoch_ns
-        self._writer = None if read_only else Writer(engine, address.words)
 
     def __enter__(self) -> Self:
         return self
@@ -104,25 +99,18 @@ class Registry:
     ) -> None:
         self.close()
 
-    @property
-    def trouble(self) -> str | None:
-        """Why changes are not being stored at the moment, in words; None when all is well."""
-        return None if self._writer is None else self._writer.trouble
-
-    @property
-    def lost(self) -> int:
-        """Changes that could not be stored and were given up."""
-        return 0 if self._writer is None else self._writer.lost
-
-    def apply_blueprint(self, blueprint: Blueprint, library: Library) -> RobotRecord:
+    def apply_blueprint(self, blueprint: Blueprint, library: Library, who: str = "msbot") -> RobotRecord:
         """Store or update a robot, its slots, bindings, settings and the library, all or nothing.
 
-        Which part sat in which slot, what was set by hand, and the journal stay.
+        Which part sat in which slot, what was set by hand, and the journal stay. If a robot that was there before
+        changes, that is an edit of `who` and can be undone.
 
         Raises:
             RegistryError: the database cannot be written; nothing has changed.
         """
-        return self._write(lambda connection: blueprint_store.apply(connection, blueprint, library, self._epoch_ns()))
+        return self._in_order(
+            lambda connection: changes.apply_blueprint(connection, blueprint, library, who=who, now_ns=self._epoch_ns())
+        )
 
     def store_for(self, robot: RobotRecord) -> RobotStore:
         """The `PartStore` for a run of this robot; parts that were active when the last run ended are lost now.
@@ -139,7 +127,8 @@ class Registry:
             store.end_run(connection, robot.id, "the master was started anew", self._epoch_ns())
 
         self._write(begin)
-        return RobotStore(self._engine, writer, self.database, robot, self._epoch_ns)
+        self._stores[robot.id] = RobotStore(self._engine, writer, self.database, robot, self._epoch_ns)
+        return self._stores[robot.id]
 
     def node_ids(self, robot: RobotRecord, link: str) -> StoredNodeIds:
         """The addresses of the parts on one CAN bus, as `msbot.link.NodeIds`.
@@ -189,19 +178,6 @@ class Registry:
         robot_id = None if robot is None else robot.id
         return self._read(partial(store.read_journal, robot_id=robot_id, part=part, limit=limit))
 
-    def block(self, reason: str, *, uid: bytes = b"", number: str = "") -> None:
-        """Let this UID or part number in no more; an empty reason lets it in again.
-
-        Raises:
-            RegistryError: the database cannot be written.
-        """
-        kind, key = ("uid", uid_text(uid)) if uid else ("number", number)
-        self._write(lambda connection: store.write_block(connection, kind, key, reason, self._epoch_ns()))
-
-    def flush(self, timeout_s: float = 10.0) -> bool:
-        """Wait until everything told so far is stored; False: it cannot be at the moment (see `trouble`)."""
-        return self._writer is None or self._writer.flush(timeout_s)
-
     def close(self) -> None:
         """Store what is waiting and let go of the database."""
         if self._writer is not None:
@@ -219,21 +195,6 @@ class Registry:
             self._open_writer().put(
                 partial(store.end_run, robot_id=robot_id, reason="the master has ended", now_ns=now_ns)
             )
-
-    def _open_writer(self) -> Writer:
-        if self._writer is None:
-            raise RegistryError(f"the database {self.database} was opened for reading only")
-        return self._writer
-
-    def _read(self, read: Callable[[Connection], _T]) -> _T:
-        with told_as_registry_error(self.database), self._engine.connect() as connection:
-            return read(connection)
-
-    def _write(self, write: Callable[[Connection], _T]) -> _T:
-        self._open_writer()
-        engine = self._engine.execution_options(**{WRITE: True})
-        with told_as_registry_error(self.database), engine.connect() as connection, connection.begin():
-            return write(connection)
 
 
 def _without_master(record: PartRecord) -> PartRecord:

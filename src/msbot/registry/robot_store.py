@@ -6,7 +6,7 @@ in memory, so that a robot goes on when its database cannot be used for a while.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeVar
 
@@ -14,7 +14,7 @@ from sqlalchemy import Connection, Engine
 
 from msbot.errors import RegistryError
 from msbot.pnp import Claim, Configuration, PartEvent, PartType, Slot
-from msbot.registry import store
+from msbot.registry import people, places, store
 from msbot.registry.faults import told_as_registry_error
 from msbot.registry.records import RobotRecord, uid_text
 from msbot.registry.writer import Writer
@@ -56,11 +56,16 @@ class RobotStore:
         self._types: dict[str, PartType] = {}
         self._blocks: dict[tuple[str, str], str | None] = {}
         """What `blocked` said last."""
+        self._keys: dict[bytes, bytes | None] = {}
+        """What `key_of` said last."""
         self._configurations: dict[str, Configuration] = {}
         self._sessions: dict[str, int] = {}
         """Identity of each registered part -> its session; another session with that identity is a duplicate."""
         self._written = 0
-        self._remembered: dict[str, str] = self._read(partial(store.remembered_slots, robot_id=robot.id))
+        self._remembered: dict[str, str] = {}
+        self._placed: dict[str, str] = {}
+        for uid, place in self._read(partial(places.read, robot_id=robot.id)).items():
+            self._put_place(uid, place)
         self._slots = self._read(partial(store.list_slots, robot_id=robot.id))
         for slot in self._slots:
             self.configuration(slot.name)
@@ -86,12 +91,45 @@ class RobotStore:
         """See `PartStore.remembered_slot`."""
         return self._remembered.get(uid_text(uid))
 
+    def placed_slot(self, uid: bytes) -> str | None:
+        """See `PartStore.placed_slot`."""
+        return self._placed.get(uid_text(uid))
+
     def remember(self, uid: bytes, slot: str, claim: Claim) -> None:
         """See `PartStore.remember`."""
         if identity := uid_text(uid):
             self._remembered[identity] = slot
             now_ns = self._epoch_ns()
             self._writer.put(lambda connection: store.remember(connection, self.robot.id, claim, slot, now_ns))
+
+    def reread_places(self, uids: Sequence[bytes]) -> None:
+        """A person has said where these parts belong; the registry has stored it.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        names = [uid_text(uid) for uid in uids]
+        for uid, place in self._read(partial(places.read, robot_id=self.robot.id, uids=names)).items():
+            self._put_place(uid, place)
+
+    def _put_place(self, uid: str, place: places.Place) -> None:
+        for memory, slot in zip((self._remembered, self._placed), place, strict=True):
+            if slot is None:
+                memory.pop(uid, None)
+            else:
+                memory[uid] = slot
+
+    def key_of(self, uid: bytes) -> bytes | None:
+        """See `PartStore.key_of`."""
+        try:
+            key = self._read(partial(people.find_key, uid=uid))
+        except RegistryError:
+            if uid in self._keys:
+                return self._keys[uid]
+            raise
+        if len(self._keys) < MOST_IN_MEMORY:
+            self._keys[uid] = key
+        return key
 
     def configuration(self, slot: str) -> Configuration:
         """See `PartStore.configuration`.

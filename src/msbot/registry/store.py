@@ -73,7 +73,7 @@ def find_configuration(connection: Connection, robot_id: int, slot: str) -> Conf
 
 
 def _bindings_of(connection: Connection, slot_id: int) -> tuple[Binding, ...]:
-    query = select(bindings).where(bindings.c.slot_id == slot_id).order_by(bindings.c.id)
+    query = select(bindings).where(bindings.c.slot_id == slot_id, bindings.c.in_use).order_by(bindings.c.id)
     return tuple(
         Binding(row.port, row.topic, row.type_name, row.publishes, row.reliable) for row in connection.execute(query)
     )
@@ -84,16 +84,6 @@ def settings_of(connection: Connection, slot_id: int) -> dict[str, Scalar]:
     rank = case({origin: rank for rank, origin in enumerate(ORIGINS)}, value=settings.c.origin)
     query = select(settings.c.name, settings.c.value).where(settings.c.slot_id == slot_id).order_by(rank)
     return {row.name: row.value for row in connection.execute(query)}
-
-
-def remembered_slots(connection: Connection, robot_id: int) -> dict[str, str]:
-    """UID -> name of the slot it was in last, for slots that are in the blueprint."""
-    query = (
-        select(parts.c.uid, slots.c.name)
-        .join(slots, parts.c.slot_id == slots.c.id)
-        .where(parts.c.robot_id == robot_id, parts.c.uid != "", slots.c.in_blueprint)
-    )
-    return {row.uid: row.name for row in connection.execute(query)}
 
 
 def remember(connection: Connection, robot_id: int, claim: Claim, slot: str, now_ns: int) -> None:

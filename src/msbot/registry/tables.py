@@ -15,10 +15,12 @@ from sqlalchemy import (
     ForeignKey,
     Index,
     Integer,
+    LargeBinary,
     MetaData,
     Table,
     Text,
     UniqueConstraint,
+    true,
 )
 
 metadata = MetaData(
@@ -83,6 +85,14 @@ bindings = Table(
     Column("port", Text, nullable=False, comment="the part's own name for it"),
     Column("publishes", Boolean, nullable=False, comment="true: the port writes the topic; false: it reads it"),
     Column("reliable", Boolean, nullable=False, comment="false: best effort"),
+    Column("origin", Text, nullable=False, server_default="blueprint", comment="blueprint or hand: who made it"),
+    Column(
+        "in_use",
+        Boolean,
+        nullable=False,
+        server_default=true(),
+        comment="false: taken away by hand; kept so that applying the blueprint does not bring it back",
+    ),
     UniqueConstraint("slot_id", "port", "topic", "publishes"),
     Index("ix_bindings_robot_id", "robot_id"),
 )
@@ -95,6 +105,7 @@ settings = Table(
     Column("origin", Text, primary_key=True, comment="library, blueprint or hand: the later one of these holds"),
     Column("value", JSON, nullable=False, comment="number, truth value or text"),
     Column("changed_ns", BigInteger, nullable=False, comment="when it got this value"),
+    Column("who", Text, nullable=False, server_default="", comment="who set it by hand; empty for other origins"),
 )
 
 library = Table(
@@ -122,6 +133,11 @@ parts = Table(
     Column("part_number", Text, nullable=False, comment="part number it showed last"),
     Column("local_name", Text, nullable=False, comment="local name it showed last"),
     Column("slot_id", ForeignKey("slots.id", ondelete="SET NULL"), comment="slot it is in, or was in last"),
+    Column(
+        "placed_slot_id",
+        ForeignKey("slots.id", ondelete="SET NULL"),
+        comment="slot a person has put it into; goes before all rules",
+    ),
     Column("state", Text, nullable=False, comment="state after its last change"),
     Column("reason", Text, nullable=False, comment="why it is in that state"),
     Column("address", Text, nullable=False, comment="where it was heard last, in words"),
@@ -167,4 +183,42 @@ node_ids = Table(
     Column("uid", Text, nullable=False, comment="UID of the part that has it"),
     Column("kept_ns", BigInteger, nullable=False, comment="when it was given or confirmed last; counts up"),
     UniqueConstraint("robot_id", "link", "uid"),
+)
+
+edits = Table(
+    "edits",
+    metadata,
+    Column("id", BigId, primary_key=True, comment="counts up with every edit"),
+    Column("robot_id", ForeignKey("robots.id", ondelete="CASCADE"), comment="the robot it changed; empty: all of them"),
+    Column("at_ns", BigInteger, nullable=False, comment="when it was made"),
+    Column("who", Text, nullable=False, comment="who made it"),
+    Column("kind", Text, nullable=False, comment="value, place, block, bind, apply, user, key, or undo"),
+    Column("slot", Text, nullable=False, comment="name of the slot it is about, empty when it is about none"),
+    Column("words", Text, nullable=False, comment="what it did, in words"),
+    Column("before", JSON, nullable=False, comment="what it changed, as it was before"),
+    Column("after", JSON, nullable=False, comment="the same, as it is after"),
+    Column("undone_by", BigId, comment="number of the edit that took it back"),
+    Index("ix_edits_robot_id", "robot_id", "id"),
+)
+
+users = Table(
+    "users",
+    metadata,
+    Column("name", Text, primary_key=True, comment="name to log in with"),
+    Column("role", Text, nullable=False, comment="viewer, student, teacher or administrator"),
+    Column("password_hash", Text, nullable=False, comment="salted hash of the password, empty when there is none"),
+    Column(
+        "token_hashes", JSON, nullable=False, comment="list of [what for, hash] of the tokens that stand for a password"
+    ),
+    Column("created_ns", BigInteger, nullable=False, comment="when the user was added"),
+    Column("changed_ns", BigInteger, nullable=False, comment="when role, password or tokens changed last"),
+)
+
+keys = Table(
+    "keys",
+    metadata,
+    Column("uid", Text, primary_key=True, comment="UID of the part"),
+    Column("key", LargeBinary, nullable=False, comment="the secret that the part proves to know"),
+    Column("created_ns", BigInteger, nullable=False, comment="when it was made"),
+    Column("created_by", Text, nullable=False, comment="who made it"),
 )

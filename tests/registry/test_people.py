@@ -1,0 +1,85 @@
+"""Users and keys: kept, changed, removed; who did it is recorded."""
+
+import pytest
+
+from msbot.config import Blueprint, Library
+from msbot.errors import ConfigError
+from msbot.registry import ROLES, KeyRecord, Registry
+from tests.registry.events import UID
+
+SECRET = bytes(range(16))
+
+
+def test_a_user_is_added_changed_and_removed(registry: Registry) -> None:
+    assert registry.users() == []
+    registry.keep_user("ann", "administrator", "setup", password_hash="salt")
+    edit = registry.keep_user("bob", "student", "ann", password_hash="", tokens=(("tablet", "abc"),))
+    assert (edit.kind, edit.who, edit.words) == ("user", "ann", "user bob added as student")
+    bob = registry.user("bob")
+    assert bob is not None
+    assert (bob.name, bob.role, bob.password_hash, bob.tokens) == ("bob", "student", "", (("tablet", "abc"),))
+    words = [
+        registry.keep_user("bob", "teacher", "ann", password_hash="").words,
+        registry.keep_user("bob", "teacher", "ann", password_hash="pepper").words,
+        registry.keep_user("bob", "teacher", "ann", password_hash="pepper", tokens=(("desk", "def"),)).words,
+        registry.remove_user("bob", "ann").words,
+    ]
+    assert words == [
+        "user bob is teacher now; was student",
+        "user bob changed: password",
+        "user bob changed: tokens",
+        "user bob (teacher) removed",
+    ]
+    assert [user.name for user in registry.users()] == ["ann"]
+    assert registry.user("bob") is None
+    assert [edit.words for edit in registry.edits(None, 3)] == words[:0:-1]
+
+
+def test_somebody_stays_administrator(registry: Registry) -> None:
+    registry.keep_user("ann", "administrator", "setup", password_hash="salt")
+    words = "ann is the only administrator: make somebody else administrator first"
+    with pytest.raises(ConfigError, match=words):
+        registry.remove_user("ann", "ann")
+    with pytest.raises(ConfigError, match=words):
+        registry.keep_user("ann", "viewer", "ann", password_hash="salt")
+    registry.keep_user("bob", "administrator", "ann", password_hash="")
+    registry.remove_user("ann", "bob")
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "sentence"),
+    [
+        ("ann", "king", f"there is no role 'king'; there are {', '.join(ROLES)}"),
+        (" ", "viewer", "' ' is no name for a user: use letters"),
+        ("a\nb", "viewer", "'a\\\\nb' is no name for a user: use letters"),
+    ],
+)
+def test_a_user_that_cannot_be(registry: Registry, name: str, role: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        registry.keep_user(name, role, "x", password_hash="")
+    with pytest.raises(ConfigError, match="there is no user"):
+        registry.remove_user(name, "x")
+    assert registry.edits(None) == []
+
+
+def test_a_part_has_one_key(registry: Registry, blueprint: Blueprint, library: Library) -> None:
+    store = registry.store_for(registry.apply_blueprint(blueprint, library))
+    assert (registry.key_of(UID), store.key_of(UID)) == (None, None)
+    assert registry.keep_key(UID, b"old", "ann").words == f"part {UID.hex()} has a key"
+    edit = registry.keep_key(UID, SECRET, "ann")
+    assert (edit.kind, edit.words) == ("key", f"part {UID.hex()} has another key")
+    assert (registry.key_of(UID), store.key_of(UID)) == (SECRET, SECRET)
+    (key,) = registry.keys()
+    assert key == KeyRecord(UID, key.created_ns, "ann")
+    assert registry.remove_key(UID, "ann").words == f"the key of part {UID.hex()} is removed"
+    assert registry.key_of(UID) is None
+    with pytest.raises(ConfigError, match="has no key"):
+        registry.remove_key(UID, "ann")
+    with pytest.raises(ConfigError, match="a part without a UID cannot have a key"):
+        registry.keep_key(bytes(8), SECRET, "ann")
+
+
+def test_the_secret_stands_in_no_edit(registry: Registry) -> None:
+    registry.keep_key(UID, SECRET, "ann")
+    registry.keep_user("ann", "administrator", "setup", password_hash="salted hash")
+    assert [name for name in ("salted hash", SECRET.hex()) if name in str(registry.edits(None))] == []
