@@ -25,6 +25,7 @@ from msbot.pnp.parts import (
     Verdict,
 )
 from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
+from msbot.pnp.seating import TakeOver
 from msbot.pnp.services import InventoryService, MasterService
 
 __all__ = [
@@ -57,6 +58,7 @@ __all__ = [
     "Profile",
     "Refusal",
     "Slot",
+    "TakeOver",
     "Timing",
     "Verdict",
     "forecast",

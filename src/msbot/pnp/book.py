@@ -41,6 +41,9 @@ class Book:
         """All parts that are shown, in order of appearance."""
         self.holders: dict[str, Record] = {}
         """By slot name: who holds it."""
+        self.barred: dict[Record, str] = {}
+        """Parts that a person took out of a slot -> that slot, which they do not get by themselves before somebody
+        else has held it."""
         self._by_lease: dict[int, Record] = {}
         self._by_identity: dict[bytes, Record] = {}
         self._ended: dict[Record, None] = {}
@@ -65,6 +68,14 @@ class Book:
             self.forget(old)
         self._by_identity[identity] = record
 
+    def is_newest(self, record: Record) -> bool:
+        """Whether no other session has shown the record's identity after it."""
+        return self._by_identity.get(record.identity) is record
+
+    def has_identity(self, identity: bytes) -> bool:
+        """Whether some part, there or gone, has shown this identity."""
+        return identity in self._by_identity
+
     def rival(self, record: Record, identity: bytes) -> Record | None:
         """Another record of the same identity that holds a slot, or None."""
         other = self._by_identity.get(identity)
@@ -73,6 +84,7 @@ class Book:
     def grant(self, record: Record, slot: str) -> None:
         """Give a part a slot and a new lease."""
         self.holders[slot] = record
+        self.barred = {other: name for other, name in self.barred.items() if name != slot and other is not record}
         record.slot, record.holds_slot = slot, True
         self.void_lease(record)
         while record.lease == 0 or record.lease in self._by_lease:
@@ -124,6 +136,7 @@ class Book:
         if session is not None and session.record is record:
             session.record = None
         self._ended.pop(record, None)
+        self.barred.pop(record, None)
         self.records.pop(record, None)
         if self._by_identity.get(record.identity) is record:
             del self._by_identity[record.identity]

@@ -7,6 +7,7 @@ old session gives a sign of life after the contest began, the newcomer is a dupl
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from msbot.errors import RegistryError
@@ -18,6 +19,12 @@ from msbot.pnp.record import Contest, Record
 
 PENDING = Verdict()
 """Not decided: nothing is answered."""
+
+ADOPTABLE = frozenset({Refusal.UNKNOWN_PART, Refusal.WRONG_ROBOT, Refusal.NO_SLOT})
+"""What a person can overrule by putting the part into a slot."""
+
+Adopter = Callable[[Claim, Match], str | None]
+"""Asked about a part that would be turned away for an `ADOPTABLE` reason: the free slot it gets all the same."""
 
 
 class Claims:
@@ -37,6 +44,7 @@ class Claims:
         self._matcher = matcher
         self._ledger = ledger
         self._timing = timing
+        self.adopter: Adopter | None = None
 
     def claim(self, session: Session, claim: Claim, now: float) -> Verdict:
         """Decide on a claim that came through a session."""
@@ -61,6 +69,24 @@ class Claims:
         record.contest = None
         self._book.identify(record, identity)
         return self._decide(record, claim, now)
+
+    def refuse(self, session: Session, claim: Claim | None, match: Match, now: float) -> Verdict:
+        """Turn a claim away whose proof is missing or wrong; whoever holds a slot is not disturbed by it.
+
+        Anybody can say anything before it is proved: no slot is vacated, no identity taken over, no contest begun.
+        """
+        record = session.record or self._ledger.appear(session, now)
+        if record.holds_slot:
+            if record.refusal is not match.refusal:
+                record.refusal = match.refusal
+                self._ledger.note(record, now, match.reason, match.evidence)
+            return Verdict(refusal=match.refusal)
+        record.heard_at = now
+        if claim is not None:
+            record.claim = _presentable(claim)
+            if claim.uid and not self._book.has_identity(claim.uid):
+                self._book.identify(record, claim.uid)
+        return self._turn_away(record, match, now)
 
     def sign_of_life(self, record: Record, now: float, *, is_beat: bool) -> None:
         """A registered part was heard: full life status; a late one is active again."""
@@ -114,7 +140,7 @@ class Claims:
 
     def _decide(self, record: Record, claim: Claim, now: float) -> Verdict:
         self._ledger.vacate(record)
-        match = self._matcher.match(claim)
+        match = self._adopted(claim, self._matcher.match(claim, barred=self._book.barred.get(record, "")))
         if match.slot is None:
             return self._turn_away(record, match, now)
         slot = match.slot.name
@@ -129,14 +155,20 @@ class Claims:
             return self._turn_away(record, refused, now)
         return self._register(record, configuration, match, now)
 
+    def _adopted(self, claim: Claim, match: Match) -> Match:
+        """What a person says about a part that the rules turn away, if anybody is asked."""
+        if self.adopter is None or match.refusal not in ADOPTABLE or (slot := self.adopter(claim, match)) is None:
+            return match
+        found = self._matcher.free_slot(slot)
+        if found is None:
+            return match
+        reason = f"adopted: a person has said that the next newcomer belongs into slot {slot}"
+        return Match(PartState.ACTIVE, reason, (*match.evidence, ("a person decided", reason)), found)
+
     def _register(self, record: Record, configuration: Configuration, match: Match, now: float) -> Verdict:
         self._check(record, now)
-        self._matcher.take(configuration.slot)
-        self._book.grant(record, configuration.slot)
-        record.configuration, record.refusal = configuration, None
-        record.life.register(now)
         record.plug_in_to_active_s = now - (now if record.plugged_in_at is None else record.plugged_in_at)
-        self._ledger.move(record, PartState.ACTIVE, now, match.reason, match.evidence)
+        self._ledger.seat(record, configuration, now, match.reason, match.evidence)
         return _verdict(record)
 
     def _turn_away(self, record: Record, match: Match, now: float) -> Verdict:

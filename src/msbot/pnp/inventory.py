@@ -12,13 +12,15 @@ Everything is told by values: verdicts to the asker, events to the subscribers a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from random import Random
 
+from msbot.errors import LocalProtocolError
 from msbot.pnp.book import Book, Session
-from msbot.pnp.claims import PENDING, Claims
+from msbot.pnp.claims import PENDING, Adopter, Claims
 from msbot.pnp.ledger import Ledger
-from msbot.pnp.matching import Matcher
+from msbot.pnp.matching import Match, Matcher
 from msbot.pnp.parts import (
     THESIS_TIMING,
     Claim,
@@ -27,10 +29,12 @@ from msbot.pnp.parts import (
     PartInfo,
     PartState,
     PartStore,
+    Standing,
     Timing,
     Verdict,
 )
 from msbot.pnp.record import Record
+from msbot.pnp.seating import PLACEABLE, Seating, TakeOver
 
 STANDBY_SILENCE_S = 6.0
 """A part that stands by and claims no more for that long, or for the longest detection time, is gone."""
@@ -61,6 +65,8 @@ class Inventory:
         self._book = Book(random, timing, keep_ended=keep_ended)
         self._ledger = Ledger(store, self._book, self._matcher)
         self._claims = Claims(store, self._book, self._matcher, self._ledger, timing)
+        self._seating = Seating(store, self._book, self._matcher, self._ledger)
+        self._take_over_handlers: list[Callable[[TakeOver], None]] = []
         self._tick_at = now + timing.tick_s
         self._watch_at = now + timing.beat_s / 2
 
@@ -73,6 +79,28 @@ class Inventory:
     def on_rights(self, handler: Callable[[int], None]) -> None:
         """Call the handler with the key of every client whose topics may have changed."""
         self._ledger.rights_handlers.append(handler)
+
+    def on_partner(self, handler: Callable[[int, str, bool], None]) -> None:
+        """Call the handler with (client key, topic, is there) when what a registered part reads has no publisher any
+        more, and when it has one again."""
+        self._ledger.partner_handlers.append(handler)
+
+    def on_take_over(self, handler: Callable[[TakeOver], None]) -> None:
+        """Call the handler when a part that stood by has got the slot of another one."""
+        self._take_over_handlers.append(handler)
+
+    def set_adopter(self, adopter: Adopter | None) -> None:
+        """Ask that about every part that would be turned away though a person could let it in; None = nobody."""
+        self._claims.adopter = adopter
+
+    def find(self, word: str, now: float) -> list[PartInfo]:
+        """Parts a person may mean by a word: name, slot, part number, UID, address or client key."""
+        return [record.info(now, self._book.slot_of(record)) for record in self._book.find(word)]
+
+    def holder(self, slot: str, now: float) -> PartInfo | None:
+        """The part that holds a slot."""
+        record = self._book.holders.get(slot)
+        return None if record is None else record.info(now, slot)
 
     def view(self, now: float) -> list[PartInfo]:
         """All parts that are there or were there lately, in order of appearance."""
@@ -92,6 +120,15 @@ class Inventory:
         if session is None or session.record is None or not session.record.is_registered:
             return None
         return session.record.configuration
+
+    def standing_of(self, client_key: int) -> Standing | None:
+        """How the part behind a session stands; None: there is no such session, or no part behind it."""
+        session = self._book.sessions.get(client_key)
+        record = None if session is None else session.record
+        if record is None or record.state is None:
+            return None
+        version = 0 if record.configuration is None else record.configuration.version
+        return Standing(record.state, record.lease, version)
 
     # Sessions
 
@@ -117,7 +154,7 @@ class Inventory:
             self._reopen(session, session.record, now)
         elif not quiet:
             self._ledger.appear(session, now)
-        self._ledger.publish()
+        self._publish(now)
 
     def client_left(self, key: int, reason: str, now: float, *, politely: bool) -> None:
         """A session has ended: goodbye (`politely`), or seen to vanish; `reason` in words."""
@@ -131,14 +168,14 @@ class Inventory:
                 record, PartState.LOST if lost else PartState.LEFT, now, reason, (("session ended", reason),)
             )
         self._book.detach(record)
-        self._ledger.publish()
+        self._publish(now)
 
     def profile_asked(self, key: int, now: float) -> None:
         """A client has asked to read the profile: step 1 has begun."""
         session = self._book.sessions.get(key)
         if session is not None and session.record is not None and session.record.state is PartState.NEW:
             self._ledger.move(session.record, PartState.CHECKING, now, "reads the robot's profile (step 1)")
-            self._ledger.publish()
+            self._publish(now)
 
     # Parts
 
@@ -149,7 +186,24 @@ class Inventory:
             self._drop("claim of a client without a session")
             return PENDING
         verdict = self._claims.claim(session, claim, now)
-        self._ledger.publish()
+        self._publish(now)
+        return verdict
+
+    def refuse(self, claim: Claim | None, client_key: int, match: Match, now: float) -> Verdict:
+        """Turn a claim away that was not proved (key mode); a part that is in stays in, and it is only noted.
+
+        Args:
+            claim: what was claimed; None: nobody knows, there was only a proof.
+            client_key: whose session it came through.
+            match: why.
+            now: the present time.
+        """
+        session = self._book.sessions.get(client_key)
+        if session is None:
+            self._drop("claim of a client without a session")
+            return PENDING
+        verdict = self._claims.refuse(session, claim, match, now)
+        self._publish(now)
         return verdict
 
     def beat(self, lease: int, client_key: int, now: float) -> int:
@@ -161,7 +215,7 @@ class Inventory:
             return 0
         version = record.configuration.version
         self._claims.sign_of_life(record, now, is_beat=True)
-        self._ledger.publish()
+        self._publish(now)
         return version
 
     def configuration_request(self, lease: int, client_key: int) -> Configuration | None:
@@ -175,7 +229,7 @@ class Inventory:
     # What people change
 
     def configuration_changed(self, slot: str) -> None:
-        """Read a slot's configuration again; its part fetches it after its next beat.
+        """Read a slot's configuration again; its part is told at once.
 
         Raises:
             RegistryError: it cannot be read.
@@ -185,6 +239,79 @@ class Inventory:
             record.configuration = self._store.configuration(slot)
             self._ledger.rights_changed(record)
             self._ledger.publish()
+
+    def rearrange(self, moves: Mapping[int, str | None], now: float, reason: str) -> None:
+        """Put parts into slots, all at once, as a person decided; whoever held such a slot stands by.
+
+        Args:
+            moves: client key of the part -> its slot from now on; None: out of the one it holds.
+            now: the present time.
+            reason: what a person did, in words.
+
+        Raises:
+            LocalProtocolError: no such part or slot, or the part cannot be moved now.
+            RegistryError: a configuration cannot be read; nothing has changed.
+        """
+        records: dict[Record, str | None] = {}
+        for key, slot in moves.items():
+            session = self._book.sessions.get(key)
+            record = None if session is None else session.record
+            if record is None or record.state not in PLACEABLE:
+                state = "not there" if record is None or record.state is None else record.state.value
+                raise LocalProtocolError(f"the part of client {key:08X} is {state} and cannot be moved")
+            if slot is not None and not self._matcher.has(slot):
+                raise LocalProtocolError(f"there is no slot {slot}")
+            records[record] = slot
+        self._seating.rearrange(records, now, reason)
+        self._publish(now)
+
+    def blocks_changed(self, now: float) -> None:
+        """Delist every part that is blocked by now.
+
+        Raises:
+            RegistryError: the blocks cannot be read.
+        """
+        for record in list(self._book.records):
+            is_in = record.is_registered or record.state is PartState.STANDBY
+            if is_in and record.claim is not None:
+                why = self._store.blocked(record.claim.uid, record.claim.part_number)
+                if why is not None:
+                    self._seating.block(record, why, now)
+        self._publish(now)
+
+    def place(self, places: Iterable[tuple[bytes, str | None]]) -> None:
+        """Note where a person wants these UIDs, whatever the library says of them; None: wherever the rules say."""
+        for uid, slot in places:
+            if slot is None:
+                self._matcher.placed.pop(uid, None)
+            else:
+                self._matcher.placed[uid] = slot
+
+    def slot_names(self) -> tuple[str, ...]:
+        """The slots of the robot, in its order."""
+        return self._matcher.names()
+
+    def number_of(self, slot: str) -> str:
+        """The part number that a slot takes; empty when there is no such slot."""
+        found = self._matcher.slot(slot)
+        return "" if found is None else found.part_number
+
+    def blocked(self, uid: bytes, number: str) -> str | None:
+        """Why this part, or its number, is blocked.
+
+        Raises:
+            RegistryError: the blocks cannot be read.
+        """
+        return self._store.blocked(uid, number)
+
+    def fits(self, number: str, slot: str) -> bool:
+        """Whether the library says that parts of this number can fill the slot.
+
+        Raises:
+            RegistryError: the library cannot be read.
+        """
+        found = self._matcher.slot(slot)
+        return found is not None and self._matcher.fits(number, found)
 
     def reload(self, now: float) -> None:
         """Read the slots again; a part whose slot is no more is delisted.
@@ -196,7 +323,7 @@ class Inventory:
         for slot, record in list(self._book.holders.items()):
             if not self._matcher.has(slot):
                 self._ledger.retire(record, PartState.LOST, now, f"the robot has no slot {slot} any more")
-        self._ledger.publish()
+        self._publish(now)
 
     # Time
 
@@ -218,7 +345,7 @@ class Inventory:
             if self._tick_at <= now:
                 self._tick_at = now + self.timing.tick_s
             self._tick(now)
-        self._ledger.publish()
+        self._publish(now)
 
     def _watch(self, now: float) -> None:
         patience = max(STANDBY_SILENCE_S, self.timing.longest_detection_s)
@@ -250,6 +377,12 @@ class Inventory:
         record.address, record.plugged_in_at, record.contest = session.address, session.plugged_in_at, None
         if record.state not in (PartState.NEW, PartState.CHECKING):
             self._ledger.move(record, PartState.CHECKING, now, "opened its session again: both steps from the start")
+
+    def _publish(self, now: float) -> None:
+        for taken in self._seating.fill(now):
+            for handler in self._take_over_handlers:
+                self._ledger.later(partial(handler, taken))
+        self._ledger.publish()
 
     def _note_return(self, client_key: int, now: float) -> None:
         """A delisted part is back on its open session: its way to `active` begins here."""

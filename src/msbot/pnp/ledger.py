@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 
 from msbot.pnp.book import Book, Session
 from msbot.pnp.matching import Matcher
-from msbot.pnp.parts import Evidence, PartEvent, PartState, PartStore
+from msbot.pnp.partners import Partners
+from msbot.pnp.parts import Configuration, Evidence, PartEvent, PartState, PartStore, Refusal
 from msbot.pnp.record import Record
 
 
@@ -26,9 +28,14 @@ class Ledger:
         self._matcher = matcher
         self._events: deque[PartEvent] = deque()
         self._changed: deque[int] = deque()
+        self._later: deque[Callable[[], None]] = deque()
+        self._partners = Partners()
         self._is_publishing = False
+        self.freed: dict[str, Record] = {}
+        """Slots that fell free and were not given away yet -> who held them."""
         self.event_handlers: list[Callable[[PartEvent], None]] = []
         self.rights_handlers: list[Callable[[int], None]] = []
+        self.partner_handlers: list[Callable[[int, str, bool], None]] = []
 
     def appear(self, session: Session, now: float) -> Record:
         """A part is there: nothing is known but its session."""
@@ -45,11 +52,18 @@ class Ledger:
         if was_registered != record.is_registered:
             self.rights_changed(record)
 
+    def note(self, record: Record, now: float, reason: str, evidence: Evidence = ()) -> None:
+        """Journal something about a part that changes nothing about it."""
+        event = record.note(now, reason, evidence)
+        self._store.journal(event)
+        self._events.append(event)
+
     def vacate(self, record: Record) -> None:
         """End a part's lease and hold on its slot."""
         slot = self._book.vacate(record)
         if slot is not None:
             self._matcher.release(slot)
+            self.freed[slot] = record
 
     def retire(self, record: Record, to: PartState, now: float, reason: str, evidence: Evidence = ()) -> None:
         """Delist a part."""
@@ -58,30 +72,61 @@ class Ledger:
         record.plugged_in_at = record.contest = None
         self.move(record, to, now, reason, evidence)
 
+    def seat(
+        self, record: Record, configuration: Configuration, now: float, reason: str, evidence: Evidence = ()
+    ) -> None:
+        """Register a part: it gets the free slot of that configuration, a new lease and full life status."""
+        self._matcher.take(configuration.slot)
+        self._book.grant(record, configuration.slot)
+        record.configuration, record.refusal, record.contest = configuration, None, None
+        record.life.register(now)
+        self.move(record, PartState.ACTIVE, now, reason, evidence)
+
+    def turn_away(self, record: Record, refusal: Refusal, now: float, reason: str, evidence: Evidence = ()) -> None:
+        """Take a part's place in the robot away, though it is there; what it held must be vacated already."""
+        to = PartState.STANDBY if refusal is Refusal.NO_SLOT else PartState.REFUSED
+        record.slot, record.refusal = None, refusal
+        record.life.stop()
+        record.plugged_in_at, record.heard_at = None, now
+        self.move(record, to, now, reason, evidence)
+
     def rights_changed(self, record: Record) -> None:
         """Note that the topics a part may use have changed."""
         self._changed.append(record.client_key)
+        self._partners.touch(record)
+
+    def later(self, tell: Callable[[], None]) -> None:
+        """Call that after all rights and events have been told."""
+        self._later.append(tell)
 
     def publish(self) -> None:
         """Tell everything that has happened; rights first, events in order.
 
         Handlers may call the inventory again; what comes of that is told after what they were told.
         """
+        for key, topic, is_there in self._partners.settle():
+            self.later(partial(self._tell_partner, key, topic, is_there))
         if self._is_publishing:
             return
         self._is_publishing = True
         try:
-            while self._changed or self._events:
+            while self._changed or self._events or self._later:
                 self._tell_next()
         finally:
             self._is_publishing = False
+
+    def _tell_partner(self, key: int, topic: str, is_there: bool) -> None:
+        for handler in self.partner_handlers:
+            handler(key, topic, is_there)
 
     def _tell_next(self) -> None:
         if self._changed:
             key = self._changed.popleft()
             for tell in self.rights_handlers:
                 tell(key)
-        else:
+        elif self._events:
             event = self._events.popleft()
             for handler in self.event_handlers:
                 handler(event)
+        else:
+            self._later.popleft()()

@@ -3,13 +3,14 @@
 The rules, in this order; every one that is tried leaves a line of evidence, so that `msbot why` can tell the chain:
 
 1. The claim can be read at all.
-2. The part number is in the library.
-3. Neither the part nor its number is blocked.
-4. The robot has slots for this number: exactly this one, then those its type is compatible with.
-5. The same UID as before gets its old slot.
-6. Exactly one free slot fits: that one.
-7. Several fit: the local name decides.
-8. Otherwise the part stands by.
+2. Neither the part nor its number is blocked.
+3. A person has put this very part into a slot: that one, whatever the library says.
+4. The part number is in the library.
+5. The robot has slots for this number: exactly this one, then those its type is compatible with.
+6. The same UID as before gets its old slot.
+7. Exactly one free slot fits: that one.
+8. Several fit: the local name decides.
+9. Otherwise the part stands by.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ class Matcher:
     """
 
     def __init__(self, store: PartStore) -> None:
+        self.placed: dict[bytes, str] = {}
+        """UID -> the slot a person put that part into, whatever the library says."""
         self._store = store
         self._by_name: dict[str, Slot] = {}
         self._by_number: dict[str, dict[str, Slot]] = {}
@@ -70,6 +73,28 @@ class Matcher:
         """Whether the robot has a slot of that name."""
         return slot in self._by_name
 
+    def names(self) -> tuple[str, ...]:
+        """The slots of the robot, in its order."""
+        return tuple(self._by_name)
+
+    def slot(self, name: str) -> Slot | None:
+        """The slot of that name."""
+        return self._by_name.get(name)
+
+    def free_slot(self, name: str) -> Slot | None:
+        """The slot of that name, if nobody holds it."""
+        slot = self._by_name.get(name)
+        return slot if slot is not None and name in self._free.get(slot.part_number, {}) else None
+
+    def fits(self, number: str, slot: Slot) -> bool:
+        """Whether the library says that parts of this number can fill the slot.
+
+        Raises:
+            RegistryError: the library cannot be read.
+        """
+        part_type = self._store.part_type(number)
+        return part_type is not None and slot.part_number in (part_type.number, *part_type.compatible_with)
+
     def take(self, slot: str) -> None:
         """Note that a slot is held from now on."""
         self._free.get(self._by_name[slot].part_number, {}).pop(slot, None)
@@ -80,26 +105,34 @@ class Matcher:
         if known is not None:
             self._free.setdefault(known.part_number, {})[slot] = known
 
-    def match(self, claim: Claim) -> Match:
-        """Try the rules on a claim; never raises."""
+    def match(self, claim: Claim, *, barred: str = "") -> Match:
+        """Try the rules on a claim; never raises.
+
+        Args:
+            claim: what the part says of itself.
+            barred: a slot that it does not get by itself, because a person took it out of there.
+        """
         fault = _fault_of(claim)
         if fault is not None:
             return _refused(Refusal.BAD_CLAIM, fault, (("readable", fault),))
         try:
-            return self._match(claim)
+            return self._match(claim, barred)
         except RegistryError as error:
             return _refused(Refusal.NOT_READY, f"{Refusal.NOT_READY.words}: {error}", (("registry", str(error)),))
 
-    def _match(self, claim: Claim) -> Match:
+    def _match(self, claim: Claim, barred: str) -> Match:
         number, uid = claim.part_number, claim.uid
         evidence: list[tuple[str, str]] = [("claim", _describe(claim))]
+        blocked = self._store.blocked(uid, number)
+        if blocked is not None:
+            return _refuse(evidence, Refusal.BLOCKED, f"blocked: {blocked}")
+        placed = self._placed(uid, barred, evidence)
+        if placed is not None:
+            return _found(evidence, placed, f"a person has put this part into slot {placed.name}")
         part_type = self._store.part_type(number)
         if part_type is None:
             return _refuse(evidence, Refusal.UNKNOWN_PART, f"part number {number} is not in the library")
         evidence.append(("library", f"{number} is a {part_type.name}".rstrip()))
-        blocked = self._store.blocked(uid, number)
-        if blocked is not None:
-            return _refuse(evidence, Refusal.BLOCKED, f"blocked: {blocked}")
         evidence.append(("blocked", "no"))
         tiers = self._tiers(part_type)
         if not tiers:
@@ -109,17 +142,28 @@ class Matcher:
                 f"{number} ({part_type.name}) is known, but this robot has no slot for it",
             )
         evidence.append(("slots", _list_slots(self._by_number, tiers)))
-        old = self._old_slot(uid, tiers, evidence)
+        old = self._old_slot(uid, tiers, barred, evidence)
         if old is not None:
             return _found(evidence, old, f"same UID as before: back in its slot {old.name}")
-        return self._among_free(claim, tiers, evidence)
+        return self._among_free(claim, tiers, barred, evidence)
 
     def _tiers(self, part_type: PartType) -> list[str]:
         """Part numbers whose slots fit, the best first."""
         numbers = dict.fromkeys((part_type.number, *part_type.compatible_with))
         return [number for number in numbers if number in self._by_number]
 
-    def _old_slot(self, uid: bytes, tiers: list[str], evidence: list[tuple[str, str]]) -> Slot | None:
+    def _placed(self, uid: bytes, barred: str, evidence: list[tuple[str, str]]) -> Slot | None:
+        """The slot a person put the part into, if it can be had."""
+        name = self.placed.get(uid) if uid else None
+        if name is None or name == barred:
+            return None
+        slot = self.free_slot(name)
+        if slot is None:
+            state = "is held by another part" if name in self._by_name else "the robot does not have any more"
+            evidence.append(("put there by a person", f"into slot {name}, which {state}"))
+        return slot
+
+    def _old_slot(self, uid: bytes, tiers: list[str], barred: str, evidence: list[tuple[str, str]]) -> Slot | None:
         name = self._store.remembered_slot(uid) if uid else None
         if name is None:
             evidence.append(("same UID as before", "never seen here" if uid else "the part has no UID"))
@@ -128,15 +172,22 @@ class Matcher:
         if slot is None or slot.part_number not in tiers:
             evidence.append(("same UID as before", f"was in slot {name}, which does not take this number now"))
             return None
+        if name == barred:
+            evidence.append(("same UID as before", f"was in slot {name}, and a person took it out of there"))
+            return None
         if name not in self._free.get(slot.part_number, {}):
             evidence.append(("same UID as before", f"was in slot {name}, which is held by another part"))
             return None
         return slot
 
-    def _among_free(self, claim: Claim, tiers: list[str], evidence: list[tuple[str, str]]) -> Match:
+    def _among_free(self, claim: Claim, tiers: list[str], barred: str, evidence: list[tuple[str, str]]) -> Match:
         free = next((self._free[number] for number in tiers if self._free.get(number)), None)
-        if free is None:
-            return _stand_by(evidence, "every fitting slot is taken")
+        if free is not None and barred in free:
+            free = {name: slot for name, slot in free.items() if name != barred}
+            evidence.append((f"slot {barred}", "a person took this part out of it"))
+        if not free:
+            wait = f"a person took it out of slot {barred}, and no other is free: adopt it, or plug it in anew"
+            return _stand_by(evidence, wait if barred else "every fitting slot is taken")
         if len(free) == 1:
             slot = next(iter(free.values()))
             return _found(evidence, slot, f"slot {slot.name} is the one free slot that fits")

@@ -53,6 +53,10 @@ class Refusal(IntEnum):
     WRONG_ROBOT = 5
     BAD_CLAIM = 6
     NOT_READY = 7
+    WRONG_KEY = 8
+    KEY_NEEDED = 9
+    NO_KEY = 10
+    REPLAYED = 11
 
     @property
     def words(self) -> str:
@@ -68,6 +72,10 @@ _REFUSAL_WORDS = {
     Refusal.WRONG_ROBOT: "this robot has no slot for this part number",
     Refusal.BAD_CLAIM: "the claim makes no sense",
     Refusal.NOT_READY: "the inventory cannot read its registry",
+    Refusal.WRONG_KEY: "the part's key is not the one on file for its UID",
+    Refusal.KEY_NEEDED: "this robot asks for keys, and the part proves none",
+    Refusal.NO_KEY: "this robot asks for keys, and has none for this part",
+    Refusal.REPLAYED: "an old proof was shown again, or one that nobody asked for",
 }
 
 
@@ -205,6 +213,16 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
+class Standing:
+    """How the part behind a session stands now, in a few words for itself."""
+
+    state: PartState
+    lease: int
+    """0 = it holds none."""
+    configuration_version: int
+
+
+@dataclass(frozen=True, slots=True)
 class PartEvent:
     """One change of one part's state."""
 
@@ -262,6 +280,8 @@ class PartInfo:
     refused_claims: int
     duplicates: tuple[str, ...]
     """Addresses of refused devices that show the same UID."""
+    refusal: Refusal | None = None
+    """Why it has no lease, for one that is refused or stands by."""
 
 
 class PartStore(Protocol):
@@ -289,6 +309,9 @@ class PartStore(Protocol):
     def blocked(self, uid: bytes, number: str) -> str | None:
         """Why this part (or this part number) is blocked, in words, or None."""
 
+    def key_of(self, uid: bytes) -> bytes | None:
+        """The key of the part with that UID, or None; asked in key mode only."""
+
     def journal(self, event: PartEvent) -> None:
         """Keep an event; never blocks and never raises."""
 
@@ -309,6 +332,8 @@ class MemoryStore:
         self.remembered: dict[bytes, str] = {}
         self.blocks: dict[bytes | str, str] = {}
         """UID or part number -> why it is blocked."""
+        self.keys: dict[bytes, bytes] = {}
+        """UID -> key."""
         self.events: list[PartEvent] = []
 
     def part_type(self, number: str) -> PartType | None:
@@ -335,6 +360,10 @@ class MemoryStore:
     def blocked(self, uid: bytes, number: str) -> str | None:
         """See `PartStore.blocked`."""
         return self.blocks.get(uid) or self.blocks.get(number)
+
+    def key_of(self, uid: bytes) -> bytes | None:
+        """See `PartStore.key_of`."""
+        return self.keys.get(uid)
 
     def journal(self, event: PartEvent) -> None:
         """See `PartStore.journal`."""

@@ -102,8 +102,21 @@ class Record:
             LocalProtocolError: the change is not in the table of `msbot.pnp.life`.
         """
         check_transition(self.state, to)
+        event = self._event(to, now, reason, evidence)
+        self.state, self.since, self.reason = to, now, reason
+        self.history.append(event)
+        return event
+
+    def note(self, now: float, reason: str, evidence: Evidence = ()) -> PartEvent:
+        """Something that happened to the part and changes nothing about it; it must have a state."""
+        assert self.state is not None
+        event = self._event(self.state, now, reason, evidence)
+        self.history.append(event)
+        return event
+
+    def _event(self, to: PartState, now: float, reason: str, evidence: Evidence) -> PartEvent:
         claim = self.claim
-        event = PartEvent(
+        return PartEvent(
             at=now,
             part=self.name,
             slot=self.slot if self.holds_slot or to.is_over else None,
@@ -117,9 +130,6 @@ class Record:
             client_key=self.client_key,
             address=self.address,
         )
-        self.state, self.since, self.reason = to, now, reason
-        self.history.append(event)
-        return event
 
     def succeed(self, old: Record) -> None:
         """Go on with the history of the same part's earlier session."""
@@ -153,6 +163,7 @@ class Record:
             address=self.address,
             refused_claims=self.refused_claims,
             duplicates=tuple(self.duplicates),
+            refusal=None if self.is_registered else self.refusal,
         )
 
     def sentences(self, now: float) -> list[str]:
