@@ -88,7 +88,7 @@ def open_can_bus(address: str, *, filters: Sequence[IdFilter] | None = None, err
         raise ConfigError(f"{address!r} is no CAN bus: write it like `{CAN_EXAMPLE}`")
     try:
         target = parse_target(rest)
-        return _driver(target, "can", filters, others=target.others, error_frames=error_frames)
+        return _driver(target, "can", filters, others=target.others, fd_by_interface=True, error_frames=error_frames)
     except ConfigError as error:
         raise ConfigError(f"{address!r}: {error}; write it like `{CAN_EXAMPLE}`") from error
 

@@ -214,7 +214,8 @@ class CanDriver:
             self._said.pop(f"{self.info.name}: {words}", None)  # whoever pulls a plug twice is told twice
         fine = state is BusState.ACTIVE and not self._was_open
         self._was_open = True
-        self._say(logging.INFO if fine else logging.WARNING, f"{self.info.name}: {words}", now)
+        named = f"{state.value}: {words}" if state in (BusState.PASSIVE, BusState.OFF) else words
+        self._say(logging.INFO if fine else logging.WARNING, f"{self.info.name}: {named}", now)
         self._state_handler(state, words, now)
 
     def _say(self, level: int, words: str, now: float) -> None:

@@ -28,16 +28,17 @@ WARNING: Final = 0x04 | 0x08
 PASSIVE: Final = 0x10 | 0x20
 ACTIVE: Final = 0x40
 
+BACK_WORDS: Final = "back on the bus"
 STATE_WORDS: Final = {
-    BusState.ACTIVE: "error-active again, all is well",
-    BusState.PASSIVE: "error-passive, many frames go wrong: check that another node is on the bus, the wiring, "
+    BusState.ACTIVE: "all is well again",
+    BusState.PASSIVE: "many frames go wrong: check that another node is on the bus, the wiring, "
     "the two terminators of 120 ohms, and that all bit rates are the same",
-    BusState.OFF: "bus-off, the controller has left the bus after too many errors: look for a short circuit, "
+    BusState.OFF: "the controller has left the bus after too many errors: look for a short circuit, "
     "a wrong bit rate or two nodes with one identifier",
     BusState.GONE: "the adapter has gone: plug it in again",
 }
 WARNING_WORDS: Final = (
-    "error-warning, some frames go wrong: check the wiring, the terminators and the bit rates before it gets worse"
+    "error-warning: some frames go wrong, check the wiring, the terminators and the bit rates before it gets worse"
 )
 
 LOST_ARBITRATION_WORDS: Final = "arbitration lost"
@@ -99,7 +100,7 @@ def _state(classes: int, controller: int) -> tuple[BusState | None, str]:
     if classes & BUS_OFF:
         return BusState.OFF, STATE_WORDS[BusState.OFF]
     if classes & RESTARTED:
-        return BusState.ACTIVE, "back on the bus"
+        return BusState.ACTIVE, BACK_WORDS
     if classes & CONTROLLER:
         if controller & PASSIVE:
             return BusState.PASSIVE, STATE_WORDS[BusState.PASSIVE]

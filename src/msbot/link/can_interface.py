@@ -50,7 +50,7 @@ class Interface:
     mtu: int
     """16: classic frames only; 72 (or more): CAN FD, too."""
     kind: str = ""
-    """`can` for hardware, `vcan` and `vxcan` for virtual ones, `slcan`."""
+    """`can` for hardware (slcan, too), `vcan` and `vxcan` for virtual ones."""
     bitrate: int | None = None
     data_bitrate: int | None = None
     """Bits per second; None = not set, or virtual."""

@@ -68,8 +68,6 @@ def up_commands(wanted: Wanted, found: Interface | None = None) -> str:
     name = wanted.name
     if _is_virtual(name, found):
         return f"sudo ip link set {name} mtu 72 up"
-    if found is not None and found.kind == "slcan" and found.bitrate is None:
-        return f"sudo ip link set {name} up"
     rates = f"bitrate {wanted.bitrate or (found and found.bitrate) or USUAL_BITRATE}"
     if wanted.fd:
         rates += f" dbitrate {wanted.data_bitrate or (found and found.data_bitrate) or USUAL_DATA_BITRATE} fd on"

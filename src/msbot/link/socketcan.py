@@ -20,7 +20,7 @@ from typing import Final
 from msbot.errors import LinkDown
 from msbot.link.can_bus import BusState, CanBusInfo
 from msbot.link.can_driver import ChannelOwner
-from msbot.link.can_errors import STATE_WORDS, read_report
+from msbot.link.can_errors import BACK_WORDS, STATE_WORDS, read_report
 from msbot.link.can_filters import IdFilter
 from msbot.link.can_frames import Frame
 from msbot.link.can_interface import Interface, can_interfaces, find_interface, restart_controller
@@ -138,12 +138,7 @@ class SocketCanChannel:
 
     def restart(self) -> None:
         """See `Channel`."""
-        words = STATE_WORDS[BusState.OFF]
-        try:
-            self._adapter.restart(self._found.index)
-        except OSError as error:
-            words = f"{words}; {restart_advice(self._adapter.wanted.name, error)}"
-        self._loop.call_soon(self._tell_state, words)
+        self._loop.call_soon(self._restart)
 
     async def close(self) -> None:
         """See `Channel`."""
@@ -219,15 +214,27 @@ class SocketCanChannel:
         self._again = None
         self._owner.room(self, self._loop.time())
 
-    def _tell_state(self, words: str) -> None:
-        """After a restart: what the controller is in now. A driver that has no such thing stays as it was."""
+    def _restart(self) -> None:
+        """Have the kernel restart the controller, and tell the state that comes of it."""
         if self._closed:
             return
+        wanted, off = self._adapter.wanted, STATE_WORDS[BusState.OFF]
+        found = self._look()
+        state = BusState.OFF if found is None or found.state is None else found.state
+        words = off if state is BusState.OFF else BACK_WORDS
+        if found is not None and state is BusState.OFF and not found.restart_ms:
+            try:
+                self._adapter.restart(found.index)
+            except OSError as error:
+                words = f"{off}; {restart_advice(wanted.name, error)}"
+            else:
+                state, words = BusState.ACTIVE, BACK_WORDS
+        self._owner.state(self, state, words, self._loop.time())
+
+    def _look(self) -> Interface | None:
         with contextlib.suppress(OSError):
-            found = self._adapter.find(self._adapter.wanted.name)
-            state = BusState.OFF if found is None or found.state is None else found.state
-            now = self._loop.time()
-            self._owner.state(self, state, words if state is BusState.OFF else "back on the bus", now)
+            return self._adapter.find(self._adapter.wanted.name)
+        return None
 
     def _fail(self, error: OSError) -> None:
         if self._closed:
