@@ -47,7 +47,7 @@ def messages_for(port: Port) -> Iterator[dict[str, Scalar]]:
     """Messages that no part in its safe state would take for nothing."""
     assert port.message is not None
     texts = ("turn-on 3", "turn-on 4", "on")
-    numbers = ((1, 1.0), (90, 45.0), (3, 3.0))
+    numbers = ((1, 1.0), (3, 3.0), (90, 90.0))
     for text, (whole, number) in zip(texts, numbers, strict=True):
         yield {
             name: True
@@ -80,6 +80,10 @@ def impression(bench: Bench) -> tuple[object, ...]:
 def test_it_joins_and_every_port_speaks_when_a_person_plays_with_it(number: str) -> None:
     async def scene(bench: Bench) -> None:
         assert bench.unit.part.slot == "unit"
+        for port in ports(bench, Direction.SUBSCRIBE):
+            for fields in messages_for(port):
+                bench.send(port.name, **fields)
+                await asyncio.sleep(1)
         for control in bench.unit.controls:
             changes = set()
             for value in other_values(control):
@@ -89,10 +93,6 @@ def test_it_joins_and_every_port_speaks_when_a_person_plays_with_it(number: str)
                 changes.add(repr(impression(bench)))
             assert len(changes) > 1, f"control {control.name} does nothing"
         await asyncio.sleep(5)
-        for port in ports(bench, Direction.SUBSCRIBE):
-            for fields in messages_for(port):
-                bench.send(port.name, **fields)
-                await asyncio.sleep(5)
         silent = [port.name for port in ports(bench, Direction.PUBLISH) if not bench.heard[port.name]]
         assert silent == []
         assert bench.unit.part.counters.handler_errors == 0
@@ -104,7 +104,7 @@ def test_it_joins_and_every_port_speaks_when_a_person_plays_with_it(number: str)
 def test_every_port_that_listens_does_something_one_can_see(number: str) -> None:
     async def scene(bench: Bench) -> None:
         for port in ports(bench, Direction.SUBSCRIBE):
-            seen = []
+            seen = [dict(bench.unit.readings())]
             for fields in messages_for(port):
                 bench.send(port.name, **fields)
                 await asyncio.sleep(0.1)
@@ -134,7 +134,8 @@ def test_the_slots_settings_hold(number: str) -> None:
 def test_safe_values_hold_when_the_master_is_lost(number: str) -> None:
     async def scene(bench: Bench) -> None:
         for port in ports(bench, Direction.SUBSCRIBE):
-            assert port.safe is not None, f"port {port.name} has no safe value"
+            # A trigger does nothing by itself: silence is its safe state.
+            assert port.safe is not None or port.type_name == "Trigger", f"port {port.name} has no safe value"
             for fields in messages_for(port):
                 bench.send(port.name, **fields)
             await asyncio.sleep(1)

@@ -21,6 +21,10 @@ Operand = float | str
 """A number, or the name of a source that gives one."""
 
 
+FUNCTIONS = ("none", "sin", "cos")
+"""What a reading can do with a number of degrees."""
+
+
 class ControlKind(Enum):
     """What a person can do with a control."""
 
@@ -116,8 +120,12 @@ class Reading:
     """True when the value is more than this."""
     negate: str = ""
     """The name of a source; the number changes its sign when that is true."""
+    function: str = ""
+    """`sin` or `cos` of the number, which is in degrees then; "" = none."""
     scale: Operand = 1.0
     offset: Operand = 0.0
+    divide_by: Operand = 1.0
+    """A divisor of 0 changes nothing."""
     wrap: Operand | None = None
     """The number starts again at 0 when it reaches this."""
     least: Operand | None = None

@@ -10,7 +10,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 
 from msbot.config.library_messages import FieldKind, MessageType
-from msbot.config.library_simulator import Control, ControlKind, Operand, Output, Reading, Simulator
+from msbot.config.library_simulator import FUNCTIONS, Control, ControlKind, Operand, Output, Reading, Simulator
 from msbot.config.library_texts import PLACEHOLDER, can_format
 from msbot.config.library_types import Direction, Parameter, Port
 from msbot.config.problems import suggestion
@@ -95,8 +95,10 @@ class SimulatorReader:
             equals=table.scalar("equals"),
             above=self._operand(table, "above"),
             negate=self._source(table, "negate"),
+            function=table.choice("function", FUNCTIONS, default="none").replace("none", ""),
             scale=_or(self._operand(table, "scale"), 1.0),
             offset=_or(self._operand(table, "offset"), 0.0),
+            divide_by=_or(self._operand(table, "divide_by"), 1.0),
             wrap=self._operand(table, "wrap"),
             least=self._operand(table, "min"),
             most=self._operand(table, "max"),
@@ -122,10 +124,20 @@ class SimulatorReader:
         if reading.equals is not None or reading.above is not None:
             return False
         source = self._sources.get(reading.follows, 0.0)
-        if reading.text or (isinstance(source, str) and not reading.pattern):
-            return ""
-        numeric = any((reading.scale != 1, reading.offset, reading.integrate, reading.lag_s, reading.slew_per_s))
-        return source if isinstance(source, bool) and not numeric else 0.0
+        numeric = any(
+            (
+                reading.function,
+                reading.scale != 1,
+                reading.offset,
+                reading.divide_by != 1,
+                reading.integrate,
+                reading.lag_s,
+                reading.slew_per_s,
+            )
+        )
+        if reading.text or reading.pattern:
+            source = ""
+        return source if isinstance(source, bool | str) and not numeric else 0.0
 
     def _read_output(self, table: Table) -> Output:
         name = table.name("port", "light")

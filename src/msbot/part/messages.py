@@ -139,14 +139,6 @@ class Tone(Message):
     """0 is until the next message."""
 
 
-class Pins(Message):
-    """The levels of up to 8 pins, one bit each."""
-
-    mask: uint8
-    """Which of them count."""
-    levels: uint8
-
-
 class Battery(Message):
     """A battery and what is taken from it."""
 
@@ -183,7 +175,7 @@ STANDARD_MESSAGES: dict[str, type[Message]] = {
     message.type_name: message
     for message in (
         HelloWorld, Switch, Number, Count, Level, Text, Light, Colour, Temperature, Pressure, Gas, Distance, Angle,
-        Speed, Vector, Stick, Key, Line, Tone, Pins, Battery, Weight, Place, Trigger,
+        Speed, Vector, Stick, Key, Line, Tone, Battery, Weight, Place, Trigger,
     )
 }  # fmt: skip
 """All of them by their names in the data space."""

@@ -16,6 +16,9 @@ Values = Mapping[str, Scalar]
 """Every source by its name."""
 
 
+_FUNCTIONS = {"sin": math.sin, "cos": math.cos}
+
+
 class Gauge:
     """One reading with what it remembers."""
 
@@ -26,7 +29,7 @@ class Gauge:
         self._random = random
         self._pattern = re.compile(reading.pattern) if reading.pattern else None
         self._state: float | None = None
-        self._found: Scalar | None = None
+        self._found: str | None = None
         self._drawn_at: float | None = None
 
     def update(self, values: Values, now: float, step_s: float, came_at: float | None, *, final: bool) -> Scalar:
@@ -48,17 +51,24 @@ class Gauge:
         if self._pattern is not None:
             value = self._pick(value)
         if reading.equals is not None:
-            return value == reading.equals
+            return _same(value, reading.equals)
         if reading.above is not None:
             return as_number(value) > number(reading.above, values)
-        if isinstance(value, str) or (isinstance(value, bool) and not self._is_numeric):
+        if isinstance(value, bool | str) and not self._is_numeric:
             return self._shown(value) if isinstance(value, str) else value
         return self._measure(as_number(value), values, step_s, final=final)
 
     @property
     def _is_numeric(self) -> bool:
         reading = self.reading
-        return self.moves or reading.scale != 1.0 or reading.offset != 0.0 or bool(reading.negate)
+        return (
+            self.moves
+            or bool(reading.negate or reading.function)
+            or any(
+                operand != neutral
+                for operand, neutral in ((reading.scale, 1.0), (reading.offset, 0.0), (reading.divide_by, 1.0))
+            )
+        )
 
     def _taken(self, values: Values, now: float, came_at: float | None) -> Scalar:
         """What the source says, or `start` before anything has come and when it has run out."""
@@ -80,16 +90,20 @@ class Gauge:
         assert self._pattern is not None
         found = self._pattern.search(str(value))
         if found is not None:
-            self._found = _number_or_text(found[1] or "")
+            self._found = found[1] or ""
         if self._found is None:
-            return 0.0 if self.reading.start is None else self.reading.start
+            return "" if self.reading.start is None else self.reading.start
         return self._found
 
     def _measure(self, value: float, values: Values, step_s: float, *, final: bool) -> float:
         reading = self.reading
         if reading.negate and values[reading.negate]:
             value = -value
+        if reading.function:
+            value = _FUNCTIONS[reading.function](math.radians(value))
         value = value * number(reading.scale, values) + number(reading.offset, values)
+        if (divisor := number(reading.divide_by, values)) != 0:
+            value /= divisor
         if reading.integrate:
             value = (self._state or 0.0) + value * step_s
         if reading.wrap is not None and (wrap := number(reading.wrap, values)) > 0:
@@ -165,8 +179,8 @@ def as_number(value: Scalar) -> float:
     return result if math.isfinite(result) else 0.0
 
 
-def _number_or_text(text: str) -> Scalar:
-    try:
-        return float(text)
-    except ValueError:
-        return text
+def _same(value: Scalar, wanted: Scalar) -> bool:
+    """Whether two values are equal; a text that is a number counts as one."""
+    if isinstance(value, str) and not isinstance(wanted, str):
+        return bool(value) and as_number(value) == wanted
+    return value == wanted
