@@ -1,13 +1,34 @@
-"""A robot, a clock that counts, and an open registry in a real file."""
+"""A robot, a clock that counts, and an open registry: in a real file, and on a PostgreSQL server where there is one.
 
+Every test that asks for `registry` (or `address`) runs on both, except those that look into the file at `path`.
+"""
+
+import os
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
 
 import pytest
+from sqlalchemy import create_engine, make_url, text
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.registry import Registry, open_registry
+from msbot.registry.tables import metadata
+from tests.registry.postgres import MISSING, NEEDED, find_server, running_server
+
+BACKENDS = ("sqlite", "postgresql")
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Both databases for every test that does not look into a file."""
+    if "backend" in metafunc.fixturenames and "path" not in metafunc.fixturenames:
+        metafunc.parametrize("backend", BACKENDS, indirect=True)
+
+
+@pytest.fixture
+def backend(request: pytest.FixtureRequest) -> str:
+    """The kind of database."""
+    return str(getattr(request, "param", "sqlite"))
 
 
 @pytest.fixture(scope="session")
@@ -42,10 +63,52 @@ def empty_database(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
+@pytest.fixture(scope="session")
+def server() -> Iterator[str]:
+    """A PostgreSQL server; its address with `{}` in place of the database's name."""
+    programs = find_server()
+    if programs is None:
+        assert NEEDED not in os.environ, MISSING
+        pytest.skip(MISSING)
+    with running_server(programs) as address:
+        yield address
+
+
+@pytest.fixture(scope="session")
+def server_database(server: str) -> str:
+    """The address of a database with all tables."""
+    engine = create_engine(_url(server.format("postgres")), isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection:
+        connection.execute(text("CREATE DATABASE robot"))
+    engine.dispose()
+    open_registry(server.format("robot")).close()
+    return server.format("robot")
+
+
 @pytest.fixture
-def registry(path: Path, epoch_ns: Callable[[], int], empty_database: bytes) -> Iterator[Registry]:
-    path.write_bytes(empty_database)
-    with open_registry(path, epoch_ns=epoch_ns) as registry:
+def clean_server_database(server_database: str) -> str:
+    """The same, without rows."""
+    engine = create_engine(_url(server_database))
+    with engine.begin() as connection:
+        tables = ", ".join(table.name for table in metadata.sorted_tables)
+        connection.execute(text(f"TRUNCATE {tables} RESTART IDENTITY CASCADE"))
+    engine.dispose()
+    return server_database
+
+
+@pytest.fixture
+def address(request: pytest.FixtureRequest, backend: str) -> str:
+    """Where an empty database is."""
+    if backend == "postgresql":
+        return str(request.getfixturevalue("clean_server_database"))
+    path: Path = request.getfixturevalue("path")
+    path.write_bytes(request.getfixturevalue("empty_database"))
+    return str(path)
+
+
+@pytest.fixture
+def registry(address: str, epoch_ns: Callable[[], int]) -> Iterator[Registry]:
+    with open_registry(address, epoch_ns=epoch_ns) as registry:
         yield registry
 
 
@@ -56,3 +119,7 @@ def impatient(path: Path, empty_database: bytes) -> Iterator[Registry]:
         path.write_bytes(empty_database)
     with open_registry(path, busy_timeout_s=0.01) as registry:
         yield registry
+
+
+def _url(address: str) -> str:
+    return str(make_url(address).set(drivername="postgresql+psycopg"))

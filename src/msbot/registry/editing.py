@@ -154,6 +154,18 @@ class Editing(Database):
         """
         return self._edit(robot, who, partial(edits.undo, number=number))
 
+    def note(self, robot: RobotRecord, kind: str, words: str, who: str) -> EditRecord:
+        """Keep a line about something a person did that changed nothing stored: `kind` is "stop" or "go".
+
+        Raises:
+            RegistryError: the database cannot be written.
+        """
+
+        def write(connection: Connection, author: Author) -> EditRecord:
+            return edits.record(connection, author, kind, words, before={}, after={})
+
+        return self._edit(robot, who, write)
+
     def edits(self, robot: RobotRecord | None, limit: int = 50) -> list[EditRecord]:
         """The newest edits, the newest first; without a robot those of users and keys.
 

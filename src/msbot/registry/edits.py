@@ -19,6 +19,9 @@ from msbot.registry.tables import blocks, edits
 EDITS_KEPT = 10_000
 """Edits of a robot that are kept."""
 
+NOT_UNDONE = ("undo", "stop", "go")
+"""Kinds that an undo without a number passes over."""
+
 Cells = Mapping[str, object]
 """What an edit touches: `of` says what it is, the rest which and with which content."""
 
@@ -84,7 +87,11 @@ def undo(connection: Connection, author: Author, number: int | None) -> EditReco
 def _find(connection: Connection, robot_id: int | None, number: int | None) -> Row[tuple[object, ...]]:
     query = select(edits).where(_of(robot_id))
     if number is None:
-        query = query.where(edits.c.undone_by.is_(None), edits.c.kind != "undo").order_by(edits.c.id.desc()).limit(1)
+        query = (
+            query.where(edits.c.undone_by.is_(None), edits.c.kind.not_in(NOT_UNDONE))
+            .order_by(edits.c.id.desc())
+            .limit(1)
+        )
         row = connection.execute(query).one_or_none()
         if row is None:
             raise ConfigError("there is nothing to undo")
@@ -169,8 +176,14 @@ def _edit(row: Row[tuple[object, ...]]) -> EditRecord:
         words=row.words,
         undone=row.undone_by is not None,
         slots=_slots_of(before, after),
-        placed=tuple((bytes.fromhex(uid), place[0]) for uid, place in after.get("parts", {}).items()),
+        placed=_placed(after),
+        placed_before=_placed(before),
+        can_be_undone=row.undone_by is None and row.kind not in NOT_UNDONE,
     )
+
+
+def _placed(cells: Mapping[str, dict[str, list[str | None]]]) -> tuple[tuple[bytes, str | None], ...]:
+    return tuple((bytes.fromhex(uid), place[0]) for uid, place in cells.get("parts", {}).items())
 
 
 def _slots_of(before: Mapping[str, object], after: Mapping[str, object]) -> tuple[str, ...]:

@@ -103,6 +103,9 @@ def _check_magic(path: Path) -> None:
         raise RegistryError(f"{path} is no database: some other file has this name; move it away, {ELSE}")
 
 
+_SERVER_READ_ONLY = "-c default_transaction_read_only=on"
+
+
 def make_engine(address: Address, *, busy_timeout_s: float, read_only: bool) -> Engine:
     """An engine for the address; nothing is opened yet.
 
@@ -111,7 +114,11 @@ def make_engine(address: Address, *, busy_timeout_s: float, read_only: bool) -> 
     """
     if address.path is None:
         try:
-            return create_engine(address.url, connect_args={"connect_timeout": max(1, round(busy_timeout_s))})
+            options: dict[str, object] = {"connect_timeout": max(1, round(busy_timeout_s))}
+            if read_only:
+                options["options"] = _SERVER_READ_ONLY
+            # A server that was restarted is noticed before a statement fails.
+            return create_engine(address.url, connect_args=options, pool_pre_ping=True)
         except ImportError:
             raise RegistryError("PostgreSQL needs a driver: pip install 'msbot[postgres]'") from None
     engine = create_engine(address.url, connect_args={"timeout": busy_timeout_s})

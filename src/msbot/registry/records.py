@@ -84,6 +84,10 @@ class EditRecord:
     """Slots whose configuration it changed."""
     placed: tuple[tuple[bytes, str | None], ...] = ()
     """UIDs that belong elsewhere since, and the slots they belong in; None: in none."""
+    placed_before: tuple[tuple[bytes, str | None], ...] = ()
+    """The same UIDs, and the slots they belonged in before."""
+    can_be_undone: bool = False
+    """Whether `undo` takes it back when no number is given."""
 
 
 @dataclass(frozen=True, slots=True)

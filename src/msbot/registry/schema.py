@@ -11,7 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from sqlalchemy import Connection, Engine, inspect, text
-from sqlalchemy.schema import SetColumnComment
+from sqlalchemy.schema import CreateSchema, SetColumnComment
 
 from msbot.errors import RegistryError
 from msbot.registry.engine import WRITE, Address
@@ -19,6 +19,8 @@ from msbot.registry.faults import told_as_registry_error
 from msbot.registry.tables import metadata
 
 _VERSION_TABLE = "alembic_version"
+_MIGRATION_LOCK = 0x4D734254_4D494752
+"""Number of the server's lock that lets one process at a time change the tables."""
 _FILE = re.compile(r"v(\d{4})_\w+\.py")
 
 _log = logging.getLogger(__name__)
@@ -71,12 +73,14 @@ def bring_up_to_date(engine: Engine, address: Address, migrations: Migrations) -
         engine.execution_options(**{WRITE: True}).connect() as connection,
         connection.begin(),
     ):
+        if address.path is None:
+            connection.execute(text(f"SELECT pg_advisory_xact_lock({_MIGRATION_LOCK})"))
         # Another process may have done it since it was checked.
         version = _version(connection, address, migrations.newest)
         if version == migrations.newest:
             return
-        if version > 0 and address.path is not None:
-            copy = _back_up(address.path, version)
+        if version > 0:
+            copy = _back_up(address.path, version) if address.path else _back_up_on_server(connection, version)
             _log.warning(
                 "the database %s is of schema %d and is brought to %d; a copy is kept in %s",
                 address.words, version, migrations.newest, copy,
@@ -116,6 +120,18 @@ def _back_up(path: Path, version: int) -> Path:
     with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(copy)) as target:
         source.backup(target)
     return copy
+
+
+def _back_up_on_server(connection: Connection, version: int) -> str:
+    """Copy the tables into a schema of the same database whose name is free; gives its name in words."""
+    inspector = inspect(connection)
+    number, known = 1, inspector.get_schema_names()
+    while (name := f"msbot_schema{version}_{number}_backup") in known:
+        number += 1
+    connection.execute(CreateSchema(name))
+    for table in inspector.get_table_names():
+        connection.execute(text(f'CREATE TABLE {name}."{table}" AS TABLE "{table}"'))
+    return f"its schema {name}"
 
 
 def _upgrade(connection: Connection, location: str) -> None:

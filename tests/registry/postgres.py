@@ -1,0 +1,88 @@
+"""A PostgreSQL server of our own: a fresh cluster in a folder of its own, reached by a Unix socket, never by TCP."""
+
+import ctypes
+import os
+import pwd
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+MISSING = "no PostgreSQL server on this machine: apt-get install postgresql"
+NEEDED = "MSBOT_NEED_POSTGRES"
+"""Set where tests must not be skipped for want of a server."""
+
+_QUICK = ("fsync=off", "synchronous_commit=off", "full_page_writes=off", "autovacuum=off", "shared_buffers=8MB",
+          "max_connections=40", "listen_addresses=", "log_min_messages=fatal")  # fmt: skip
+_START_S = 20.0
+_PR_SET_PDEATHSIG = 1
+
+
+def find_server() -> Path | None:
+    """The folder with initdb and postgres; Debian keeps it out of the PATH."""
+    for folder in sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True):
+        if (folder / "postgres").exists() and (folder / "initdb").exists():
+            return folder
+    found = shutil.which("initdb")
+    return None if found is None else Path(found).parent
+
+
+@contextmanager
+def running_server(programs: Path) -> Iterator[str]:
+    """Serve; gives the beginning of an address, to which the name of a database is put in place of `{}`."""
+    user = _unprivileged()
+    # Not below pytest's own folder: nobody else may enter that one.
+    folder = Path(tempfile.mkdtemp(prefix="msbot-pg-", dir="/tmp"))
+    try:
+        if user is not None:
+            os.chown(folder, user.pw_uid, user.pw_gid)
+        data = folder / "data"
+        arguments = ["--username=msbot", "--auth=trust", "--no-sync", "--encoding=UTF8", "--locale=C"]
+        _run(user, [str(programs / "initdb"), f"--pgdata={data}", *arguments]).communicate()
+        settings = [word for setting in _QUICK for word in ("-c", setting)]
+        server = _run(user, [str(programs / "postgres"), "-D", str(data), "-k", str(folder), *settings])
+        try:
+            _wait_until_ready(server, programs, folder)
+            yield f"postgresql://msbot@/{{}}?host={folder}"
+        finally:
+            server.send_signal(signal.SIGINT)
+            server.communicate(timeout=_START_S)
+    finally:
+        shutil.rmtree(folder)
+
+
+def _unprivileged() -> pwd.struct_passwd | None:
+    """Who runs the server when we are root, which it refuses."""
+    if os.geteuid() != 0:
+        return None
+    known = {entry.pw_name: entry for entry in pwd.getpwall()}
+    return known.get("postgres") or known["nobody"]
+
+
+def _run(user: pwd.struct_passwd | None, command: list[str]) -> "subprocess.Popen[bytes]":
+    library = ctypes.CDLL(None)
+    return subprocess.Popen(
+        command,
+        cwd="/",
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        user=None if user is None else user.pw_uid,
+        group=None if user is None else user.pw_gid,
+        extra_groups=None if user is None else [],
+        # The server ends with the tests, even when they are killed.
+        preexec_fn=lambda: library.prctl(_PR_SET_PDEATHSIG, signal.SIGINT),  # noqa: PLW1509 - there is one thread
+    )
+
+
+def _wait_until_ready(server: "subprocess.Popen[bytes]", programs: Path, folder: Path) -> None:
+    until = time.monotonic() + _START_S
+    ready = [str(programs / "pg_isready"), "-q", "-h", str(folder)]
+    while subprocess.run(ready, check=False).returncode != 0:
+        assert server.poll() is None, "the PostgreSQL server has ended at once"
+        assert time.monotonic() < until, "the PostgreSQL server does not start"
+        time.sleep(0.02)
