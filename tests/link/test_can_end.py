@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from random import Random
 
 import pytest
 
@@ -10,8 +11,9 @@ from msbot.errors import LinkDown, LocalProtocolError, RemoteProtocolError
 from msbot.link import MOST_REASONS, OTHER_REASONS, LinkCounters, Peer
 from msbot.link.can_bus import BusState
 from msbot.link.can_end import Codec
-from msbot.link.can_frames import Frame
+from msbot.link.can_frames import MTU, Frame
 from msbot.link.can_link import MASTER
+from msbot.xrce import compress, decompress
 from tests.link.can_robot import End, Robot, node_of, play
 
 
@@ -44,6 +46,21 @@ def test_packets_are_shortened_only_when_both_sides_can(master_knows: bool, part
         assert robot.bus.counters.frames - before == 2 * frames
         assert master.packets == [(b"header data", 1)]
         assert part.packets == [(b"header data", MASTER)]
+
+    play(scene)
+
+
+def test_the_longest_packet_arrives_also_where_it_has_no_short_form() -> None:
+    packet = bytes([5]) + Random(1).randbytes(MTU - 1)
+    assert len(compress(packet)) == MTU + 1
+
+    async def scene(robot: Robot) -> None:
+        codec = Codec(compress, decompress)
+        master, part = robot.master(codec=codec), robot.part(codec=codec)
+        await asyncio.sleep(0.5)
+        part.link.send(packet, MASTER)
+        await asyncio.sleep(1)
+        assert master.packets == [(packet, 1)]
 
     play(scene)
 

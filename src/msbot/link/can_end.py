@@ -57,7 +57,9 @@ class CanWire:
         self._next = 0
         # A counter cannot come round sooner than 64 full frames, which are longer than 100 bits (but for FD).
         rate = None if self._fd else info.bits_per_second
-        self.joiner = Joiner(mtu, dropped=counters.dropped, repeat_s=6400 / rate if rate else REPEAT_S)
+        repeat_s = 6400 / rate if rate else REPEAT_S
+        longest = mtu if self._codec is None else mtu + 1  # a packet that has no short form gets one octet longer
+        self.joiner = Joiner(longest, dropped=counters.dropped, repeat_s=repeat_s)
 
     def cut(self, packet: bytes) -> list[Frame]:
         """The frames of a packet."""
