@@ -16,7 +16,7 @@ from msbot.config import Blueprint
 from msbot.errors import MsbotError
 from msbot.link import InprocHub, Link, Peer, Signal
 from msbot.part import Client
-from msbot.pnp import Access, Inventory, PartStore, Profile, Timing
+from msbot.pnp import Access, Inventory, Keys, PartStore, Profile, Timing
 from msbot.pnp.services import InventoryService, MasterService
 from msbot.space import MemorySpace, Space
 
@@ -86,7 +86,13 @@ class Master:
             Client(hub.connect(), key=INVENTORY_KEY, epoch_ns=epoch_ns, random=dice),
             self.inventory,
             explain=blueprint.options.explain,
+            keys=Keys(store, dice) if blueprint.options.authentication == "key" else None,
         )
+
+    @property
+    def inventory_service(self) -> InventoryService:
+        """What answers the parts, and speaks to them unasked."""
+        return self._inventory
 
     def add_link(self, link: Link) -> None:
         """Let parts come in by a link, too; before or during `run`."""

@@ -62,6 +62,7 @@ profile_period_s = 1
 [options]
 explain = true
 free_topics = ["chat"]
+authentication = "key"
 [[binding]]
 topic = "t"
 type = "HelloWorld"
@@ -80,7 +81,7 @@ to = []
     )
     blueprint = load_blueprint(path, LIBRARY)
     assert blueprint.timing == Timing("fast", 0.25, 0.5, 4, 1.0)
-    assert blueprint.options == Options(explain=True, free_topics=("chat",))
+    assert blueprint.options == Options(explain=True, free_topics=("chat",), authentication="key")
     assert blueprint.bindings[0] == Binding("t", "HelloWorld", Endpoint("eye", "out"), (Endpoint("eye", "in"),), False)
     assert blueprint.bindings[1].targets == ()
     assert blueprint.topics() == {"t": "HelloWorld", "u": "HelloWorld"}
@@ -136,10 +137,10 @@ def test_several_mistakes_are_told_at_once_in_order(tmp_path: Path) -> None:
     assert _complaint(tmp_path, text).splitlines() == [
         "4 problems were found:",
         '  robot.toml, line 4, robot.name: is missing; add a line such as name = "MSBOT_MASTER"',
-        "  robot.toml, line 26, slot[0].colour: there is no such key here; "
+        "  robot.toml, line 27, slot[0].colour: there is no such key here; "
         'known: "description", "local_name", "name", "part", "settings"',
-        '  robot.toml, line 34, slot[1].part: the library has no part number "EFGX"; did you mean "EFGH"?',
-        '  robot.toml, line 56, binding[0].reliable: must be true or false, without quotes; it is the text "yes"',
+        '  robot.toml, line 35, slot[1].part: the library has no part number "EFGX"; did you mean "EFGH"?',
+        '  robot.toml, line 57, binding[0].reliable: must be true or false, without quotes; it is the text "yes"',
     ]
 
 

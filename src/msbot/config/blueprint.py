@@ -13,7 +13,7 @@ from pathlib import Path
 from msbot.config.check import check_bindings, check_free_topics, check_slots, check_timing
 from msbot.config.document import Document, read_document
 from msbot.config.library import Library
-from msbot.config.plan import PRESETS, Binding, Endpoint, Options, RobotProfile, Slot, Timing
+from msbot.config.plan import AUTHENTICATIONS, PRESETS, Binding, Endpoint, Options, RobotProfile, Slot, Timing
 from msbot.config.problems import Problems
 from msbot.config.reader import Table
 
@@ -102,6 +102,7 @@ def _read_options(table: Table) -> Options:
     options = Options(
         explain=table.flag("explain", default=False),
         free_topics=tuple(table.names("free_topics", "HelloWorldTopic_1_to_2")),
+        authentication=table.choice("authentication", list(AUTHENTICATIONS), default="open"),
     )
     table.finish()
     check_free_topics(table, options.free_topics)

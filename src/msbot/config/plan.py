@@ -89,3 +89,9 @@ class Options:
     """Tell a refused part why; off: silence towards strangers (thesis 3.12.1.1)."""
     free_topics: tuple[str, ...] = ()
     """Topics that every client may use without being a part."""
+    authentication: str = "open"
+    """`open`: a part is let in by what it says (as in the thesis); `key`: it must prove that it knows its key."""
+
+
+AUTHENTICATIONS = ("open", "key")
+"""How a robot may make sure that a part is the one it says it is."""

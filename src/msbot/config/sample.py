@@ -27,6 +27,7 @@ preset = "thesis"                          # "thesis": a silent part is delisted
 [options]
 explain = false                            # true: a refused part is told why (handy in class); false: silence
 free_topics = []                           # topics that everybody may use without being a part
+authentication = "open"                    # "key": each part must prove that it knows its key (`msbot key new`)
 
 # Slots are the roles of the robot. Any part with the right number can fill a slot; the slot keeps its settings and
 # its history when the part is replaced.

@@ -2,6 +2,7 @@
 
 from msbot.pnp.access import RESERVED_TOPICS, Access
 from msbot.pnp.inventory import Inventory
+from msbot.pnp.keys import Keys
 from msbot.pnp.life import TRANSITIONS
 from msbot.pnp.load_forecast import Flow, Forecast, forecast
 from msbot.pnp.matching import Match, Matcher
@@ -21,6 +22,7 @@ from msbot.pnp.parts import (
     PartType,
     Refusal,
     Slot,
+    Standing,
     Timing,
     Verdict,
 )
@@ -45,6 +47,7 @@ __all__ = [
     "Forecast",
     "Inventory",
     "InventoryService",
+    "Keys",
     "MasterService",
     "Match",
     "Matcher",
@@ -58,6 +61,7 @@ __all__ = [
     "Profile",
     "Refusal",
     "Slot",
+    "Standing",
     "TakeOver",
     "Timing",
     "Verdict",

@@ -1,7 +1,7 @@
 """The inventory's desk: octets of a request in, octets of the answer out, or silence. Pure.
 
 What strangers get is silence (R52, R53); the answer to a part never says more than that part needs. With `explain`
-a refusal is answered with its reason, for the classroom.
+a refusal is answered with its reason, for the classroom. With `keys` a claim is answered with a question first.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part import plug
 from msbot.pnp import compat
 from msbot.pnp.inventory import Inventory
+from msbot.pnp.keys import Keys
 from msbot.pnp.parts import Claim, Configuration, Verdict
 
 MOST_REASONS = 64
@@ -27,16 +28,25 @@ class Desk:
     Args:
         inventory: decides.
         explain: answer refusals with their reason; False: silence.
+        keys: asks every claim for a proof; None: the robot is open.
     """
 
-    def __init__(self, inventory: Inventory, *, explain: bool = False) -> None:
+    def __init__(self, inventory: Inventory, *, explain: bool = False, keys: Keys | None = None) -> None:
         self.dropped: dict[str, int] = {}
         """Requests that were not answered because they, or their answers, made no sense; by reason in words."""
         self._inventory = inventory
         self._explain = explain
+        self._keys = keys
 
-    def compact(self, body: bytes, client_key: int, now: float) -> bytes | None:
-        """The answer to a request of the `msbot_inventory` service, or None."""
+    def compact(self, body: bytes, client_key: int, now: float, asker: bytes = b"") -> bytes | None:
+        """The answer to a request of the `msbot_inventory` service, or None.
+
+        Args:
+            body: the request.
+            client_key: whose session it came through.
+            now: the present time.
+            asker: GUID of the writer of the request, which no later session of that client has.
+        """
         try:
             match plug.decode_request(body):
                 case plug.Beat(lease=lease):
@@ -45,7 +55,9 @@ class Desk:
                     configuration = self._inventory.configuration_request(lease, client_key)
                     return None if configuration is None else configuration_message(configuration).encode()
                 case plug.Claim() as message:
-                    return self._answer_to(claim_of(message), client_key, now)
+                    return self._answer_to(claim_of(message), client_key, asker, now)
+                case plug.Proof(proof=proof):
+                    return self._take_proof(proof, client_key, asker, now)
         except RemoteProtocolError as error:
             self.drop(f"request: {error}")
         except LocalProtocolError as error:
@@ -60,6 +72,11 @@ class Desk:
         except RemoteProtocolError as error:
             self.drop(f"request: {error}")
             return None
+        if self._keys is not None:
+            asked = self._keys.ask(claim, b"", now)
+            assert asked.refused is not None
+            self._inventory.refuse(claim, client_key, asked.refused, now)
+            return None
         verdict = self._inventory.claim(claim, client_key, now)
         return compat.encode_reply(claim.part_number) if verdict.lease else None
 
@@ -69,8 +86,29 @@ class Desk:
             reason = OTHER_REASONS
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
-    def _answer_to(self, claim: Claim, client_key: int, now: float) -> bytes | None:
-        verdict = self._inventory.claim(claim, client_key, now)
+    def _answer_to(self, claim: Claim, client_key: int, asker: bytes, now: float) -> bytes | None:
+        if self._keys is None:
+            return self._tell(self._inventory.claim(claim, client_key, now))
+        asked = self._keys.ask(claim, asker, now)
+        verdict = None if asked.refused is None else self._inventory.refuse(claim, client_key, asked.refused, now)
+        if asked.nonce is not None:
+            return plug.Challenge(nonce=asked.nonce).encode()
+        return None if verdict is None else self._tell(verdict)
+
+    def _take_proof(self, proof: bytes, client_key: int, asker: bytes, now: float) -> bytes | None:
+        if self._keys is None:
+            self.drop("request: a proof that nobody asked for")
+            return None
+        answered = self._keys.answer(proof, asker, client_key, now)
+        if answered.refused is None and answered.claim is not None:
+            return self._tell(self._inventory.claim(answered.claim, client_key, now))
+        standing = self._inventory.standing_of(client_key)
+        if answered.is_repeated and standing is not None and standing.lease:
+            return self._tell(Verdict(standing.lease, standing.configuration_version))
+        assert answered.refused is not None
+        return self._tell(self._inventory.refuse(answered.claim, client_key, answered.refused, now))
+
+    def _tell(self, verdict: Verdict) -> bytes | None:
         if verdict.lease == 0 and not (self._explain and verdict.refusal):
             return None
         return verdict_message(verdict, self._inventory.timing.beat_ms).encode()

@@ -300,6 +300,9 @@ class PartStore(Protocol):
     def remembered_slot(self, uid: bytes) -> str | None:
         """The name of the slot this UID was in last, or None."""
 
+    def placed_slot(self, uid: bytes) -> str | None:
+        """The name of the slot a person put this UID into, or None; it holds whatever the library says."""
+
     def remember(self, uid: bytes, slot: str, claim: Claim) -> None:
         """Note that this UID now sits in that slot; an empty UID is not remembered."""
 
@@ -330,6 +333,8 @@ class MemoryStore:
         self.slot_list = list(slots)
         self.configurations = {configuration.slot: configuration for configuration in configurations}
         self.remembered: dict[bytes, str] = {}
+        self.placed: dict[bytes, str] = {}
+        """UID -> the slot a person put it into."""
         self.blocks: dict[bytes | str, str] = {}
         """UID or part number -> why it is blocked."""
         self.keys: dict[bytes, bytes] = {}
@@ -347,6 +352,10 @@ class MemoryStore:
     def remembered_slot(self, uid: bytes) -> str | None:
         """See `PartStore.remembered_slot`."""
         return self.remembered.get(uid)
+
+    def placed_slot(self, uid: bytes) -> str | None:
+        """See `PartStore.placed_slot`."""
+        return self.placed.get(uid)
 
     def remember(self, uid: bytes, slot: str, claim: Claim) -> None:  # noqa: ARG002 - the protocol's signature
         """See `PartStore.remember`."""

@@ -11,10 +11,12 @@ import logging
 
 from msbot.agent import client_key_of
 from msbot.errors import LinkFull, LocalProtocolError, RequestError
-from msbot.part import Client, ConnectionState, Service, plug
+from msbot.part import Client, ConnectionState, Entity, Service, plug
 from msbot.pnp import compat
-from msbot.pnp.desk import Desk
+from msbot.pnp.desk import Desk, verdict_message
 from msbot.pnp.inventory import Inventory
+from msbot.pnp.keys import Keys
+from msbot.pnp.parts import PartState, Verdict
 from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
 from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, EndpointQos
 
@@ -25,7 +27,14 @@ LONGEST_BEST_EFFORT = 512
 """Answers up to so many octets go best effort: they need no window, and a part repeats what is not answered. Longer
 ones (configurations) go reliably, because only then can they be cut to the size of a packet."""
 
+MOST_ASKERS = 16_384
+"""Parts that can be told something unasked; whoever is beyond that finds out with its next beat."""
+
 _GUID_BYTES = 16
+_NOBODYS_REQUEST = bytes(8)
+"""Sequence number 0: the reply answers no request."""
+_VERDICT_OCTETS = 12
+_CONFIGURATION_REQUEST_OCTETS = 8
 
 _COMPACT = Service(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
 _COMPAT = Service(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
@@ -98,15 +107,32 @@ class MasterService:
 class InventoryService:
     """Step 2: answers claims, beats and requests for configurations in both layouts, and drives the life timer.
 
+    It also speaks unasked, best effort: when a part's configuration has changed, when it has got a slot while it stood
+    by or has lost the one it had, when nobody sends to one of its ports any more, and on STOP. Parts of the thesis'
+    own layout cannot be told anything.
+
     Args:
         client: speaks for the inventory; the service takes over its call-backs.
         inventory: decides.
         explain: answer refusals with their reason.
+        keys: asks every claim for a proof; None: the robot is open.
     """
 
-    def __init__(self, client: Client, inventory: Inventory, *, explain: bool = False) -> None:
-        self.desk = Desk(inventory, explain=explain)
+    def __init__(
+        self, client: Client, inventory: Inventory, *, explain: bool = False, keys: Keys | None = None
+    ) -> None:
+        self.desk = Desk(inventory, explain=explain, keys=keys)
+        self.is_stopped = False
+        """STOP was said and GO was not: parts that come in are told so."""
+        self.told_unasked = 0
+        """What was said to parts that did not ask."""
         self._client = client
+        self._askers: dict[int, bytes] = {}
+        """Client key -> GUID of its requests in the compact layout."""
+        self._leases: dict[int, int] = {}
+        """Client key -> the lease it was told last."""
+        self._asking: int | None = None
+        """Whose request is being answered: the answer tells it what has changed."""
         self._inventory = inventory
         participant = client.create_participant("msbot_inventory")
         self._compact = client.create_replier(participant, _COMPACT)
@@ -114,6 +140,8 @@ class InventoryService:
         for replier in (self._compact, self._compat):
             client.read(replier, stream_id=STREAM_BEST_EFFORT)
         client.on_request = self._request_received
+        inventory.on_rights(self._rights_changed)
+        inventory.on_partner(self._partner_changed)
 
     async def run(self) -> None:
         """Serve until cancelled.
@@ -140,21 +168,99 @@ class InventoryService:
             await asyncio.sleep(self._inventory.timer() - loop.time())
             self._inventory.handle_timer(loop.time())
 
+    def stop_all(self) -> int:
+        """Say STOP to all parts, and to those that come in until `go_all`; returns how many were told."""
+        self.is_stopped = True
+        return self._tell_all(plug.NoticeKind.STOP)
+
+    def go_all(self) -> int:
+        """End STOP; returns how many parts were told."""
+        self.is_stopped = False
+        return self._tell_all(plug.NoticeKind.GO)
+
+    def identify(self, client_key: int) -> bool:
+        """Have a part show itself; False: it cannot be told."""
+        return self._notify(client_key, plug.NoticeKind.IDENTIFY)
+
     def _request_received(self, object_id: int, request_id: int, identity: bytes, body: bytes) -> None:  # noqa: ARG002
         now = asyncio.get_running_loop().time()
-        client_key = client_key_of(identity[:_GUID_BYTES])
+        asker = identity[:_GUID_BYTES]
+        client_key = client_key_of(asker)
+        self._asking = client_key
         if object_id == self._compact.object_id:
-            replier, answer = self._compact, self.desk.compact(body, client_key, now)
+            replier, answer = self._compact, self.desk.compact(body, client_key, now, asker)
+            self._remember(client_key, asker, answer)
         else:
             replier, answer = self._compat, self.desk.compat(body, client_key, now)
+        self._asking = None
         if answer is None:
             return
+        self._say(replier, identity, answer)
+        if self.is_stopped and len(body) == _CONFIGURATION_REQUEST_OCTETS:
+            self._notify(client_key, plug.NoticeKind.STOP)
+
+    def _remember(self, client_key: int, asker: bytes, answer: bytes | None) -> None:
+        if self._askers.get(client_key) != asker:
+            if len(self._askers) >= MOST_ASKERS:
+                self._forget(next(iter(self._askers)))
+            self._askers[client_key] = asker
+            self._leases.pop(client_key, None)
+        if answer is not None and len(answer) == _VERDICT_OCTETS:
+            standing = self._inventory.standing_of(client_key)
+            self._leases[client_key] = 0 if standing is None else standing.lease
+
+    def _forget(self, client_key: int) -> None:
+        self._askers.pop(client_key, None)
+        self._leases.pop(client_key, None)
+
+    def _rights_changed(self, client_key: int) -> None:
+        if client_key == self._asking or client_key not in self._askers:
+            return
+        standing = self._inventory.standing_of(client_key)
+        if standing is None or standing.state in (PartState.NEW, PartState.CHECKING):
+            # A session that has ended, or was opened anew; that one's requester will ask first.
+            self._forget(client_key)
+        elif not standing.lease:
+            self._leases[client_key] = 0
+            self._tell(client_key, plug.BeatReply(configuration_version=0))
+        elif standing.lease == self._leases.get(client_key):
+            self._tell(client_key, plug.BeatReply(configuration_version=standing.configuration_version))
+        else:
+            self._leases[client_key] = standing.lease
+            verdict = Verdict(standing.lease, standing.configuration_version)
+            self._tell(client_key, verdict_message(verdict, self._inventory.timing.beat_ms))
+
+    def _partner_changed(self, client_key: int, topic: str, is_there: bool) -> None:
+        configuration = self._inventory.configuration_of(client_key)
+        if configuration is None:
+            return
+        kind = plug.NoticeKind.PARTNER_BACK if is_there else plug.NoticeKind.PARTNER_LOST
+        for place, binding in enumerate(configuration.bindings):
+            if binding.topic == topic and not binding.publishes:
+                self._notify(client_key, kind, place, configuration.version)
+
+    def _tell_all(self, kind: plug.NoticeKind) -> int:
+        return sum(self._notify(client_key, kind) for client_key in list(self._askers))
+
+    def _notify(self, client_key: int, kind: plug.NoticeKind, binding: int = plug.NO_BINDING, version: int = 0) -> bool:
+        return self._tell(client_key, plug.Notice(configuration_version=version, binding=binding, kind=kind))
+
+    def _tell(self, client_key: int, message: plug.Reply) -> bool:
+        asker = self._askers.get(client_key)
+        if asker is None:
+            return False
+        self.told_unasked += 1
+        return self._say(self._compact, asker + _NOBODYS_REQUEST, message.encode())
+
+    def _say(self, replier: Entity, identity: bytes, answer: bytes) -> bool:
         stream_id = STREAM_BEST_EFFORT if len(answer) <= LONGEST_BEST_EFFORT else STREAM_RELIABLE
         try:
             self._client.reply(replier, identity, answer, stream_id=stream_id)
         except (LinkFull, LocalProtocolError) as error:
             # The part asks again by itself.
             self.desk.drop(f"answer: {error}")
+            return False
+        return True
 
 
 def profile_message(profile: Profile, count: int) -> plug.ProfileMessage:

@@ -1,0 +1,205 @@
+"""What the inventory says to parts that did not ask: new configurations, slots, partners, STOP (design PNP 4, 6, 7)."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+
+from msbot.link import run_virtual
+from msbot.part import plug
+from msbot.pnp import PartState, compat
+from tests.pnp.robot import configuration, sample_store, uid
+from tests.pnp.scene import ORIGINAL, Robot, Visitor, with_robot
+
+SOON_S = 0.05
+
+
+async def told(visitor: Visitor) -> list[plug.Reply]:
+    """What the part is told in the next moment."""
+    visitor.replies.clear()
+    await asyncio.sleep(SOON_S)
+    return [plug.decode_reply(payload) for payload in visitor.replies]
+
+
+def test_a_changed_configuration_is_pushed_at_once() -> None:
+    async def scene() -> None:
+        store = sample_store()
+        robot = Robot(store)
+        part, other = Visitor(robot, 0xA1), Visitor(robot, 0xB1)
+
+        async def play() -> None:
+            await part.claim("ABCD", 1)
+            await other.claim("EFGH", 2)
+            store.configurations["AA"] = configuration("AA", version=2)
+            other.replies.clear()
+            robot.inventory.configuration_changed("AA")
+            assert await told(part) == [plug.BeatReply(configuration_version=2)]
+            assert other.replies == []
+            assert robot.service.told_unasked == 1
+
+        await with_robot(robot, part, other, play=play)
+
+    run_virtual(scene())
+
+
+def test_a_spare_is_told_its_new_lease_at_once_and_its_beats_are_answered() -> None:
+    async def scene() -> None:
+        robot = Robot(sample_store(), explain=True)
+        first, spare = Visitor(robot, 0xA1), Visitor(robot, 0xA2)
+
+        async def play() -> None:
+            await first.claim("ABCD", 1)
+            refused = await spare.claim("ABCD", 2)
+            assert refused is not None
+            assert (refused.lease, refused.reason) == (0, plug.Refusal.NO_SLOT)
+            spare.replies.clear()
+            await first.client.close()
+            await asyncio.sleep(SOON_S)
+            (verdict,) = [plug.decode_reply(payload) for payload in spare.replies]
+            assert isinstance(verdict, plug.Verdict)
+            assert verdict.lease
+            assert verdict.beat_period_ms == 1000
+            answer = await spare.ask(plug.Beat(lease=verdict.lease).encode())
+            assert answer == plug.BeatReply(configuration_version=1).encode()
+            assert robot.state(0xA2) is PartState.ACTIVE
+
+        await with_robot(robot, first, spare, play=play)
+
+    run_virtual(scene())
+
+
+def test_a_part_that_is_put_out_is_told_to_claim_again() -> None:
+    async def scene() -> None:
+        store = sample_store()
+        robot = Robot(store)
+        part = Visitor(robot, 0xA1)
+
+        async def play() -> None:
+            await part.claim("ABCD", 1)
+            store.blocks[uid(1)] = "broken"
+            robot.inventory.blocks_changed(asyncio.get_running_loop().time())
+            assert await told(part) == [plug.BeatReply(configuration_version=0)]
+            del store.blocks[uid(1)]
+            assert await part.claim("ABCD", 1) is not None
+
+        await with_robot(robot, part, play=play)
+
+    run_virtual(scene())
+
+
+def test_a_part_hears_when_its_partner_is_lost_and_when_one_is_back() -> None:
+    async def scene() -> None:
+        robot = Robot(sample_store())
+        sender, receiver = Visitor(robot, 0xA1), Visitor(robot, 0xB1)
+
+        async def play() -> None:
+            await sender.claim("ABCD", 1)
+            await receiver.claim("EFGH", 2)
+            receiver.replies.clear()
+            assert robot.agent.disconnect(0xA1, "pulled out")
+            assert await told(receiver) == [
+                plug.Notice(configuration_version=1, binding=1, kind=plug.NoticeKind.PARTNER_LOST)
+            ]
+            await asyncio.sleep(4.0)
+            await receiver.claim("EFGH", 2)
+            receiver.replies.clear()
+            assert await sender.claim("ABCD", 1) is not None
+            assert [plug.decode_reply(payload) for payload in receiver.replies] == [
+                plug.Notice(configuration_version=1, binding=1, kind=plug.NoticeKind.PARTNER_BACK)
+            ]
+
+        await with_robot(robot, sender, receiver, play=play)
+
+    run_virtual(scene())
+
+
+def test_stop_reaches_all_parts_and_those_that_come_in_until_go() -> None:
+    async def scene() -> None:
+        robot = Robot(sample_store())
+        early, late = Visitor(robot, 0xA1), Visitor(robot, 0xB1)
+        stop = plug.Notice(configuration_version=0, binding=plug.NO_BINDING, kind=plug.NoticeKind.STOP)
+
+        async def play() -> None:
+            await early.claim("ABCD", 1)
+            assert robot.service.stop_all() == 1
+            assert await told(early) == [stop]
+            verdict = await late.claim("EFGH", 2)
+            assert verdict is not None
+            late.client.write(late.requester, plug.ConfigurationRequest(lease=verdict.lease, have_version=0).encode())
+            assert stop in await told(late)
+            early.replies.clear()
+            assert robot.service.go_all() == 2
+            go = replace_kind(stop, plug.NoticeKind.GO)
+            assert await told(late) == [go]
+            assert [plug.decode_reply(payload) for payload in early.replies] == [go]
+            assert not robot.service.is_stopped
+
+        await with_robot(robot, early, late, play=play)
+
+    run_virtual(scene())
+
+
+def replace_kind(notice: plug.Notice, kind: plug.NoticeKind) -> plug.Notice:
+    return plug.Notice(configuration_version=notice.configuration_version, binding=notice.binding, kind=kind)
+
+
+def test_one_part_is_asked_to_show_itself_and_a_stranger_cannot_be() -> None:
+    async def scene() -> None:
+        robot = Robot(sample_store())
+        part = Visitor(robot, 0xA1)
+
+        async def play() -> None:
+            await part.claim("ABCD", 1)
+            assert robot.service.identify(0xA1)
+            assert [reply.kind for reply in await told(part) if isinstance(reply, plug.Notice)] == [
+                plug.NoticeKind.IDENTIFY
+            ]
+            assert not robot.service.identify(0x77)
+
+        await with_robot(robot, part, play=play)
+
+    run_virtual(scene())
+
+
+def test_an_original_program_is_told_nothing_that_it_did_not_ask_for() -> None:
+    async def scene() -> None:
+        store = sample_store()
+        robot = Robot(store)
+        visitor = Visitor(robot, 0xA1, ORIGINAL)
+
+        async def play() -> None:
+            assert await visitor.ask(compat.encode_request("ABCD", "ABCD-local")) is not None
+            visitor.replies.clear()
+            store.configurations["AA"] = configuration("AA", version=2)
+            robot.inventory.configuration_changed("AA")
+            assert robot.service.stop_all() == 0
+            await asyncio.sleep(SOON_S)
+            assert visitor.replies == []
+
+        await with_robot(robot, visitor, play=play)
+
+    run_virtual(scene())
+
+
+def test_nobody_but_the_part_itself_is_told_and_a_session_opened_anew_asks_first() -> None:
+    async def scene() -> None:
+        store = sample_store()
+        robot = Robot(store)
+        first, second = Visitor(robot, 0xA1), Visitor(robot, 0xA2)
+
+        async def play() -> None:
+            await first.claim("ABCD", 1)
+            await second.claim("WXYZ", 2)
+            robot.agent.disconnect(0xA1, "restarted")
+            await asyncio.sleep(4.0)
+            first.replies.clear()
+            second.replies.clear()
+            store.configurations["AA"] = replace(configuration("AA"), version=9)
+            robot.inventory.configuration_changed("AA")
+            await asyncio.sleep(SOON_S)
+            assert (first.replies, second.replies) == ([], [])
+            assert not robot.service.identify(0xA1)
+
+        await with_robot(robot, first, second, play=play)
+
+    run_virtual(scene())
