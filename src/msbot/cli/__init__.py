@@ -15,6 +15,7 @@ COMMANDS = {
     "master": "Run a robot's master: profile, health inventory and agent.",
     "part": "Run one part of a robot.",
     "parts": "List the parts a robot's database knows, and how they are.",
+    "key": "Make, list and remove the keys of parts, for robots with authentication.",
     "why": "Say in words why a part is, or is not, in the robot.",
     "bus": "Tools for a CAN bus: decode a log, count bits, foretell the load.",
     "agent": "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint.",

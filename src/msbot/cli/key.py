@@ -1,0 +1,154 @@
+"""`msbot key`: the keys with which parts prove who they are."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import secrets
+from datetime import datetime
+from pathlib import Path
+
+import click
+
+from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, existing_database
+from msbot.errors import ConfigError
+from msbot.part import KEY_OCTETS, UID_OCTETS, key_text, parse_uid
+from msbot.part.identity import kept_file, stored_uid
+from msbot.registry import PartRecord, Registry, open_registry
+
+QR_VERSION = "MSBOT1"
+"""What the text in the QR code begins with."""
+WHO = "msbot key"
+
+
+@click.group("key")
+def command() -> None:
+    """Keys of parts: for robots whose blueprint says authentication = "key"."""
+
+
+@command.command("new")
+@click.argument("part")
+@click.option("--uid", help="16 hexadecimal digits: whose key it is; else that of PART if it is known, else a new one.")
+@click.option("--name", default="", help="Local name of the part; its part number unless told otherwise.")
+@click.option("--here", is_flag=True, help="The part runs on this computer: keep UID and key where it finds them.")
+@click.option("--no-qr", is_flag=True, help="Print no QR code.")
+@db_option
+def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no_qr: bool) -> None:
+    """Draw a key for PART (a part number, or the name of a part the robot has seen) and print what goes on the part.
+
+    A part that had a key gets another one; the old one is void. The key is shown this once.
+    """
+    with open_registry(db or database_beside(DEFAULT_BLUEPRINT)) as registry:
+        known = None if uid is not None else _known(registry, part)
+        number = part if known is None else known.part_number
+        local_name = name or (known.local_name if known is not None else "") or number
+        octets = _uid(uid, known, number, local_name, here=here)
+        key = secrets.token_bytes(KEY_OCTETS)
+        edit = registry.keep_key(octets, key, WHO)
+    if here:
+        _keep(kept_file("uid", number, local_name), octets.hex())
+        _keep(kept_file("key", number, local_name), key_text(key))
+    click.echo(f"{edit.words}; it is not shown again.\n")
+    click.echo(f"  part number   {number}")
+    click.echo(f"  UID           {octets.hex()}")
+    click.echo(f"  key           {key_text(key)}\n")
+    if here:
+        click.echo(f"Kept on this computer for part {number} with the local name {local_name}: nothing else to do.")
+    else:
+        click.echo(f"A part on a computer:  --uid {octets.hex()} --key FILE, with the key in FILE; or $MSBOT_KEY.")
+    if not no_qr:
+        click.echo("The same to be scanned:\n")
+        click.echo(qr_code(":".join((QR_VERSION, number, octets.hex(), key.hex()))))
+
+
+@command.command("list")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON list instead of lines.")
+@db_option
+def list_keys(db: str | None, *, as_json: bool) -> None:
+    """List the parts that have a key; the keys themselves are not shown."""
+    with open_registry(existing_database(db), read_only=True) as registry:
+        rows = registry.keys()
+        names = {part.uid: part.name for part in registry.parts()}
+    if as_json:
+        listed = [
+            {"uid": row.uid.hex(), "part": names.get(row.uid), "created_at_ms": row.created_ns // 1_000_000}
+            for row in rows
+        ]
+        click.echo(json.dumps(listed))
+        return
+    if not rows:
+        click.echo("No part has a key; `msbot key new PART` makes one.")
+    for row in rows:
+        when = datetime.fromtimestamp(row.created_ns / 1e9).strftime("%Y-%m-%d %H:%M:%S")
+        click.echo(f"{row.uid.hex()}  {when}  {names.get(row.uid, '(not seen yet)')}")
+
+
+@command.command("remove")
+@click.argument("part")
+@db_option
+def remove(part: str, db: str | None) -> None:
+    """Void the key of PART (a UID, or a name of a part the robot has seen): it is not let in any more.
+
+    A part that is in stays in until it claims again; `msbot block` puts it out at once.
+    """
+    with open_registry(existing_database(db)) as registry:
+        known = _known(registry, part)
+        edit = registry.remove_key(parse_uid(part) if known is None else known.uid, WHO)
+    click.echo(f"{edit.words}: it is not let in any more.")
+
+
+def qr_code(text: str) -> str:
+    """A QR code for the terminal, light on dark.
+
+    Raises:
+        ConfigError: the library that draws it is not installed.
+    """
+    try:
+        import segno
+    except ImportError:
+        raise ConfigError(
+            "QR codes need the library segno: `pip install 'msbot[master]'`, or use --no-qr (the key above holds)"
+        ) from None
+    drawn = io.StringIO()
+    segno.make(text, micro=False, error="m").terminal(out=drawn, border=2, compact=True)
+    return drawn.getvalue()
+
+
+def _known(registry: Registry, word: str) -> PartRecord | None:
+    """The part that a person means, if the robot has seen it.
+
+    Raises:
+        ConfigError: several are meant.
+    """
+    wanted = word.casefold()
+    found = [
+        part
+        for part in registry.parts()
+        if part.uid
+        and wanted in (name.casefold() for name in (part.name, part.local_name, part.slot or "", part.uid.hex()))
+    ]
+    if len(found) > 1:
+        listed = ", ".join(f"{part.name} ({part.uid.hex()})" for part in found)
+        raise ConfigError(f"{word!r} may be {listed}: give the UID")
+    return found[0] if found else None
+
+
+def _uid(uid: str | None, known: PartRecord | None, number: str, local_name: str, *, here: bool) -> bytes:
+    if uid is not None:
+        return parse_uid(uid)
+    if known is not None:
+        return known.uid
+    return stored_uid(number, local_name) if here else secrets.token_bytes(UID_OCTETS)
+
+
+def _keep(path: Path, text: str) -> None:
+    """Write a file that only this user can read."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft = path.with_name(f".{path.name}.{os.getpid()}")
+        with open(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as stream:
+            stream.write(text + "\n")
+        draft.replace(path)
+    except OSError as error:
+        raise ConfigError(f"cannot keep it in {path} ({error}); the key below is valid all the same") from None

@@ -1,0 +1,115 @@
+"""`msbot key`: what it prints, what it keeps, what it refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+import stat
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from msbot.cli.key import command, qr_code
+from msbot.config import load_blueprint, load_library, write_sample
+from msbot.part import parse_key
+from msbot.part.keys import given_key
+from msbot.pnp import Claim, PartEvent, PartState
+from msbot.registry import open_registry
+
+UID = "0011223344556677"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a robot that has seen part AA."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.delenv("MSBOT_KEY", raising=False)
+    write_sample(tmp_path / "robot.toml")
+    library = load_library()
+    with open_registry(tmp_path / "robot.db") as registry:
+        robot = registry.apply_blueprint(load_blueprint(tmp_path / "robot.toml", library), library)
+        store = registry.store_for(robot)
+        uid = bytes.fromhex(UID)
+        store.remember(uid, "AA", Claim("ABCD", "eye", uid))
+        store.journal(
+            PartEvent(1.0, "eye", "AA", None, PartState.ACTIVE, "test", part_number="ABCD", local_name="eye", uid=uid)
+        )
+    return tmp_path
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(command, list(words), catch_exceptions=False)
+
+
+def shown(output: str) -> tuple[bytes, bytes]:
+    uid, key = (re.search(rf"{word} +([0-9a-f-]+)", output) for word in ("UID", "key"))
+    assert uid is not None
+    assert key is not None
+    return bytes.fromhex(uid[1]), parse_key(key[1])
+
+
+def test_a_new_key_is_printed_as_text_and_qr_code_and_kept(folder: Path) -> None:
+    output = run("new", "EFGH").output
+    uid, key = shown(output)
+    assert len(key) == 16
+    assert f"part {uid.hex()} has a key; it is not shown again." in output
+    assert qr_code(f"MSBOT1:EFGH:{uid.hex()}:{key.hex()}") in output
+    with open_registry(folder / "robot.db", read_only=True) as registry:
+        assert registry.key_of(uid) == key
+
+
+def test_a_part_that_was_seen_keeps_its_uid_and_gets_another_key_each_time(folder: Path) -> None:
+    first, second = shown(run("new", "eye", "--no-qr").output), shown(run("new", "AA", "--no-qr").output)
+    assert first[0] == second[0] == bytes.fromhex(UID)
+    assert first[1] != second[1]
+    assert "█" not in run("new", UID, "--no-qr").output
+
+
+def test_a_uid_can_be_given(folder: Path) -> None:
+    uid, _ = shown(run("new", "ABCD", "--uid", "8877 6655 4433 2211", "--no-qr").output)
+    assert uid.hex() == "8877665544332211"
+
+
+def test_here_keeps_uid_and_key_for_the_program_and_for_nobody_else(folder: Path) -> None:
+    output = run("new", "EFGH", "--name", "left", "--here", "--no-qr").output
+    uid, key = shown(output)
+    assert given_key(None, "EFGH", "left") == key
+    path = folder / "state/msbot/key/EFGH.left"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert (folder / "state/msbot/uid/EFGH.left").read_text().strip() == uid.hex()
+
+
+def test_the_list_shows_whose_keys_there_are_and_no_key(folder: Path) -> None:
+    assert "No part has a key" in run("list").output
+    uid, key = shown(run("new", "EFGH", "--no-qr").output)
+    run("new", "eye", "--no-qr")
+    output = run("list").output
+    assert f"{uid.hex()}  " in output
+    assert "(not seen yet)" in output
+    assert "  eye" in output
+    assert key.hex() not in output.replace("-", "")
+    listed = json.loads(run("list", "--json").output)
+    assert {(row["uid"], row["part"]) for row in listed} == {(uid.hex(), None), (UID, "eye")}
+
+
+def test_a_removed_key_is_gone(folder: Path) -> None:
+    run("new", "eye", "--no-qr")
+    assert run("remove", UID).output == f"the key of part {UID} is removed: it is not let in any more.\n"
+    with open_registry(folder / "robot.db", read_only=True) as registry:
+        assert registry.keys() == []
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("remove", UID), f"part {UID} has no key"),
+        (("remove", "nobody"), "UID 'nobody': write 16 hexadecimal digits"),
+        (("new", "ABCD", "--uid", "12"), "UID '12': write 16 hexadecimal digits"),
+        (("list", "--db", "other.db"), "there is no database other.db"),
+    ],
+)
+def test_what_is_wrong_is_said_in_words(folder: Path, words: tuple[str, ...], says: str) -> None:
+    result = CliRunner().invoke(command, list(words))
+    assert says in str(result.exception)
