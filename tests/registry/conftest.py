@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 
 import pytest
-from sqlalchemy import create_engine, make_url, text
+from sqlalchemy import Engine, create_engine, make_url, text
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.registry import Registry, open_registry
@@ -79,20 +79,29 @@ def server_database(server: str) -> str:
     """The address of a database with all tables."""
     engine = create_engine(_url(server.format("postgres")), isolation_level="AUTOCOMMIT")
     with engine.connect() as connection:
-        connection.execute(text("CREATE DATABASE robot"))
+        connection.execute(text("CREATE DATABASE pattern"))
+        open_registry(server.format("pattern")).close()
+        connection.execute(text("CREATE DATABASE robot TEMPLATE pattern"))
     engine.dispose()
-    open_registry(server.format("robot")).close()
     return server.format("robot")
 
 
-@pytest.fixture
-def clean_server_database(server_database: str) -> str:
-    """The same, without rows."""
-    engine = create_engine(_url(server_database))
-    with engine.begin() as connection:
-        tables = ", ".join(table.name for table in metadata.sorted_tables)
-        connection.execute(text(f"TRUNCATE {tables} RESTART IDENTITY CASCADE"))
+@pytest.fixture(scope="session")
+def sweeper(server_database: str) -> Iterator[Engine]:
+    """How the same database is emptied; connecting takes longer than that."""
+    engine = create_engine(_url(server_database), isolation_level="AUTOCOMMIT")
+    yield engine
     engine.dispose()
+
+
+@pytest.fixture
+def clean_server_database(server_database: str, sweeper: Engine) -> str:
+    """A database with all tables and no rows."""
+    # Far quicker than TRUNCATE when there are few rows.
+    sweep = [f"DELETE FROM {table.name}" for table in reversed(metadata.sorted_tables)]
+    counters = [f"{table.name}_id_seq" for table in metadata.sorted_tables if "id" in table.columns]
+    with sweeper.connect() as connection:
+        connection.exec_driver_sql("; ".join(sweep + [f"ALTER SEQUENCE {name} RESTART" for name in counters]))
     return server_database
 
 

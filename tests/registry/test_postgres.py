@@ -29,12 +29,12 @@ sys.stdin.read()
 
 
 @pytest.fixture
-def database(server: str, clean_server_database: str) -> Iterator[str]:
+def database(server: str, server_database: str) -> Iterator[str]:
     """An address of a database with all tables that may be spoilt."""
     engine = create_engine(make_url(server.format("postgres")).set(drivername="postgresql+psycopg"),
                            isolation_level="AUTOCOMMIT")  # fmt: skip
     with engine.connect() as connection:
-        connection.execute(text("CREATE DATABASE spoilt TEMPLATE robot"))
+        connection.execute(text("CREATE DATABASE spoilt TEMPLATE pattern"))
     yield server.format("spoilt")
     with engine.connect() as connection:
         connection.execute(text("DROP DATABASE spoilt WITH (FORCE)"))
