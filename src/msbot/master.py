@@ -61,8 +61,10 @@ class Master:
         self.profile = profile_of(blueprint)
         self.inventory = Inventory(store, random=dice, now=loop.time(), timing=timing_of(blueprint))
         self.access = Access(self.inventory, clock=loop.time, free_topics=frozenset(blueprint.options.free_topics))
+        self.space = space or MemorySpace()
+        """Where the robot's topics are."""
         self.agent = Agent(
-            space or MemorySpace(),
+            self.space,
             gate=self.access,
             settings=agent_settings,
             epoch_ns=epoch_ns,
@@ -93,6 +95,11 @@ class Master:
     def inventory_service(self) -> InventoryService:
         """What answers the parts, and speaks to them unasked."""
         return self._inventory
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The links that parts come in by."""
+        return tuple(self._links)
 
     def add_link(self, link: Link) -> None:
         """Let parts come in by a link, too; before or during `run`."""

@@ -12,7 +12,7 @@ Everything is told by values: verdicts to the asker, events to the subscribers a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from random import Random
 
@@ -60,6 +60,8 @@ class Inventory:
         self.timing = timing
         self.dropped: dict[str, int] = {}
         """Messages without effect, by reason in words."""
+        self.beat_heard: Callable[[int, float], None] | None = None
+        """Hears every beat of a registered part, with its client key and the time; for measurements."""
         self._store = store
         self._matcher = Matcher(store)
         self._book = Book(random, timing, keep_ended=keep_ended)
@@ -215,6 +217,8 @@ class Inventory:
             return 0
         version = record.configuration.version
         self._claims.sign_of_life(record, now, is_beat=True)
+        if self.beat_heard is not None:
+            self.beat_heard(client_key, now)
         self._publish(now)
         return version
 
@@ -278,14 +282,6 @@ class Inventory:
                 if why is not None:
                     self._seating.block(record, why, now)
         self._publish(now)
-
-    def place(self, places: Iterable[tuple[bytes, str | None]]) -> None:
-        """Note where a person wants these UIDs, whatever the library says of them; None: wherever the rules say."""
-        for uid, slot in places:
-            if slot is None:
-                self._matcher.placed.pop(uid, None)
-            else:
-                self._matcher.placed[uid] = slot
 
     def slot_names(self) -> tuple[str, ...]:
         """The slots of the robot, in its order."""

@@ -47,8 +47,6 @@ class Matcher:
     """
 
     def __init__(self, store: PartStore) -> None:
-        self.placed: dict[bytes, str] = {}
-        """UID -> the slot a person put that part into, whatever the library says."""
         self._store = store
         self._by_name: dict[str, Slot] = {}
         self._by_number: dict[str, dict[str, Slot]] = {}
@@ -154,7 +152,7 @@ class Matcher:
 
     def _placed(self, uid: bytes, barred: str, evidence: list[tuple[str, str]]) -> Slot | None:
         """The slot a person put the part into, if it can be had."""
-        name = self.placed.get(uid) if uid else None
+        name = self._store.placed_slot(uid) if uid else None
         if name is None or name == barred:
             return None
         slot = self.free_slot(name)

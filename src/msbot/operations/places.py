@@ -1,0 +1,219 @@
+"""Which part sits where, when people decide it: adopt, swap, release, the adoption window, and undoing all that."""
+
+from __future__ import annotations
+
+import logging
+from functools import partial
+
+from msbot.errors import ConfigError, RegistryError
+from msbot.operations.naming import describe
+from msbot.operations.outcome import Outcome, outcome_of
+from msbot.operations.running import RunningRobot
+from msbot.operations.window import AdoptionWindow
+from msbot.pnp import Claim, Match, PartEvent, PartInfo, PartState, Refusal, TakeOver
+from msbot.registry import EditRecord
+
+ITSELF = "msbot"
+"""Who does what nobody asked for: a spare that takes over."""
+
+_log = logging.getLogger(__name__)
+
+_NOT_YET = {
+    PartState.NEW: "has not said yet what it is",
+    PartState.CHECKING: "is being checked: try again in a moment",
+}
+_ADOPTABLE = (None, Refusal.NO_SLOT, Refusal.UNKNOWN_PART, Refusal.WRONG_ROBOT)
+
+
+class Places:
+    """Moves the parts of one running robot; see `Operations` for what each method means and raises."""
+
+    def __init__(self, running: RunningRobot) -> None:
+        self._running = running
+        self._inventory = running.inventory
+        self._window = AdoptionWindow()
+        self._newcomers: dict[bytes, tuple[str, str]] = {}
+        """UIDs that the window lets in -> their slot and who opened it; stored as soon as they are in."""
+        self._inventory.set_adopter(self._adopt_newcomer)
+        self._inventory.on_event(self._part_changed)
+        self._inventory.on_take_over(self._taken_over)
+
+    def adopt(self, part: str, slot: str | None, who: str) -> Outcome:
+        """Put a part that is in no slot into an empty one."""
+        info = self._running.part(part, prefer=lambda one: not one.state.is_registered)
+        _check_movable(info)
+        target = self._empty_slot_for(info) if slot is None else self._running.slot(slot)
+        holder = self._running.holder(target)
+        if holder is not None and holder.client_key == info.client_key:
+            raise ConfigError(f"{info.part} is in slot {target} already")
+        if holder is not None:
+            raise ConfigError(
+                f"slot {target} is held by {describe(holder)}: to change the two, `msbot swap {target} --to {part}`"
+            )
+        self._check_fits(info, target)
+        words = f"{info.part} ({info.part_number}) is adopted into slot {target}"
+        edit = self._running.store_if_any(
+            lambda registry, robot: registry.place(robot, info.uid, target, who, words=words)
+        )
+        self._inventory.rearrange(
+            {info.client_key: target}, self._running.now(), f"{who} adopted it into slot {target}"
+        )
+        return outcome_of(edit, words)
+
+    def swap(self, slot: str, to_part: str, who: str) -> Outcome:
+        """Give a slot to another part."""
+        target = self._running.slot(slot)
+        holder = self._running.holder(target)
+        if holder is None:
+            return self.adopt(to_part, target, who)
+        info = self._running.part(to_part, prefer=lambda one: one.client_key != holder.client_key)
+        if info.client_key == holder.client_key:
+            raise ConfigError(f"{info.part} is in slot {target} already: name the part that shall take its place")
+        _check_movable(info)
+        self._check_fits(info, target)
+        old_slot = info.slot if info.state.is_registered else None
+        moves: dict[int, str | None] = {info.client_key: target}
+        words = f"{info.part} takes slot {target} in place of {holder.part}, which "
+        if old_slot is None:
+            words += "stands by"
+        else:
+            self._check_fits(holder, old_slot)
+            moves[holder.client_key] = old_slot
+            words += f"goes to slot {old_slot}"
+        edit = self._running.store_if_any(
+            lambda registry, robot: registry.place_swap(robot, info.uid, target, who, other=holder.uid)
+        )
+        self._inventory.rearrange(moves, self._running.now(), f"{who} swapped slot {target} to {info.part}")
+        return outcome_of(edit, words)
+
+    def release(self, slot: str, who: str) -> Outcome:
+        """Take the part out of a slot."""
+        target = self._running.slot(slot)
+        holder = self._running.holder(target)
+        if holder is None:
+            raise ConfigError(f"slot {target} is empty: there is nothing to release")
+        words = f"{holder.part} is released from slot {target}"
+        edit = None
+        if holder.uid:
+            edit = self._running.store_if_any(
+                lambda registry, robot: registry.place(robot, holder.uid, None, who, words=words)
+            )
+        self._inventory.rearrange({holder.client_key: None}, self._running.now(), f"{who} released slot {target}")
+        return outcome_of(edit, words)
+
+    @property
+    def window_s(self) -> float:
+        """How long the adoption window stays open, seconds."""
+        return self._window.remaining_s(self._running.now())
+
+    @property
+    def window_slot(self) -> str | None:
+        """The slot that the next newcomer gets by itself."""
+        return self._window.slot if self.window_s else None
+
+    def open_window(self, seconds: float, slot: str | None, who: str) -> Outcome:
+        """Open the adoption window."""
+        target = None if slot is None else self._running.slot(slot)
+        if target is not None and (holder := self._running.holder(target)) is not None:
+            raise ConfigError(
+                f"slot {target} is held by {describe(holder)}: release it first, `msbot release {target}`"
+            )
+        self._window.open(seconds, target, who, self._running.now())
+        if target is None:
+            return Outcome(f"for {seconds:g} s parts of any kind can be adopted: `msbot adopt PART --slot SLOT`")
+        return Outcome(f"the next newcomer within {seconds:g} s gets slot {target}: plug it in now")
+
+    def close_window(self) -> Outcome:
+        """Close the adoption window."""
+        self._window.close()
+        return Outcome("the adoption window is closed")
+
+    # Undoing
+
+    def check_undo(self, edit: EditRecord) -> None:
+        """A part that shall get a slot back must be there, or the robot would lose the one it has.
+
+        Raises:
+            ConfigError: it is not.
+        """
+        for uid, slot in edit.placed_before:
+            holder = None if slot is None else self._running.holder(slot)
+            if holder is not None and holder.uid != uid and self._running.here(uid) is None:
+                raise ConfigError(
+                    f"the part that had slot {slot} before (UID {uid.hex()}) is not plugged in: plug it in, then undo"
+                )
+
+    def follow(self, edit: EditRecord, who: str) -> None:
+        """Bring the parts to where an undo has put them."""
+        moves = {
+            info.client_key: slot
+            for uid, slot in edit.placed
+            if (info := self._running.here(uid)) is not None and info.state not in _NOT_YET
+        }
+        if moves:
+            self._inventory.rearrange(moves, self._running.now(), f"{who} undid a change")
+
+    # What happens by itself
+
+    def _adopt_newcomer(self, claim: Claim, match: Match) -> str | None:  # noqa: ARG002 - the adopter's signature
+        slot = self.window_slot
+        if slot is None or not claim.uid:
+            return None
+        self._newcomers[claim.uid] = (slot, self._window.who)
+        self._window.close()
+        return slot
+
+    def _part_changed(self, event: PartEvent) -> None:
+        if event.to_state is PartState.ACTIVE and event.uid in self._newcomers:
+            slot, who = self._newcomers.pop(event.uid)
+            words = f"{event.part} ({event.part_number}) is adopted into slot {slot}, as the next newcomer"
+            self._soon(event.uid, slot, who, words, by_hand=True)
+
+    def _taken_over(self, taken: TakeOver) -> None:
+        if taken.claim.uid:
+            words = f"the spare {taken.part} has taken over slot {taken.slot} from {taken.lost_part}"
+            self._soon(taken.claim.uid, taken.slot, ITSELF, words, by_hand=False)
+
+    def _soon(self, uid: bytes, slot: str, who: str, words: str, *, by_hand: bool) -> None:
+        """Store what has happened already, after the part was told: the robot does not wait for its database."""
+        self._running.loop.call_soon(partial(self._store, uid, slot, who, words, by_hand=by_hand))
+
+    def _store(self, uid: bytes, slot: str, who: str, words: str, *, by_hand: bool) -> None:
+        registry = self._running.registry
+        try:
+            if registry is not None and (trouble := registry.trouble):
+                raise RegistryError(trouble)
+            self._running.store_if_any(
+                lambda registry, robot: registry.place(
+                    robot, uid, slot, who, words=words, by_hand=by_hand, before={uid: None}
+                )
+            )
+        except (ConfigError, RegistryError) as error:
+            _log.warning("%s; this cannot be undone, because it was not stored: %s", words, error)
+
+    # Checks
+
+    def _check_fits(self, info: PartInfo, slot: str) -> None:
+        if self._inventory.fits(info.part_number, slot) or self.window_s > 0:
+            return
+        raise ConfigError(
+            f"{info.part} is a part {info.part_number}, and slot {slot} takes {self._inventory.number_of(slot)}: "
+            "to let it in all the same, open the adoption window first, `msbot adopt --window 60`"
+        )
+
+    def _empty_slot_for(self, info: PartInfo) -> str:
+        empty = [name for name in self._inventory.slot_names() if self._running.holder(name) is None]
+        fitting = [name for name in empty if self._inventory.fits(info.part_number, name)] or empty
+        if len(fitting) == 1:
+            return fitting[0]
+        if not fitting:
+            raise ConfigError(f"every slot is taken: `msbot swap SLOT --to {info.part}` puts it in another's place")
+        raise ConfigError(f"{info.part} could go into {', '.join(fitting)}: say which one with --slot")
+
+
+def _check_movable(info: PartInfo) -> None:
+    if reason := _NOT_YET.get(info.state):
+        raise ConfigError(f"{info.part} {reason}")
+    if info.state is PartState.REFUSED and info.refusal not in _ADOPTABLE:
+        mend = f": `msbot unblock {info.uid.hex()}`" if info.refusal is Refusal.BLOCKED else ""
+        raise ConfigError(f"{info.part} cannot be let in: {info.reason}{mend}")

@@ -1,0 +1,36 @@
+"""The adoption window: for a while, a person lets parts in that the library would turn away. Pure."""
+
+from __future__ import annotations
+
+from msbot.errors import ConfigError
+
+LONGEST_WINDOW_S = 3600.0
+
+
+class AdoptionWindow:
+    """Closed at first; one at a time."""
+
+    def __init__(self) -> None:
+        self.slot: str | None = None
+        """Where the next newcomer goes by itself; None: nowhere, a person names part and slot."""
+        self.who = ""
+        """Who opened it."""
+        self._until: float | None = None
+
+    def open(self, seconds: float, slot: str | None, who: str, now: float) -> None:
+        """Open it, or open it anew.
+
+        Raises:
+            ConfigError: the time is out of range.
+        """
+        if not 1.0 <= seconds <= LONGEST_WINDOW_S:
+            raise ConfigError(f"an adoption window of {seconds:g} s: it must be 1 to {LONGEST_WINDOW_S:g} s")
+        self._until, self.slot, self.who = now + seconds, slot, who
+
+    def close(self) -> None:
+        """Close it; does nothing when it is closed."""
+        self._until, self.slot = None, None
+
+    def remaining_s(self, now: float) -> float:
+        """How long it stays open; 0 = closed."""
+        return 0.0 if self._until is None else max(0.0, self._until - now)

@@ -1,0 +1,140 @@
+"""A robot in virtual time for operations: master, database, and parts that tests plug in and pull out."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from random import Random
+
+from msbot.config import load_blueprint, load_library, write_sample
+from msbot.errors import MsbotError
+from msbot.link import InprocHub, LinkInfo, run_virtual
+from msbot.master import Master
+from msbot.operations import Operations
+from msbot.part import HelloWorld, Part
+from msbot.pnp import PartEvent, PartInfo
+from msbot.registry import Registry, open_registry
+
+DIAL = """
+number = "DIAL"
+name = "Dial"
+compatible_with = ["ABCD"]
+[[port]]
+name = "out"
+direction = "publish"
+type = "HelloWorld"
+[[port]]
+name = "in"
+direction = "subscribe"
+type = "HelloWorld"
+[[parameter]]
+name = "period_s"
+type = "float"
+default = 1.0
+unit = "s"
+min = 0.1
+max = 10
+"""
+"""A part type with a parameter; the thesis' three have none."""
+
+AA_IS_A_DIAL = ('part = "ABCD"', 'part = "DIAL"')
+
+
+class Stage:
+    """A running robot and its parts, by the names that tests give them."""
+
+    def __init__(self, master: Master, operations: Operations, registry: Registry, hub: InprocHub) -> None:
+        self.master = master
+        self.do = operations
+        self.registry = registry
+        self.parts: dict[str, Part] = {}
+        self.events: list[PartEvent] = []
+        self.tasks: asyncio.TaskGroup | None = None
+        self._hub = hub
+        self._running: dict[str, asyncio.Task[None]] = {}
+        master.inventory.on_event(self.events.append)
+
+    def plug(self, name: str, number: str, *, uid: int | None = None) -> Part:
+        """Plug a part in; it has that local name, and a UID made from it if none is given."""
+        octets = name.encode().ljust(8, b".")[:8] if uid is None else uid.to_bytes(8, "big")
+        part = Part(number, local_name=name, uid=octets, random=Random(f"{name} {len(self.events)}"))
+        part.on("in", HelloWorld)(lambda message: None)
+        assert self.tasks is not None
+        self.parts[name] = part
+        self._running[name] = self.tasks.create_task(part.run_async(self._hub.connect(), epoch_ns=lambda: 0))
+        return part
+
+    def pull(self, name: str) -> None:
+        """Pull a part out without a word."""
+        self._running.pop(name).cancel()
+
+    def pull_all(self) -> None:
+        """The end."""
+        for name in list(self._running):
+            self.pull(name)
+
+    def info(self, name: str) -> PartInfo:
+        """The part of that local name, as the inventory has it."""
+        return [info for info in self.master.inventory.view(self.now()) if info.part == name][-1]
+
+    def slot(self, name: str) -> str | None:
+        """The slot that a part holds."""
+        info = self.info(name)
+        return info.slot if info.state.is_registered else None
+
+    def state(self, name: str) -> str:
+        """How a part stands."""
+        return self.info(name).state.value
+
+    def refusal(self, deed: Callable[[], object]) -> str:
+        """What an operation says that cannot be done."""
+        try:
+            done = deed()
+        except MsbotError as error:
+            return str(error)
+        raise AssertionError(f"it was done: {done}")
+
+    @staticmethod
+    def now() -> float:
+        return asyncio.get_running_loop().time()
+
+
+def play(
+    folder: Path, scene: Callable[[Stage], Awaitable[None]], *changes: tuple[str, str], parts: tuple[str, ...] = ()
+) -> None:
+    """Run a scene with the sample robot; `parts` are plugged in at the start, as `NAME=NUMBER`."""
+
+    async def main() -> None:
+        path = folder / "robot.toml"
+        if not path.exists():
+            write_sample(path)
+        text = path.read_text()
+        for before, after in changes:
+            assert before in text
+            text = text.replace(before, after)
+        path.write_text(text)
+        (folder / "library").mkdir(exist_ok=True)
+        (folder / "library" / "DIAL.toml").write_text(DIAL)
+        library = load_library(folder / "library")
+        blueprint = load_blueprint(path, library)
+        with open_registry(folder / "robot.db") as registry:
+            robot = registry.apply_blueprint(blueprint, library)
+            master = Master(blueprint, registry.store_for(robot), random=Random(1), epoch_ns=lambda: 0)
+            hub = InprocHub()
+            hub.server.info = LinkInfo("wire", 65535)
+            master.add_link(hub.server)
+            stage = Stage(master, Operations(master, registry, robot, library=library), registry, hub)
+            async with asyncio.TaskGroup() as tasks:
+                stage.tasks = tasks
+                running = tasks.create_task(master.run())
+                await master.ready.wait()
+                for part in parts:
+                    name, _, number = part.partition("=")
+                    stage.plug(name, number)
+                await asyncio.sleep(1.0)
+                await scene(stage)
+                stage.pull_all()
+                running.cancel()
+
+    run_virtual(main())
