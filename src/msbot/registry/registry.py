@@ -69,7 +69,7 @@ def _prepare(engine: Engine, where: Address, migrations: Migrations, *, read_onl
         return
     if read_only:
         raise RegistryError(
-            f"the database {where.words} is empty or of an older MsBOT: start `msbot master` with it once"
+            f"the database {where.words} is empty or of an older MsBOT: `msbot db migrate --db {where.words}`"
         )
     use_write_ahead_log(engine, where)
     bring_up_to_date(engine, where, migrations)
@@ -158,9 +158,24 @@ class Registry(Editing):
         records = []
         for one in self.robots() if robot is None else [robot]:
             found = self._read(partial(store.list_parts, robot_id=one.id))
-            is_run = one.id in self._running or run_lock.is_run(self._engine, self._address, one)
-            records.extend(found if is_run else [_without_master(record) for record in found])
+            records.extend(found if self.is_run(one) else [_without_master(record) for record in found])
         return records
+
+    def is_run(self, robot: RobotRecord) -> bool:
+        """Whether a master runs this robot now: this process, or another one.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        return robot.id in self._running or run_lock.is_run(self._engine, self._address, robot)
+
+    def slot_names(self, robot: RobotRecord) -> list[str]:
+        """The slots of the robot's blueprint, in its order.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        return [slot.name for slot in self._read(partial(store.list_slots, robot_id=robot.id))]
 
     def journal(
         self, limit: int = 100, part: str | None = None, *, robot: RobotRecord | None = None
