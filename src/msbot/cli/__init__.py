@@ -14,6 +14,7 @@ COMMANDS = {
     "init": "Write a commented robot.toml, the blueprint of a robot.",
     "master": "Run a robot's master: profile, health inventory and agent.",
     "part": "Run one part of a robot.",
+    "library": "List, search, check and add part types.",
     "parts": "List the parts a robot's database knows, and how they are.",
     "key": "Make, list and remove the keys of parts, for robots with authentication.",
     "why": "Say in words why a part is, or is not, in the robot.",

@@ -26,7 +26,8 @@ from msbot.config.library_types import (
     scalar_text,
 )
 from msbot.config.library_versions import split_number
-from msbot.config.problems import Place, Problems, nearest
+from msbot.config.problems import Place, Problems, nearest, quoted
+from msbot.errors import ConfigError
 
 __all__ = [
     "Category",
@@ -71,6 +72,24 @@ class Library:
         number, version = split_number(shown)
         part_type = self._by_number.get(number)
         return part_type if part_type is not None and version and version in part_type.versions else None
+
+    def require(self, shown: str) -> PartType:
+        """As `find`.
+
+        Raises:
+            ConfigError: the library has no such number; the text says which ones are near.
+        """
+        if found := self.find(shown):
+            return found
+        number, version = split_number(shown)
+        known = self.get(number)
+        if known is not None:
+            raise ConfigError(
+                f"part {number} is known, but not in version {version!r}; known: {known.versions}"
+            )
+        near = self.nearest(number)
+        right = f"did you mean {quoted(near, ' or ')}?" if near else "`msbot library list` shows what there is"
+        raise ConfigError(f'the library has no part number "{shown}"; {right}')
 
     def numbers(self) -> list[str]:
         """All part numbers, sorted."""

@@ -12,7 +12,7 @@ from random import Random
 
 from msbot.config import Control, Direction, Library, Operand, PartType, Port, Scalar, Simulator, load_library
 from msbot.errors import ConfigError
-from msbot.part import ExpectedRobot, Message, Part, fields_of
+from msbot.part import ExpectedRobot, JoinState, Message, Part, fields_of
 from msbot.sim.classes import message_class
 from msbot.sim.world import World
 
@@ -49,13 +49,7 @@ def make_simulator(
     if isinstance(number, PartType):
         part_type = number
     else:
-        shelf = load_library() if library is None else library
-        found = shelf.find(number)
-        if found is None:
-            near = shelf.nearest(number)
-            right = f"did you mean {' or '.join(near)}?" if near else "`msbot library list` shows what there is"
-            raise ConfigError(f"the library has no part number {number!r}; {right}")
-        part_type = found
+        part_type = (load_library() if library is None else library).require(number)
     shown = number if isinstance(number, str) else part_type.number
     return SimulatedPart(part_type, shown, uid=uid, local_name=local_name, random=random or Random(), robot=robot)
 
@@ -153,6 +147,12 @@ class SimulatedPart:
         self._world.join(self._time())
 
     def _be_safe(self) -> None:
+        """Nobody is in command: the library's safe values hold, whatever the robot's configuration said.
+
+        When only a port's partner is lost the part stays active, and has given that port its safe value itself.
+        """
+        if self.part.state is JoinState.ACTIVE and not self.part.stopped:
+            return
         for port in self.part_type.ports:
             if port.safe is not None:
                 self._world.receive(port.name, port.safe, self._time(), counts=False)
