@@ -239,3 +239,17 @@ def test_all_or_nothing(registry: Registry, monkeypatch: pytest.MonkeyPatch) -> 
     with pytest.raises(RegistryError, match=r"part_number.*: mend that"):
         registry.apply_blueprint(lost, LIBRARY)
     assert [_query(registry, table) for table in metadata.sorted_tables] == before
+
+
+def test_the_safe_values_of_bound_ports_travel_with_the_settings_and_a_change_of_them_is_a_change(
+    registry: Registry,
+) -> None:
+    wires = (WIRE, Binding("glow", "Light", Endpoint("right", "light"), (Endpoint("left", "lamp"),)))
+    store = _apply(registry, replace(ROBOT, bindings=wires))
+    assert ("lamp.safe.lux", "0") in store.configuration("left").settings
+    assert not [name for name, _ in store.configuration("right").settings if ".safe." in name]
+    before = _versions(store)
+    brighter = replace(EYE, ports=(EYE.ports[0], replace(EYE.ports[1], safe={"lux": 5})))
+    store = _apply(registry, replace(ROBOT, bindings=wires), Library([brighter, LEG]))
+    assert ("lamp.safe.lux", "5") in store.configuration("left").settings
+    assert _versions(store) == [before[0] + 1, *before[1:]]

@@ -21,9 +21,9 @@ from msbot.registry.tables import bindings, library, robots, settings, slots
 
 def apply(connection: Connection, blueprint: Blueprint, part_types: Library, now_ns: int) -> RobotRecord:
     """Store or update a robot, its slots, bindings and settings, and the library."""
-    _put_library(connection, part_types)
     robot = _put_robot(connection, blueprint, now_ns)
     before = _configurations(connection, robot.id)
+    _put_library(connection, part_types)
     slot_ids = _put_slots(connection, robot.id, blueprint)
     _put_settings(connection, slot_ids, blueprint, part_types, now_ns)
     _put_bindings(connection, robot.id, slot_ids, blueprint)

@@ -12,6 +12,7 @@ from sqlalchemy import Connection, Row, Table, and_, case, delete, func, or_, se
 from sqlalchemy.dialects import postgresql, sqlite
 
 from msbot.config import Scalar, scalar_text
+from msbot.part import safe_setting
 from msbot.pnp import Binding, Claim, Configuration, PartEvent, PartState, PartType, Slot
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord, uid_text
 from msbot.registry.tables import bindings, blocks, journal, library, node_ids, parts, robots, settings, slots
@@ -20,7 +21,8 @@ ORIGINS = ("library", "blueprint", "hand")
 """Where the value of a setting can come from; the later one holds."""
 
 _REGISTERED = [state.value for state in PartState if state.is_registered]
-_STATES = {state.value: state for state in PartState}
+STATES = {state.value: state for state in PartState}
+"""The states of parts by the words of the tables."""
 
 
 def upsert(
@@ -64,12 +66,27 @@ def find_configuration(connection: Connection, robot_id: int, slot: str) -> Conf
     row = connection.execute(query).one_or_none()
     if row is None:
         return None
+    bindings_of = _bindings_of(connection, row.id)
+    values = settings_of(connection, row.id) | _safe_values(connection, row.id, bindings_of)
     return Configuration(
         version=row.configuration_version,
         slot=slot,
-        bindings=_bindings_of(connection, row.id),
-        settings=tuple(sorted((name, scalar_text(value)) for name, value in settings_of(connection, row.id).items())),
+        bindings=bindings_of,
+        settings=tuple(sorted((name, scalar_text(value)) for name, value in values.items())),
     )
+
+
+def _safe_values(connection: Connection, slot_id: int, of: tuple[Binding, ...]) -> dict[str, Scalar]:
+    """What the slot's type applies to itself at the ports that are bound, as settings `PORT.safe.FIELD`."""
+    query = select(library.c.ports).join(slots, slots.c.part_number == library.c.number).where(slots.c.id == slot_id)
+    ports = connection.execute(query).scalar() or []
+    bound = {binding.port for binding in of if not binding.publishes}
+    return {
+        safe_setting(port["name"], field): value
+        for port in ports
+        if port["name"] in bound
+        for field, value in (port["safe"] or {}).items()
+    }
 
 
 def _bindings_of(connection: Connection, slot_id: int) -> tuple[Binding, ...]:
@@ -123,7 +140,7 @@ def end_run(connection: Connection, robot_id: int, reason: str, now_ns: int) -> 
             at=now_ns / 1e9,
             part=record.name,
             slot=record.slot,
-            from_state=_STATES[record.state],
+            from_state=STATES[record.state],
             to_state=PartState.LOST,
             reason=reason,
             part_number=record.part_number,
@@ -267,8 +284,8 @@ def _journal_entry(row: Row[tuple[object, ...]]) -> JournalEntry:
         at=row.at_ns / 1e9,
         part=row.part,
         slot=row.slot or None,
-        from_state=_STATES.get(row.from_state),
-        to_state=_STATES[row.to_state],
+        from_state=STATES.get(row.from_state),
+        to_state=STATES[row.to_state],
         reason=row.reason,
         evidence=tuple((rule, outcome) for rule, outcome in row.evidence),
         part_number=row.part_number,
