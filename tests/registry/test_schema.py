@@ -162,6 +162,6 @@ def test_another_program_with_alembic_is_refused(path: Path, version: str | None
 def test_a_database_for_reading_only_must_be_up_to_date(path: Path, registry: Registry, tmp_path: Path) -> None:
     with open_registry(path, read_only=True) as reader:
         assert reader.robots() == []
-    with pytest.raises(RegistryError, match="is empty or of an older MsBOT: start `msbot master` with it once"):
+    with pytest.raises(RegistryError, match="is empty or of an older MsBOT: `msbot db migrate --db"):
         open_registry(path, read_only=True, migrations=_migrations(tmp_path, NEXT))
     assert registry.robots() == []

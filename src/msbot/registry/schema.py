@@ -52,14 +52,23 @@ def _newest(versions: object) -> int:
     return max(int(match[1]) for match in found if match)
 
 
+def read_version(engine: Engine, address: Address, migrations: Migrations) -> int:
+    """The schema of the database; 0: it is empty.
+
+    Raises:
+        RegistryError: it is newer, another program's, or cannot be read.
+    """
+    with told_as_registry_error(address.words), engine.connect() as connection:
+        return _version(connection, address, migrations.newest)
+
+
 def check_schema(engine: Engine, address: Address, migrations: Migrations) -> bool:
     """Whether the database has the newest schema; False: it is empty or older.
 
     Raises:
         RegistryError: it is newer, another program's, or cannot be read.
     """
-    with told_as_registry_error(address.words), engine.connect() as connection:
-        return _version(connection, address, migrations.newest) == migrations.newest
+    return read_version(engine, address, migrations) == migrations.newest
 
 
 def bring_up_to_date(engine: Engine, address: Address, migrations: Migrations) -> None:

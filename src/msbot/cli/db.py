@@ -1,0 +1,82 @@
+"""`msbot db`: take care of a robot's database."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import click
+
+from msbot.cli.options import db_option, existing_database
+
+
+@click.group("db")
+def command() -> None:
+    """Take care of the database: migrate it, copy it, bring a copy back, look for what is wrong in it."""
+
+
+@command.command("migrate")
+@db_option
+def migrate(db: str | None) -> None:
+    """Bring the database of an older MsBOT up to date; a copy of it is kept. `msbot master` does it by itself."""
+    from msbot.registry import upkeep
+
+    address = existing_database(db)
+    done = upkeep.migrate(address)
+    if done.before == done.after:
+        click.echo(f"{address} is up to date: schema {done.after}.")
+    else:
+        click.echo(f"{address} is brought from schema {done.before} to {done.after}.")
+
+
+@command.command("backup")
+@click.argument("file", type=click.Path(path_type=Path))
+@db_option
+def backup(file: Path, db: str | None) -> None:
+    """Copy the database to FILE, also while a master uses it. FILE is an SQLite database, whatever --db is."""
+    from msbot.registry import upkeep
+
+    address = existing_database(db)
+    rows = upkeep.back_up(address, file)
+    click.echo(f"{file} is written: {rows} rows of {address}.")
+
+
+@command.command("restore")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@db_option
+def restore(file: Path, db: str | None, *, yes: bool) -> None:
+    """Put what is in FILE, made by `msbot db backup`, in place of what the database has.
+
+    What it had is kept in a copy. No master may run a robot of it meanwhile.
+    """
+    from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside
+    from msbot.registry import upkeep
+
+    address = db or database_beside(DEFAULT_BLUEPRINT)
+    if not yes:
+        click.confirm(f"Put the content of {file} in place of all that {address} has?", abort=True)
+    kept = upkeep.restore(file, address)
+    click.echo(f"{address} has the content of {file}.")
+    if kept is not None:
+        click.echo(f"What it had before is in {kept}.")
+
+
+@command.command("check")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON list of sentences.")
+@db_option
+def check(db: str | None, *, as_json: bool) -> None:
+    """Look for damage and contradictions; status 1 when there are any."""
+    from msbot.registry import upkeep
+
+    address = existing_database(db)
+    findings = upkeep.check(address)
+    if as_json:
+        click.echo(json.dumps(findings))
+    else:
+        for sentence in findings:
+            click.echo(sentence)
+        click.echo(f"{address}: {len(findings)} problems." if findings else f"{address} is in order.")
+    if findings:
+        sys.exit(1)

@@ -1,0 +1,77 @@
+"""`msbot db`: migrate, backup, restore, check."""
+
+import json
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from msbot.cli.db import command
+from msbot.config import load_blueprint, load_library, write_sample
+from msbot.errors import MsbotError, RegistryError
+from msbot.registry import open_registry
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Call `msbot db` in a folder with the sample robot's database."""
+    monkeypatch.chdir(tmp_path)
+    write_sample(Path("robot.toml"))
+    library = load_library()
+    with open_registry("robot.db") as registry:
+        registry.apply_blueprint(load_blueprint(Path("robot.toml"), library), library)
+
+    def run(*arguments: str, answer: str = "") -> Result:
+        result = CliRunner().invoke(command, arguments, input=answer)
+        if isinstance(result.exception, MsbotError):
+            raise result.exception
+        return result
+
+    return run
+
+
+def test_an_up_to_date_database_needs_no_migration(run: Run) -> None:
+    assert run("migrate").output.startswith("robot.db is up to date: schema ")
+
+
+def test_a_backup_is_made_and_brought_back(run: Run) -> None:
+    assert run("backup", "copy.db").output.startswith("copy.db is written: ")
+    with open_registry("robot.db") as registry:
+        registry.keep_user("ann", "viewer", "ann", password_hash="")
+    asked = run("restore", "copy.db", answer="n\n")
+    assert (asked.exit_code, "Put the content of copy.db in place of all that robot.db has?" in asked.output) == (
+        1,
+        True,
+    )
+    assert run("restore", "copy.db", "--yes").output.splitlines() == [
+        "robot.db has the content of copy.db.",
+        "What it had before is in robot.db.replaced.1.backup.",
+    ]
+    with open_registry("robot.db") as registry:
+        assert registry.users() == []
+
+
+def test_a_check_says_what_is_wrong(run: Run) -> None:
+    assert run("check").output == "robot.db is in order.\n"
+    assert json.loads(run("check", "--json").output) == []
+    with closing(sqlite3.connect("robot.db")) as connection:
+        connection.execute("DELETE FROM library WHERE number = 'ABCD'")
+        connection.commit()
+    result = run("check")
+    assert (result.exit_code, result.output.splitlines()[-1]) == (1, "robot.db: 1 problems.")
+    assert json.loads(run("check", "--json").output) == [
+        "robot MSBOT_MASTER: slot AA wants part number ABCD, which is not in the library"
+    ]
+
+
+def test_a_database_that_is_not_there(run: Run) -> None:
+    for arguments in (("check",), ("migrate",), ("backup", "x")):
+        with pytest.raises(MsbotError, match=r"there is no database other\.db"):
+            run(*arguments, "--db", "other.db")
+    with pytest.raises(RegistryError, match=r"there is no database nothing\.db"):
+        run("restore", "nothing.db", "--yes")
