@@ -56,6 +56,7 @@ format: $(VENV)/.dev
 bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/can.py
 	PYTHONPATH=. $(BIN)/python bench/path.py
+	PYTHONPATH=. $(BIN)/python bench/can_path.py
 	PYTHONPATH=. $(BIN)/python bench/agent.py --write
 
 docs: $(VENV)/.docs

@@ -11,7 +11,7 @@ import pytest
 
 from msbot.errors import LinkDown, LinkFull
 from msbot.link.can_bus import BusState, CanBusInfo
-from msbot.link.can_driver import FRAMES_PER_TURN, RING_FULL, CanDriver, Channel, ChannelOwner
+from msbot.link.can_driver import FRAMES_PER_TURN, MOST_WORDS, RING_FULL, CanDriver, Channel, ChannelOwner
 from msbot.link.can_frames import Frame
 from msbot.link.virtual_time import run_virtual
 
@@ -325,6 +325,16 @@ def test_the_user_is_told_once_a_minute_and_of_each_plug_that_is_pulled(caplog: 
     passive, well = ("WARNING", "error-passive: check the wires"), ("WARNING", "all is well again")
     gone, back = ("WARNING", "vanished"), ("WARNING", "back")
     assert said == [passive, well, gone, back, gone, back, gone, back, passive]
+
+
+def test_words_that_are_never_the_same_are_not_remembered_for_ever() -> None:
+    async def main() -> None:
+        async with Bench() as bench:
+            for number in range(3 * MOST_WORDS):
+                bench.driver.state(bench.adapter.channel, BusState.PASSIVE, f"error {number}", 0.0)
+            assert len(bench.driver._said) <= MOST_WORDS
+
+    run_virtual(main())
 
 
 def test_the_first_opening_is_no_warning(caplog: pytest.LogCaptureFixture) -> None:

@@ -430,6 +430,16 @@ def test_an_interface_that_cannot_be_used_as_wanted_is_an_error() -> None:
         run_virtual(CanDriver(adapter).run())
 
 
+def test_on_other_systems_the_way_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def find(_: str) -> Interface | None:
+        raise OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
+
+    monkeypatch.delattr(socket, "AF_CAN", raising=False)
+    adapter = SocketCanAdapter(Wanted("can0"), CanBusInfo("can:can0", None), find=find)
+    with pytest.raises(LinkDown, match=r"SocketCAN is a part of Linux: .* python-can, for example `can:slcan:COM3"):
+        run_virtual(CanDriver(adapter).run())
+
+
 def test_filters_are_packed_as_struct_can_filter() -> None:
     packed = pack_filters([one_id(0x123), IdFilter(0x1E000000, 0x1F000000, extended=True)])
     assert struct.unpack("=4I", packed) == (0x123, 0xC00007FF, 0x9E000000, 0xDF000000)

@@ -39,6 +39,8 @@ STEADY_S: Final = 5.0
 """An adapter that was open for this long begins again with the first pause."""
 SAY_AGAIN_S: Final = 60.0
 """The same words about the bus are said again after this time at the earliest."""
+MOST_WORDS: Final = 256
+""".. as far as they are remembered."""
 
 RING_FULL: Final = "the computer is too slow for this bus: the receive ring was full"
 NOT_OPEN: Final = "opening"
@@ -221,6 +223,8 @@ class CanDriver:
     def _say(self, level: int, words: str, now: float) -> None:
         said_at = self._said.get(words)
         if said_at is None or now - said_at >= SAY_AGAIN_S:
+            if len(self._said) >= MOST_WORDS:  # an adapter's library may put numbers into its words
+                self._said.clear()
             self._said[words] = now
             _log.log(level, "%s", words)
 

@@ -1,0 +1,289 @@
+"""What a sample on a CAN bus costs, from the frames as Linux hands them over to the frames that deliver it.
+
+Two parts, a writer and a reader, are on the bus of an agent: the agent's end is the real one (SocketCAN's reader, the
+driver, the port, the CAN link with header compression, the agent), only the socket is a local one, because it keeps
+packets apart as CAN_RAW sockets do and every machine has it. The parts' frames are made beforehand; what is measured
+is the processor time of the agent's side until the reader's frames are sent.
+
+    python bench/can_path.py [--quick] [--profile]
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import cProfile
+import io
+import pstats
+import socket
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from random import Random
+
+from bench.machine import describe_machine
+from msbot.agent import Agent
+from msbot.link import CanBusInfo, CanIds, CanMasterLink, Codec, Frame, LinkCounters
+from msbot.link.can_driver import CanDriver
+from msbot.link.can_end import CanWire
+from msbot.link.can_filters import IdFilter
+from msbot.link.can_ids import COMPRESSION, join_frame, read_assign
+from msbot.link.can_interface import Interface
+from msbot.link.can_remedies import Wanted
+from msbot.link.socketcan import SocketCanAdapter
+from msbot.link.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
+from msbot.space import MemorySpace
+from msbot.xrce import (
+    RELIABLE_QOS,
+    STREAM_BEST_EFFORT,
+    STREAM_RELIABLE,
+    ClientSession,
+    ClientSessionSettings,
+    ClientState,
+    DataReceived,
+    DeliveryControl,
+    ObjectKind,
+    ObjectVariant,
+    compress,
+    decompress,
+    make_object_id,
+    participant_variant,
+    publisher_variant,
+    reader_variant,
+    subscriber_variant,
+    topic_variant,
+    writer_variant,
+)
+
+IDS = CanIds()
+CODEC = Codec(compress, decompress)
+INFO = CanBusInfo("can:bench", None)
+INTERFACE = Interface("bench", 1, is_can=True, is_up=True, mtu=16, kind="can")
+SETTINGS = ClientSessionSettings(ids_by_rule=True)
+"""As those of a part on a link that compresses."""
+BUS_FRAMES = 8_500
+"""Frames of 8 bytes that a 1 Mbit/s bus carries in a second at most (111 bits and few stuff bits, bench/can.py)."""
+
+
+class Bus:
+    """The other side of the agent's socket: all other controllers."""
+
+    def __init__(self) -> None:
+        self.wire: socket.socket
+        self.seconds = 0.0
+        """Processor time of the agent's side."""
+        self.frames_in = 0
+        self.frames_out = 0
+
+    def connect(self, _: Wanted, __: Sequence[IdFilter] | None) -> socket.socket:
+        """The socket of the agent's adapter."""
+        ours, self.wire = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        ours.setblocking(False)
+        self.wire.setblocking(False)
+        self.wire.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
+        return ours
+
+    async def exchange(self, raw: Sequence[bytes]) -> list[Frame]:
+        """Frames come in; what goes out because of them."""
+        send = self.wire.send
+        for one in raw:
+            send(one)
+        start = time.thread_time()
+        for _ in range(3):  # the reader, then the flush of the agent, each behind this task
+            await asyncio.sleep(0)
+        self.seconds += time.thread_time() - start
+        self.frames_in += len(raw)
+        frames = []
+        try:
+            while True:
+                frame = unpack_frame(self.wire.recv(FD_SIZE))
+                assert frame is not None
+                frames.append(frame)
+        except BlockingIOError:
+            self.frames_out += len(frames)
+            return frames
+
+
+class Part:
+    """A part's session on the bus, without an event loop of its own."""
+
+    def __init__(self, bus: Bus, key: int) -> None:
+        self.bus = bus
+        self.key = key
+        self.session = ClientSession(key, settings=SETTINGS, epoch_ns=lambda: 0)
+        self.samples = 0
+        self.wire: CanWire
+        self.node_id = 0
+
+    async def join(self) -> None:
+        """Get an address, log in."""
+        uid = self.key.to_bytes(8)
+        for frame in await self.bus.exchange([pack_frame(join_frame(uid, COMPRESSION, IDS))]):
+            assign = read_assign(frame, IDS)
+            if assign is not None and assign.uid == uid:
+                self.node_id = assign.node_id
+        assert self.node_id
+        counters = LinkCounters()
+        self.wire = CanWire(IDS.up + self.node_id, use=COMPRESSION, info=INFO, mtu=512, counters=counters, codec=CODEC)
+        self.session.connect(0.0)
+        await self.settle()
+        assert self.session.state is ClientState.CONNECTED
+        self.participant = await self.make(ObjectKind.PARTICIPANT, participant_variant("bench", 0))
+        self.topic = await self.make(ObjectKind.TOPIC, topic_variant("bench", "bench", self.participant))
+
+    def frames(self) -> list[bytes]:
+        """What the session has to say."""
+        packets = self.session.packets_to_send(0.0)
+        return [pack_frame(frame) for packet in packets for frame in self.wire.cut(packet)]
+
+    def hear(self, frames: Sequence[Frame]) -> None:
+        """Frames on the bus."""
+        for frame in frames:
+            if frame.can_id == IDS.down + self.node_id:
+                message = self.wire.joiner.receive(frame.data, 0.0)
+                packet = None if message is None else self.wire.unpack(message)
+                if packet is not None:
+                    self.session.receive_packet(packet, 0.0)
+        while (event := self.session.next_event()) is not None:
+            self.samples += isinstance(event, DataReceived)
+
+    async def settle(self) -> None:
+        """Exchange frames until nobody has any."""
+        while raw := self.frames():
+            self.hear(await self.bus.exchange(raw))
+
+    async def make(self, kind: ObjectKind, variant: ObjectVariant) -> int:
+        """Create object number 1 of that kind."""
+        object_id = make_object_id(1, kind)
+        self.session.create(object_id, variant)
+        await self.settle()
+        return object_id
+
+    async def writer(self) -> int:
+        """A writer of the topic."""
+        publisher = await self.make(ObjectKind.PUBLISHER, publisher_variant(self.participant))
+        return await self.make(ObjectKind.DATAWRITER, writer_variant(self.topic, publisher, RELIABLE_QOS))
+
+    async def reader(self, stream_id: int) -> None:
+        """A reader of the topic that reads."""
+        subscriber = await self.make(ObjectKind.SUBSCRIBER, subscriber_variant(self.participant))
+        reader = await self.make(ObjectKind.DATAREADER, reader_variant(self.topic, subscriber, RELIABLE_QOS))
+        self.session.read(reader, stream_id, DeliveryControl())
+        await self.settle()
+
+
+@dataclass(frozen=True)
+class Load:
+    """One row of the table."""
+
+    name: str
+    payload: int
+    stream_id: int
+    burst: int
+
+
+LOADS = tuple(
+    Load(f"{size} octets, {name}", size, stream_id, burst)
+    for size in (4, 64)
+    for name, stream_id in (("best effort", STREAM_BEST_EFFORT), ("reliable", STREAM_RELIABLE))
+    for burst in (1, 8)
+)
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Of one run."""
+
+    microseconds: float
+    """Processor time for a sample."""
+    frames_in: float
+    frames_out: float
+    """Frames for a sample."""
+
+    @property
+    def frames_per_s(self) -> float:
+        """Received frames a second, besides those that are sent."""
+        return self.frames_in / self.microseconds * 1e6
+
+
+async def measure(load: Load, samples: int, repeats: int, profile: cProfile.Profile | None) -> list[Figures]:
+    """The figures, once for each repeat."""
+    bus = Bus()
+    adapter = SocketCanAdapter(Wanted("bench"), INFO, find=lambda _: INTERFACE, connect=bus.connect)
+    link = CanMasterLink(CanDriver(adapter), profile_hash=1, random=Random(1), codec=CODEC)
+    agent = Agent(MemorySpace())
+    agent.add_link(link)
+    serving = asyncio.ensure_future(agent.run())
+    await asyncio.sleep(0.01)
+    writing, reading = Part(bus, 1), Part(bus, 2)
+    await writing.join()
+    await reading.join()
+    writer = await writing.writer()
+    await reading.reader(load.stream_id)
+    payload = bytes(range(load.payload))
+
+    async def run(count: int) -> Figures:
+        bus.seconds, bus.frames_in, bus.frames_out, reading.samples = 0.0, 0, 0, 0
+        for _ in range(0, count, load.burst):
+            for _ in range(load.burst):
+                writing.session.write(writer, payload, load.stream_id)
+            raw = writing.frames()
+            while raw:
+                out = await bus.exchange(raw)
+                writing.hear(out)
+                reading.hear(out)
+                raw = writing.frames() + reading.frames()
+        assert reading.samples == count, (reading.samples, count, link.counters.dropped)
+        return Figures(bus.seconds / count * 1e6, bus.frames_in / count, bus.frames_out / count)
+
+    await run(samples // 4)
+    if profile is not None:
+        profile.enable()
+    figures = [await run(samples) for _ in range(repeats)]
+    if profile is not None:
+        profile.disable()
+    serving.cancel()
+    await asyncio.wait([serving])
+    return figures
+
+
+def main() -> None:
+    """Print the table."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("--quick", action="store_true", help="fewer samples")
+    options.add_argument("--profile", action="store_true", help="print where the time goes instead")
+    chosen = options.parse_args()
+    samples, repeats = (800, 3) if chosen.quick else (8_000, 7)
+    for line in table(samples, repeats) if not chosen.profile else profile(samples):
+        print(line)
+
+
+def table(samples: int, repeats: int) -> Iterator[str]:
+    """The table, line by line."""
+    yield "The way of a sample over a CAN bus through the agent: processor time from the frames as Linux gives them"
+    yield f"to those that deliver it ({describe_machine()}; median of {repeats} runs of {samples:,} samples)\n"
+    yield "| samples | burst | frames in | frames out | µs a sample | from | to | frames in, 1/s | times a full bus |"
+    yield "|---|---|---|---|---|---|---|---|---|"
+    for load in LOADS:
+        runs = sorted(asyncio.run(measure(load, samples, repeats, None)), key=lambda run: run.microseconds)
+        middle = runs[len(runs) // 2]
+        yield (
+            f"| {load.name} | {load.burst} | {middle.frames_in:.0f} | {middle.frames_out:.0f} "
+            f"| {middle.microseconds:.1f} | {runs[0].microseconds:.1f} | {runs[-1].microseconds:.1f} "
+            f"| {middle.frames_per_s:,.0f} | {middle.frames_per_s / BUS_FRAMES:.1f} |"
+        )
+    yield f"\nA full bus: {BUS_FRAMES:,} frames of 8 octets in a second, the most that 1 Mbit/s carries."
+
+
+def profile(samples: int) -> Iterator[str]:
+    """The functions that take most of the time, for each load."""
+    for load in LOADS:
+        watch = cProfile.Profile()
+        asyncio.run(measure(load, samples, 1, watch))
+        text = io.StringIO()
+        pstats.Stats(watch, stream=text).sort_stats("tottime").print_stats(30)
+        yield f"{load.name}, {load.burst} in a burst\n{text.getvalue()}"
+
+
+if __name__ == "__main__":
+    main()
