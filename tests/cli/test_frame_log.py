@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 import can
-from msbot.cli.frame_log import FrameLog, FrameReader, frame_of
+from msbot.cli.frame_log import FrameLog, FrameReader
 from msbot.errors import ConfigError
 from msbot.link import Frame
 from msbot.link.can_notation import LogLine, parse_frame
+from msbot.link.python_can import frame_of
 
 FRAMES = ["123#DEADBEEF", "1ABCDEF0#1122", "123##1112233", "123##2112233", "7FF#R4", "20000004#0008000000000000"]
 

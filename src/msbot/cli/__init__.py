@@ -19,7 +19,7 @@ COMMANDS = {
     "key": "Make, list and remove the keys of parts, for robots with authentication.",
     "why": "Say in words why a part is, or is not, in the robot.",
     "db": "Take care of a robot's database: migrate, copy, restore, check.",
-    "bus": "Tools for a CAN bus: decode a log, count bits, foretell the load.",
+    "bus": "Tools for a CAN bus: watch it, send, decode, count bits, load, simulate.",
     "agent": "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint.",
     "clients": "List the sessions of every agent and master that runs here.",
 }

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import click
 
+from msbot.cli.frame_filter import FilterType, FrameFilter
 from msbot.cli.options import DEFAULT_BLUEPRINT
+from msbot.link.sim_names import DEFAULT_NAME
 
 MOST_BYTES = 65_535
 """Largest sample a forecast is made for."""
@@ -14,7 +16,7 @@ MOST_BYTES = 65_535
 
 @click.group("bus")
 def command() -> None:
-    """Tools for a CAN bus: decode a log, count the bits of frames, foretell the load, check the way."""
+    """Tools for a CAN bus: watch it, send frames, count their bits, measure or foretell the load, simulate a bus."""
 
 
 bitrate_option = click.option(
@@ -73,30 +75,104 @@ class SizeType(click.ParamType[tuple[str, int]]):
         return type_name, int(size)
 
 
+@command.command("dump")
+@click.argument("bus", default=f"sim:{DEFAULT_NAME}", metavar="[BUS]")
+@click.option("--decode/--no-decode", default=True, show_default=True, help="Say what the frames mean.")
+@click.option("--legacy", is_flag=True, help="The frames are those of the thesis' firmware (0x123 up, 0x120 down).")
+@click.option("--log", type=click.Path(path_type=Path, dir_okay=False),
+              help="Write the frames that are shown to this file, too; its ending names the format.")  # fmt: skip
+@click.option("--filter", "filters", type=FilterType(), multiple=True, metavar="FILTER",
+              help="Show only ID, ID:MASK, all but ID~MASK (hexadecimal), or node=N; repeatable.")  # fmt: skip
+@click.option("--count", type=click.IntRange(min=1), help="End after that many frames.")
+def dump(
+    *, bus: str, decode: bool, legacy: bool, log: Path | None, filters: tuple[tuple[FrameFilter, ...], ...],
+    count: int | None,
+) -> None:  # fmt: skip
+    """Show every frame of BUS, as candump does, and what it says: segment, DDS-XRCE message, sample.
+
+    BUS is can0, an address (can:slcan:/dev/ttyACM0?bitrate=500000, sim:classroom), a log (.log of candump, .asc, .blf,
+    .trc, .csv, .db), or - for what candump shows. A live bus is shown until Ctrl-C.
+    """
+    from msbot.cli.bus_decode import complain
+    from msbot.cli.bus_dump import DumpWishes, dump
+
+    chosen = tuple(wish for option in filters for wish in option)
+    dump(bus, DumpWishes(decode, legacy, log, chosen, count), click.echo, complain)
+
+
+@command.command("send")
+@click.argument("bus")
+@click.argument("frames", metavar="FRAME...", nargs=-1, required=True)
+@click.option("--repeat", type=click.IntRange(min=1), default=1, show_default=True, help="Send all of them so often.")
+@click.option("--period", type=click.FloatRange(min=0.0), default=1.0, show_default=True,
+              help="Seconds from one time to the next.")  # fmt: skip
+def send(bus: str, frames: tuple[str, ...], repeat: int, period: float) -> None:
+    """Send each FRAME on BUS, and wait until it was acknowledged.
+
+    A FRAME is written as in can-utils: 123#DEADBEEF, 1ABCDEF0#11.22 (extended), 123#R4 (remote), 123##1DEADBEEF
+    (CAN FD; 1 = bit-rate switch, 2 = ESI). BUS is can0 or an address, such as sim:classroom.
+    """
+    from msbot.cli.bus_decode import complain
+    from msbot.cli.bus_send import send
+
+    send(bus, frames, repeat, period, complain)
+
+
+@command.command("serve")
+@click.argument("name", default=DEFAULT_NAME)
+@click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), default=500_000, show_default=True,
+              help="Nominal bit rate, bit/s.")  # fmt: skip
+@click.option("--fd", is_flag=True, help="A CAN FD bus, with bit-rate switch.")
+@click.option("--data-bitrate", type=click.IntRange(10_000, 8_000_000), default=2_000_000, show_default=True,
+              help="Bit rate of the data phase of CAN FD, bit/s.")  # fmt: skip
+def serve(name: str, bitrate: int, data_bitrate: int, *, fd: bool) -> None:
+    """Serve a simulated CAN bus that programs on this computer join by its NAME, until Ctrl-C.
+
+    MsBOT's own programs join it as sim:NAME, those of python-can as interface msbot, channel NAME.
+    """
+    from msbot.cli.bus_serve import serve
+
+    serve(name, bitrate, data_bitrate if fd else None)
+
+
 @command.command("load")
-@click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
+@click.argument("what", metavar="[BLUEPRINT|BUS]", default=str(DEFAULT_BLUEPRINT))
 @bitrate_option
 @data_bitrate_option
-@click.option("--fd", is_flag=True, help="CAN FD with bit-rate switch.")
-@click.option("--no-compression", is_flag=True, help="DDS-XRCE headers as they are.")
-@click.option("--size", "sizes", type=SizeType(), multiple=True, help="Bytes of a sample of that type; repeatable.")
-@click.option(
-    "--library", "folders", type=click.Path(path_type=Path), multiple=True, help="A folder with more part types."
-)
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option("--fd", is_flag=True, help="Forecast: CAN FD with bit-rate switch.")
+@click.option("--no-compression", is_flag=True, help="Forecast: DDS-XRCE headers as they are.")
+@click.option("--size", "sizes", type=SizeType(), multiple=True,
+              help="Forecast: bytes of a sample of that type; repeatable.")  # fmt: skip
+@click.option("--library", "folders", type=click.Path(path_type=Path), multiple=True,
+              help="Forecast: a folder with more part types.")  # fmt: skip
+@click.option("--seconds", type=click.IntRange(min=1), help="Live bus: end after so many seconds.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object (live bus: one for each second).")
 def load(
-    *, blueprint: Path, bitrate: int, data_bitrate: int, fd: bool, no_compression: bool,
-    sizes: tuple[tuple[str, int], ...], folders: tuple[Path, ...], as_json: bool,
+    *, what: str, bitrate: int, data_bitrate: int, fd: bool, no_compression: bool,
+    sizes: tuple[tuple[str, int], ...], folders: tuple[Path, ...], seconds: int | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Foretell how busy a CAN bus is with the robot that BLUEPRINT (robot.toml) describes.
+    """Measure how busy a live BUS is, or foretell it for the robot that BLUEPRINT (robot.toml) describes.
 
-    Counted are BEACON, the beats and the samples of every binding whose port has a rate_hz, bit by bit; what happens
-    only sometimes (joining, set-up, losses) is not.
+    A BUS is can0 or an address, such as sim:classroom; its frames are counted bit by bit, each second, by identifier.
+
+    A forecast counts BEACON, the beats and the samples of every binding whose port has a rate_hz, bit by bit; what
+    happens only sometimes (joining, set-up, losses) is not.
     """
+    from msbot.cli.bus_source import is_bus
+
+    if is_bus(what):
+        from msbot.cli.bus_decode import complain
+        from msbot.cli.bus_live import show_load
+
+        show_load(
+            what, bitrate=bitrate, data_bitrate=data_bitrate, seconds=seconds, as_json=as_json,
+            say=click.echo, complain=complain,
+        )  # fmt: skip
+        return
     from msbot.cli.bus_load import Bus, load_report
 
     bus = Bus(bitrate, data_bitrate, fd, not no_compression)
-    click.echo(load_report(blueprint, folders, bus, dict(sizes), as_json=as_json))
+    click.echo(load_report(Path(what), folders, bus, dict(sizes), as_json=as_json))
 
 
 @command.command("selftest")

@@ -22,7 +22,9 @@ from msbot.cli.frame_log import FrameLog
 from msbot.cli.keys import Keys
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
-from msbot.errors import ConfigError
+from msbot.errors import ConfigError, MsbotError
+from msbot.link.sim_server import SimBusServer
+from msbot.master import first_error
 from msbot.registry import open_registry
 
 REFRESH_S = 0.2
@@ -73,6 +75,7 @@ class _Options:
     script: list[ScriptStep]
     json: bool
     log: Path | None
+    bus: str | None
     seed: int | None
 
 
@@ -89,23 +92,27 @@ class _Options:
 @click.option("--json", "as_json_object", is_flag=True, help="Print one JSON object at the end and nothing else.")
 @click.option("--log", type=click.Path(path_type=Path, dir_okay=False),
               help="Write every frame on the CAN bus to this file, as candump does.")  # fmt: skip
+@click.option("--bus", metavar="NAME", help="Let other programs join the CAN bus by this name (sim:NAME).")
 @click.option("--seed", type=int, help="Draw the same random values every time.")
 @click.option(
     "--db", type=click.Path(path_type=Path), help="Keep the robot's database in this file (else it is forgotten)."
 )
 def command(
     *, wire: str, bitrate: int, data_bitrate: int, no_compression: bool, seconds: float | None,
-    script: list[ScriptStep], as_json_object: bool, log: Path | None, seed: int | None, db: Path | None,
+    script: list[ScriptStep], as_json_object: bool, log: Path | None, bus: str | None, seed: int | None,
+    db: Path | None,
 ) -> None:  # fmt: skip
     """Run the sample robot on this machine: a master and the parts AA, BB and CC in a ring.
 
     In a terminal the keys a, b and c pull a part out and plug it in again, q ends the robot.
     """
     options = _Options(
-        Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, log, seed
+        Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, log, bus, seed
     )
     if log is not None and options.wire is Wire.UDP:
         raise click.UsageError("--log writes the frames of a CAN bus: leave --link udp out")
+    if bus is not None and options.wire is Wire.UDP:
+        raise click.UsageError("--bus is for a CAN bus: leave --link udp out")
     if as_json_object and seconds is None:
         raise click.UsageError("--json prints at the end: say when with --seconds N")
     with tempfile.TemporaryDirectory(prefix="msbot-demo-") as folder, contextlib.suppress(KeyboardInterrupt):
@@ -131,7 +138,22 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
         )
         _check_script(options.script, robot)
         with _logging(robot, options.log):
+            if options.bus is None or robot.bus_driver is None:
+                await _run(robot, options)
+            else:
+                await _run_served(robot, SimBusServer(robot.bus_driver, options.bus), options)
+
+
+async def _run_served(robot: DemoRobot, server: SimBusServer, options: _Options) -> None:
+    """Let other programs join the bus meanwhile."""
+    try:
+        async with asyncio.TaskGroup() as tasks:
+            serving = tasks.create_task(server.run())
+            await server.ready.wait()
             await _run(robot, options)
+            serving.cancel()
+    except* MsbotError as errors:
+        raise first_error(errors) from None
 
 
 @contextlib.contextmanager

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import sqlite3
 import struct
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from msbot.errors import ConfigError
 from msbot.link import Frame
 from msbot.link.can_notation import LogLine, format_log_line, parse_log_line
+from msbot.link.python_can import frame_of, message_of
 
 if TYPE_CHECKING:
-    import can
+    import can.io.generic
 
-FOREIGN_FORMATS = (".asc", ".blf", ".trc")
-"""Endings of log files that python-can reads for us."""
+OWN_FORMAT = ".log"
+"""Ending of log files as `candump -l` writes them."""
+FOREIGN_FORMATS = (".asc", ".blf", ".trc", ".csv", ".db")
+"""Endings of log files that python-can reads and writes for us."""
 
 
 class FrameLog:
@@ -81,14 +86,14 @@ class FrameReader:
 
             import can
         except ImportError:
-            raise ConfigError(
-                f"reading {path.suffix} files needs python-can: install it with `pip install 'msbot[can]'`, "
-                "or record with `candump -l`"
-            ) from None
+            raise _needs_python_can("reading", path) from None
+        # Opened here, because python-can leaves files open in which it finds nonsense; SQLite wants the name.
         readers: dict[str, tuple[str, Callable[..., Iterable[can.Message]]]] = {
-            ".asc": ("r", can.ASCReader),
+            ".asc": ("r", partial(can.ASCReader, relative_timestamp=False)),
             ".blf": ("rb", can.BLFReader),
             ".trc": ("r", can.TRCReader),
+            ".csv": ("r", can.CSVReader),
+            ".db": ("rb", lambda _: can.SqliteReader(path)),
         }
         mode, reader = readers[path.suffix.lower()]
         try:
@@ -98,20 +103,58 @@ class FrameReader:
                     yield LogLine(message.timestamp, f"can{message.channel or 0}", frame_of(message))
         except OSError as error:
             raise ConfigError(f"cannot read {path}: {error.strerror or error}") from None
-        except (ValueError, LookupError, struct.error, BLFParseError) as error:
+        except (ValueError, LookupError, TypeError, struct.error, sqlite3.Error, BLFParseError) as error:
             raise ConfigError(f"{path} is no {path.suffix} file that python-can understands: {error}") from None
 
 
-def frame_of(message: can.Message) -> Frame:
-    """A message of python-can as a frame."""
-    return Frame(
-        message.arbitration_id,
-        bytes(message.data),
-        message.is_extended_id and not message.is_error_frame,
-        message.is_fd,
-        message.bitrate_switch,
-        message.is_remote_frame,
-        message.is_error_frame,
-        message.error_state_indicator,
-        message.dlc if message.is_remote_frame else 0,
+class FrameWriter:
+    """Writes frames to a file in the format that its ending names."""
+
+    def __init__(self, path: Path) -> None:
+        """Open the file; what is in it is overwritten.
+
+        Raises:
+            ConfigError: no such format, no python-can for it, or the file cannot be written.
+        """
+        self._stream: TextIO | None = None
+        self._logger: can.io.generic.MessageWriter | None = None
+        try:
+            if path.suffix.lower() == OWN_FORMAT:
+                self._stream = path.open("w", encoding="utf-8")
+                return
+            if path.suffix.lower() not in FOREIGN_FORMATS:
+                known = ", ".join((OWN_FORMAT, *FOREIGN_FORMATS))
+                raise ConfigError(f"cannot write {path}: its ending names no format; there are {known}")
+            try:
+                import can
+            except ImportError:
+                raise _needs_python_can("writing", path) from None
+            path.open("wb").close()
+            self._logger = can.Logger(path)
+        except OSError as error:
+            raise ConfigError(f"cannot write {path}: {error.strerror}") from None
+
+    def write(self, line: LogLine) -> None:
+        """One frame."""
+        if self._stream is not None:
+            self._stream.write(format_log_line(line) + "\n")
+        elif self._logger is not None:
+            message = message_of(line.frame)
+            message.timestamp = line.at or 0.0
+            message.channel = 0
+            message.is_error_frame = line.frame.error
+            self._logger(message)
+
+    def close(self) -> None:
+        """Write what is left, and close the file."""
+        if self._stream is not None:
+            self._stream.close()
+        if self._logger is not None:
+            self._logger.stop()
+
+
+def _needs_python_can(what: str, path: Path) -> ConfigError:
+    return ConfigError(
+        f"{what} {path.suffix} files needs python-can: install it with `pip install 'msbot[can]'`, "
+        f"or use candump's format, {OWN_FORMAT}"
     )

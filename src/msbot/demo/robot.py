@@ -15,7 +15,7 @@ from msbot.config import Blueprint
 from msbot.demo.snapshot import BusSnapshot, DemoEvent, DemoSnapshot, PartSnapshot, TopicSnapshot
 from msbot.demo.wiring import Wire, Wiring
 from msbot.errors import ConfigError, MsbotError
-from msbot.link import FrameTap, NodeIds
+from msbot.link import FrameTap, NodeIds, SimBusDriver
 from msbot.master import Master, first_error
 from msbot.part import Part, SimGpio, make_sample
 from msbot.pnp import PartEvent, PartInfo, PartState, PartStore
@@ -147,6 +147,11 @@ class DemoRobot:
             raise first_error(errors) from None
         finally:
             self._tasks = None
+
+    @property
+    def bus_driver(self) -> SimBusDriver | None:
+        """The clockwork of the simulated bus; None over UDP."""
+        return self._wiring.driver
 
     def on_frame(self, tap: FrameTap) -> None:
         """Call `tap` with every frame on the simulated bus; there are none over UDP."""

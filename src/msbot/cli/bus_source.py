@@ -1,0 +1,111 @@
+"""Where `msbot bus dump`, `send` and `load` get their bus from: a live one by its address, or a log of one."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from msbot.cli.frame_log import FOREIGN_FORMATS, OWN_FORMAT
+from msbot.errors import ConfigError
+from msbot.link import BusState, Frame
+from msbot.link.can_address import open_can_bus
+from msbot.link.can_driver import CanDriver
+from msbot.link.sim_address import open_sim_bus
+
+SCHEMES = ("can", "sim")
+
+
+def is_log(name: str) -> bool:
+    """Whether a name is that of a log (or standard input) and not that of a bus."""
+    return name == "-" or Path(name).suffix.lower() in (OWN_FORMAT, *FOREIGN_FORMATS) or Path(name).is_file()
+
+
+def is_bus(name: str) -> bool:
+    """Whether a name is that of a bus and not that of a file."""
+    scheme, colon, _ = name.partition(":")
+    return bool(colon and scheme.lower() in SCHEMES) or not (Path(name).exists() or Path(name).suffix)
+
+
+def open_bus(address: str, *, node: str, listen_only: bool = False) -> CanDriver:
+    """The controller of an address: `can0`, `can:can0`, `can:slcan:/dev/ttyACM0?bitrate=500000`, `sim:classroom`.
+
+    Args:
+        address: the bus.
+        node: what the controller is called on a simulated bus.
+        listen_only: neither send nor acknowledge, where that can be chosen.
+
+    Raises:
+        ConfigError: the address makes no sense.
+    """
+    scheme, colon, rest = address.strip().partition(":")
+    if not colon and not Path(address).suffix:
+        return open_can_bus(f"can:{address}", error_frames=True)
+    match scheme.lower():
+        case "can":
+            return open_can_bus(address, error_frames=True)
+        case "sim":
+            return open_sim_bus(rest, node=node, listen_only=listen_only)
+    raise ConfigError(
+        f"{address!r} is neither a CAN bus nor a log that is there: buses are written like `can0`, "
+        "`can:slcan:/dev/ttyACM0?bitrate=500000` and `sim:classroom`, "
+        f"logs end in {', '.join((OWN_FORMAT, *FOREIGN_FORMATS))}"
+    )
+
+
+class Listening:
+    """Runs a controller until Ctrl-C, SIGTERM, or `finish`, and tells times since 1970."""
+
+    def __init__(self, bus: CanDriver, complain: Callable[[str], None]) -> None:
+        """Prepare; what goes wrong on the bus is a complaint."""
+        self.bus = bus
+        self.opened = asyncio.Event()
+        """The bus is open."""
+        self.state = BusState.GONE
+        """Of the controller."""
+        self._ended = asyncio.Event()
+        self._complain = complain
+        self._epoch_s = 0.0
+        bus.on_state(self._state)
+
+    def on_frame(self, handler: Callable[[Frame, float], None]) -> None:
+        """Set the handler for frames; the times are seconds since 1970."""
+        self.bus.on_frame(lambda frame, now: handler(frame, now + self._epoch_s))
+
+    def finish(self) -> None:
+        """End `run`."""
+        self._ended.set()
+
+    async def run(self) -> None:
+        """Listen.
+
+        Raises:
+            LinkDown: the bus cannot be opened; the text names the remedy.
+        """
+        loop = asyncio.get_running_loop()
+        self._epoch_s = time.time() - loop.time()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            with contextlib.suppress(NotImplementedError):
+                loop.add_signal_handler(number, self.finish)
+        listening = loop.create_task(self.bus.run())
+        ended = loop.create_task(self._ended.wait())
+        try:
+            await asyncio.wait((listening, ended), return_when=asyncio.FIRST_COMPLETED)
+            if listening.done():
+                listening.result()
+        finally:
+            listening.cancel()
+            ended.cancel()
+            await asyncio.gather(listening, ended, return_exceptions=True)
+        for reason, count in self.bus.dropped.items():
+            self._complain(f"{self.bus.info.name}: {reason} ({count} times)")
+
+    def _state(self, state: BusState, words: str, _now: float) -> None:
+        self.state = state
+        if state is BusState.ACTIVE:
+            self.opened.set()
+        elif self.opened.is_set():
+            self._complain(f"{self.bus.info.name} is {state.value}: {words}")
