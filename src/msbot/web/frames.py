@@ -1,0 +1,94 @@
+"""The frames of a CAN bus for the bus page: counters are exact, the table shows the newest few thousand.
+
+Taking a frame in costs an append; who sent what, and what it means, is worked out only for the rows that somebody
+looks at. Every frame has a number that counts up, so a page asks for "what came after number N".
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import islice
+
+from msbot.link import Frame
+from msbot.link.can_decoder import CanDecoder
+from msbot.link.can_ids import NODES, CanIds
+from msbot.link.can_notation import show_frame
+from msbot.pnp import Overhearer
+from msbot.xrce import decompress
+
+KEPT = 4000
+"""Frames that are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRow:
+    """One frame in the table."""
+
+    number: int
+    """Counts all frames of the bus since the page's server began to listen, from 1."""
+    at: float
+    """Seconds of the robot's clock."""
+    sender: str
+    """Who sent it, as the bus knows it: an interface's or a simulated node's name."""
+    text: str
+    """The frame in the notation of can-utils."""
+    node: int
+    """The part's address on the bus, 0 when it is nobody's."""
+    words: tuple[str, ...]
+    """What it says; the first line about the frame, the others about the packet it completes."""
+
+
+class FrameRing:
+    """See the module's docstring.
+
+    Args:
+        ids: identifier bases, when the bus is shared with other equipment.
+    """
+
+    def __init__(self, ids: CanIds | None = None) -> None:
+        self.total = 0
+        self.bits_of: Callable[[], int] | None = None
+        self._ids = ids or CanIds()
+        self._ring: deque[tuple[float, str, Frame]] = deque(maxlen=KEPT)
+        self._rows: deque[FrameRow] = deque(maxlen=KEPT)
+        self._decoded = 0
+        self._decoder = CanDecoder(Overhearer().explain, decompress=decompress, ids=self._ids)
+
+    def tap(self, at: float, sender: str, frame: Frame) -> None:
+        """Take a frame; what a bus calls."""
+        self.total += 1
+        self._ring.append((at, sender, frame))
+
+    def rows(self, after: int = 0, limit: int = 200) -> list[FrameRow]:
+        """The newest rows with a number above `after`, oldest first; at most `limit`."""
+        self._decode()
+        if not self._rows or limit < 1:
+            return []
+        wanted = min(limit, self.total - max(after, self.total - len(self._rows)))
+        return list(islice(self._rows, len(self._rows) - wanted, None)) if wanted > 0 else []
+
+    def row(self, number: int) -> FrameRow | None:
+        """One row by its number, or None when it is no longer kept."""
+        self._decode()
+        index = number - (self.total - len(self._rows)) - 1
+        return self._rows[index] if 0 <= index < len(self._rows) else None
+
+    def _decode(self) -> None:
+        """Work out what came since the last look; what has already left the ring is lost for the decoder too."""
+        new = min(self.total - self._decoded, len(self._ring))
+        number = self.total - new
+        for at, sender, frame in islice(self._ring, len(self._ring) - new, None):
+            number += 1
+            words = tuple(self._decoder.decode(frame, at))
+            self._rows.append(FrameRow(number, at, sender, show_frame(frame), self._node_of(frame), words))
+        self._decoded = self.total
+
+    def _node_of(self, frame: Frame) -> int:
+        if frame.extended:
+            return 0
+        for base in (self._ids.up, self._ids.down):
+            if 0 < frame.can_id - base <= NODES:
+                return frame.can_id - base
+        return 0

@@ -1,0 +1,212 @@
+"""The one gate in front of every page, API call and websocket: who is it, and does the request come from our own page.
+
+It stands outside of everything else, so that a page that is forgotten here is closed, not open. What it refuses:
+
+* a `Host` that is not this server's (DNS rebinding);
+* anything without a session, but for signing in, the health check and files without secrets;
+* a changing request that only a cookie vouches for, without the session's CSRF word or from another origin;
+* a websocket from another origin (cross-site websocket hijacking);
+* bodies that are larger than what the path may take.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from typing import TypeAlias
+from urllib.parse import quote, urlsplit
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from msbot.web.accounts import Accounts, Session
+
+COOKIE = "msbot_session"
+CSRF_HEADER = "x-csrf-token"
+MAX_BODY = 1024 * 1024
+"""Octets of a request's body; `restore` may have more."""
+MAX_RESTORE = 256 * 1024 * 1024
+OPEN_PATHS = ("/login", "/setup", "/enter", "/api/health", "/favicon.ico", "/web/", "/_nicegui/")
+"""What may be had without signing in: forms to do so, and files that are the same for everybody."""
+FORM_PATHS = ("/login", "/setup")
+"""Forms that are sent before there is a session; their origin is checked all the same."""
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+
+HEADERS = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (
+        b"content-security-policy",
+        # NiceGUI compiles its templates in the browser, hence the two unsafe- words; nothing comes from elsewhere.
+        b"default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+        b"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; "
+        b"frame-ancestors 'none'; base-uri 'self'; form-action 'self'",
+    ),
+)
+
+Headers: TypeAlias = dict[str, str]
+
+
+class Guard:
+    """ASGI middleware, see the module's docstring.
+
+    Args:
+        app: everything behind it.
+        accounts: who is signed in.
+        hosts: host names under which this server may be addressed; empty: any (bound to a network on purpose).
+    """
+
+    def __init__(self, app: ASGIApp, accounts: Accounts, hosts: Iterable[str]) -> None:
+        self._app = app
+        self._accounts = accounts
+        self._hosts = frozenset(host.casefold() for host in hosts)
+        self.refused: dict[str, int] = {}
+        """Requests that were not let through, by reason in words."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a request through, or answer it here."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = _headers_of(scope)
+        path: str = scope["path"]
+        refusal = self._check_host(headers)
+        session = None if refusal else self._session_of(path, headers)
+        if refusal is None:
+            refusal = self._check(scope, path, headers, session)
+        if refusal is not None:
+            await self._refuse(scope, receive, send, *refusal)
+            return
+        scope.setdefault("state", {}).update(session=session, api=self._app)
+        if scope["type"] == "websocket":
+            await self._app(scope, receive, send)
+        else:
+            await self._app(scope, _limited(receive, _most_of(path)), _with_headers(send, path))
+
+    def _check_host(self, headers: Headers) -> tuple[int, str] | None:
+        host = urlsplit(f"//{headers.get('host', '')}").hostname or ""
+        if self._hosts and host.casefold() not in self._hosts:
+            return 421, "this server has another name: use the address that msbot has printed"
+        return None
+
+    def _session_of(self, path: str, headers: Headers) -> Session | None:
+        bearer = headers.get("authorization", "")
+        if bearer and path.startswith("/api/"):
+            scheme, _, token = bearer.partition(" ")
+            return self._accounts.by_api_token(token.strip()) if scheme.casefold() == "bearer" else None
+        return self._accounts.session(_cookie_in(headers.get("cookie", "")))
+
+    def _check(self, scope: Scope, path: str, headers: Headers, session: Session | None) -> tuple[int, str] | None:
+        method = scope.get("method", "GET")
+        is_changing = scope["type"] == "websocket" or method not in SAFE_METHODS
+        is_open = scope["type"] == "http" and any(
+            path == known or (known.endswith("/") and path.startswith(known)) for known in OPEN_PATHS
+        )
+        if is_changing and (session is None or session.token) and not _is_own_origin(headers):
+            return 403, "this request comes from another site"
+        if session is None:
+            return None if is_open else (401, "sign in first")
+        if scope["type"] == "websocket" or method in SAFE_METHODS or not session.token:
+            return _check_length(path, headers)
+        if path not in FORM_PATHS and not _is_form(path) and headers.get(CSRF_HEADER, "") != session.csrf:
+            return 403, f"a changing request needs the header {CSRF_HEADER} with the word that GET /api/me tells"
+        return _check_length(path, headers)
+
+    async def _refuse(self, scope: Scope, receive: Receive, send: Send, status: int, words: str) -> None:
+        self.refused[words] = self.refused.get(words, 0) + 1
+        if scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 4000 + status})
+            return
+        path: str = scope["path"]
+        if status == 401 and scope["method"] in SAFE_METHODS and not path.startswith(("/api/", "/openapi")):
+            where = f"/login?next={quote(path)}" if path != "/" else "/login"
+            await _answer(send, 303, b"", [(b"location", where.encode())])
+            return
+        body = json.dumps({"error": words}).encode()
+        extra = [(b"www-authenticate", b"Bearer")] if status == 401 else []
+        await _answer(send, status, body, [(b"content-type", b"application/json"), *extra])
+
+
+def _is_form(path: str) -> bool:
+    return path in ("/logout", "/language")
+
+
+def _headers_of(scope: Scope) -> Headers:
+    return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+
+
+def _cookie_in(header: str) -> str:
+    try:
+        morsel = SimpleCookie(header).get(COOKIE)
+    except CookieError:
+        return ""
+    return "" if morsel is None else morsel.value
+
+
+def _is_own_origin(headers: Headers) -> bool:
+    """Browsers say where a changing request comes from; what says nothing is no browser, and has no cookie to steal."""
+    origin = headers.get("origin")
+    if origin is None:
+        return headers.get("sec-fetch-site", "same-origin") in ("same-origin", "none")
+    return urlsplit(origin).netloc.casefold() == headers.get("host", "").casefold()
+
+
+def _most_of(path: str) -> int:
+    return MAX_RESTORE if path == "/api/restore" else MAX_BODY
+
+
+def _check_length(path: str, headers: Headers) -> tuple[int, str] | None:
+    length = headers.get("content-length", "0")
+    if not length.isascii() or not length.isdigit():
+        return 400, "the header content-length is no number"
+    if int(length) > _most_of(path):
+        return 413, f"at most {_most_of(path)} octets can be sent here"
+    return None
+
+
+def _limited(receive: Receive, most: int) -> Receive:
+    """Count what really comes: a chunked body has no length in its header."""
+    left = most
+
+    async def limited() -> Message:
+        nonlocal left
+        message = await receive()
+        left -= len(message.get("body", b""))
+        if left < 0:
+            return {"type": "http.disconnect"}
+        return message
+
+    return limited
+
+
+def _with_headers(send: Send, path: str) -> Send:
+    async def with_headers(message: MutableMapping[str, object]) -> None:
+        if message["type"] == "http.response.start":
+            headers = list(message.get("headers", ()))  # type: ignore[call-overload]
+            headers.extend(HEADERS)
+            if path.startswith("/api/") or ("/_nicegui/" not in path and "/web/" not in path):
+                headers = [pair for pair in headers if pair[0].lower() != b"cache-control"]
+                headers.append((b"cache-control", b"no-store"))
+            message["headers"] = headers
+        await send(message)
+
+    return with_headers
+
+
+async def _answer(send: Send, status: int, body: bytes, headers: list[tuple[bytes, bytes]]) -> None:
+    await send(
+        {
+            "type": "http.response.start",
+            "status": status,
+            "headers": [
+                *headers,
+                *HEADERS,
+                (b"content-length", str(len(body)).encode()),
+                (b"cache-control", b"no-store"),
+            ],
+        }
+    )
+    await send({"type": "http.response.body", "body": body})

@@ -1,0 +1,27 @@
+"""The pages: each file is one of them; they are thin, what they show and do comes from `Service`."""
+
+from __future__ import annotations
+
+from msbot.web.pages import (
+    admin,
+    api_docs,
+    arrivals,
+    bus,
+    classroom,
+    journal,
+    library,
+    robot,
+    settings,
+    timeline,
+    wires,
+)
+from msbot.web.service import Service
+
+
+def register_pages(service: Service) -> None:
+    """Make the pages of one robot known to NiceGUI; to be called once in a process."""
+    for page in (robot, arrivals, settings, bus, wires, timeline, library, journal, classroom, admin, api_docs):
+        page.register(service)
+
+
+__all__ = ["register_pages"]

@@ -1,0 +1,130 @@
+"""The arrivals tray: parts that wait or were refused, each with its reason and what can be done about it."""
+
+from __future__ import annotations
+
+from functools import partial
+from html import escape
+
+from fastapi import Request
+from nicegui import ui
+
+from msbot.web.drawings import state_chip
+from msbot.web.models import PartLine
+from msbot.web.pages.layout import Page, page_frame
+from msbot.web.roles import Right
+from msbot.web.service import Service
+
+WINDOW_S = 60.0
+
+
+def register(service: Service) -> None:
+    """Make the page known."""
+
+    @ui.page("/arrivals")
+    def arrivals(request: Request) -> None:
+        with page_frame(service, request, "/arrivals", "Arrivals") as page:
+            _window(page)
+            _tray(page)
+
+
+def _window(page: Page) -> None:
+    """The adoption window with its countdown."""
+    with ui.element("div").classes("panel row spread"):
+        words = ui.label("").props("aria-live=polite")
+        if page.may(Right.ARRANGE):
+            open_button = ui.button(
+                page.say("Open for {seconds} s", seconds=f"{WINDOW_S:.0f}"),
+                icon="lock_open",
+                on_click=lambda: page.do(lambda session: page.service.open_window(session, WINDOW_S)),
+            )
+            close_button = ui.button(
+                page.say("Close"), icon="lock", on_click=lambda: page.do(page.service.close_window)
+            ).props("outline")
+
+    def show() -> None:
+        left = page.service.robot().window_s
+        words.set_text(
+            page.say("The adoption window is open for {seconds} s more: parts can be adopted.", seconds=f"{left:.0f}")
+            if left > 0
+            else page.say("The adoption window is closed. A teacher opens it to let unknown parts in.")
+        )
+        if page.may(Right.ARRANGE):
+            open_button.set_visibility(left <= 0)
+            close_button.set_visibility(left > 0)
+
+    page.every_look(show)
+
+
+def _tray(page: Page) -> None:
+    tray = ui.element("div").classes("grid")
+    shown: list[PartLine] = []
+
+    def key(part: PartLine) -> PartLine:
+        return part.model_copy(update={"state_age_s": 0.0, "beat_age_s": None, "refused_claims": 0})
+
+    def show() -> None:
+        parts = page.service.views.arrivals()
+        # Rebuilt only when something has changed, or an opened menu would close under the person's hand.
+        if shown == [key(part) for part in parts] and (parts or tray.default_slot.children):
+            return
+        shown[:] = [key(part) for part in parts]
+        tray.clear()
+        with tray:
+            if not parts:
+                with ui.element("div").classes("panel"):
+                    ui.label(page.say("Nobody waits. Plug a part in: it shows up here when its slot is not clear."))
+            for part in parts:
+                _card(page, part)
+
+    page.every_look(show)
+
+
+def _card(page: Page, part: PartLine) -> None:
+    with ui.element("div").classes(f"slot is-{part.state}").style("opacity:.6" if part.ignored else ""):
+        ui.html(
+            f'<div class="head"><div style="flex:1;min-width:0"><div class="title">{escape(part.part)}</div>'
+            f'<div class="soft mono">{escape(part.part_number or "–")} · {escape(part.uid or page.say("no UID"))}</div></div>'
+            f"{state_chip(part.state, page.say(part.state))}</div>"
+            f'<p style="margin:.5rem 0">{escape(part.reason)}</p>'
+            f'<p class="soft" style="font-size:.85rem">{escape(part.address)}'
+            f"{''.join(' · ' + escape(page.say('same UID as {address}', address=other)) for other in part.duplicates)}</p>",
+            sanitize=False,
+        )
+        with ui.element("div").classes("row"):
+            _deeds(page, part)
+
+
+def _deeds(page: Page, part: PartLine) -> None:
+    service, name = page.service, part.uid or part.client_key
+    if page.may(Right.ARRANGE):
+        with ui.button(page.say("Adopt into slot …"), icon="add_link"), ui.menu():
+            for card in service.views.slots():
+                word = f"{card.name} · {card.part_number} · {page.say(card.state)}"
+                ui.menu_item(word, partial(_adopt, page, name, card.name))
+        ui.button(page.say("Ignore"), on_click=lambda: page.do(lambda session: service.ignore(session, name))).props(
+            "flat"
+        )
+        ui.button(page.say("Block"), on_click=lambda: page.do(lambda session: service.block(session, name, ""))).props(
+            "flat color=negative"
+        )
+    if page.may(Right.OPERATE):
+        ui.button(
+            page.say("Identify"),
+            icon="lightbulb",
+            on_click=lambda: page.do(lambda session: service.identify(session, name)),
+        ).props("flat")
+    ui.button(page.say("Why?"), on_click=partial(_why, page, part)).props("flat")
+
+
+def _adopt(page: Page, part: str, slot: str) -> None:
+    page.do(lambda session: page.service.adopt(session, part, slot))
+
+
+def _why(page: Page, part: PartLine) -> None:
+    lines = page.service.views.why(part.uid or part.part)
+    with ui.dialog() as dialog, ui.card().style("max-width:min(44rem,95vw)"):
+        ui.label(page.say("Why?")).classes("text-h6")
+        ui.html("".join(f"<p>{escape(line)}</p>" for line in lines), sanitize=False)
+        ui.button(page.say("Close"), on_click=dialog.close).props("flat")
+    dialog.on("hide", dialog.delete)
+    dialog.open()

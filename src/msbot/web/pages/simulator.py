@@ -1,0 +1,66 @@
+"""Simulated parts by mouse: press the button, turn the knob, warm the air, pull the plug."""
+
+from __future__ import annotations
+
+from functools import partial
+from html import escape
+
+from nicegui import ui
+
+from msbot.web.accounts import Session
+from msbot.web.drawings import fields_html
+from msbot.web.models import Control, Done, Scalar
+from msbot.web.pages.layout import Page
+
+
+def simulator_panel(page: Page, slot: str) -> None:
+    """The controls of a simulated part and what one would see of it."""
+    service = page.service
+    simulated = service.views.simulated(slot)
+    with ui.element("div").classes("panel").style("background:var(--accent-soft)"):
+        ui.html(f"<h2>{escape(page.say('Simulated part'))}</h2>", sanitize=False)
+        ui.switch(
+            page.say("Plugged in"),
+            value=simulated.plugged,
+            on_change=lambda event: page.do(
+                lambda session: service.plug(session, slot, plugged=bool(event.value)), quiet=True
+            ),
+        )
+        for control in simulated.controls:
+            _control(page, slot, control)
+        seen = ui.html("", sanitize=False)
+
+        def show() -> None:
+            content = fields_html(service.views.bench.readings(slot), limit=16)
+            if seen.content != content:
+                seen.set_content(content)
+
+        page.every_look(show, seen)
+
+
+def _control(page: Page, slot: str, control: Control) -> None:
+    title = control.words or control.name
+    unit = f" [{control.unit}]" if control.unit else ""
+
+    def changed(value: Scalar | None) -> None:
+        page.do(partial(_operate, page, slot, control.name, value), quiet=True)
+
+    if control.kind == "bool":
+        ui.switch(title, value=bool(control.value), on_change=lambda event: changed(event.value))
+    elif control.kind == "number" and control.least is not None and control.most is not None:
+        ui.label(f"{title}{unit}")
+        value = float(control.value) if isinstance(control.value, int | float) else control.least
+        step = max((control.most - control.least) / 200, 1e-6)
+        ui.slider(
+            min=control.least, max=control.most, step=step, value=value, on_change=lambda event: changed(event.value)
+        ).props(f'label aria-label="{escape(title)}" debounce=100')
+    elif control.kind == "number":
+        ui.number(f"{title}{unit}", value=float(control.value or 0), on_change=lambda event: changed(event.value))
+    elif control.kind == "choice":
+        ui.select(control.choices, label=title, value=control.value, on_change=lambda event: changed(event.value))
+    else:
+        ui.input(title, value=str(control.value or ""), on_change=lambda event: changed(event.value))
+
+
+def _operate(page: Page, slot: str, control: str, value: Scalar | None, session: Session) -> Done:
+    return page.service.operate(session, slot, control, "" if value is None else value)

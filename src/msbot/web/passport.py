@@ -1,0 +1,21 @@
+"""What identifies a part type on paper: its picture with the pins, and a QR code that leads to its page."""
+
+from __future__ import annotations
+
+import io
+
+import segno
+
+from msbot.config import PartType
+
+
+def picture_of(part_type: PartType) -> str:
+    """The picture of a part type as SVG."""
+    return part_type.picture
+
+
+def qr_svg(text: str, *, scale: int = 4) -> str:
+    """A QR code (ISO/IEC 18004) of a text as SVG, black on white so that every camera reads it."""
+    out = io.BytesIO()
+    segno.make(text, error="m").save(out, kind="svg", scale=scale, border=2, light="#fff", xmldecl=False, svgns=True)
+    return out.getvalue().decode()

@@ -1,0 +1,65 @@
+"""Who may do what: four roles, each with all rights of the one below (thesis 5.4.2: only authorised people)."""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+
+from msbot.errors import ConfigError
+
+
+class Role(IntEnum):
+    """What a person is to the robot; a higher one may do everything a lower one may."""
+
+    VIEWER = 1
+    STUDENT = 2
+    TEACHER = 3
+    ADMINISTRATOR = 4
+
+    @property
+    def word(self) -> str:
+        """The role as it is stored and shown: `viewer`, `student`, `teacher`, `administrator`."""
+        return self.name.lower()
+
+
+def role_named(word: str) -> Role:
+    """The role of that name.
+
+    Raises:
+        ConfigError: there is no such role; the text lists them.
+    """
+    for role in Role:
+        if role.word == word:
+            return role
+    raise ConfigError(f"there is no role {word!r}: choose {', '.join(role.word for role in Role)}")
+
+
+class Right(Enum):
+    """One kind of thing a person may do."""
+
+    SEE = "see the robot"
+    STOP = "press STOP"
+    """Whoever sees a robot run wild must be able to end it."""
+    OPERATE = "play with simulated parts"
+    """And have a part identify itself."""
+    SET = "change settings"
+    """Parameters of slots, by hand."""
+    ARRANGE = "arrange parts"
+    """Adopt, swap, release and block them; undo; go on after STOP."""
+    DESIGN = "change the blueprint"
+    ADMINISTER = "administer users, keys and backups"
+
+    @property
+    def least(self) -> Role:
+        """The lowest role that has this right."""
+        return _LEAST[self]
+
+
+_LEAST = {
+    Right.SEE: Role.VIEWER,
+    Right.STOP: Role.VIEWER,
+    Right.OPERATE: Role.STUDENT,
+    Right.SET: Role.STUDENT,
+    Right.ARRANGE: Role.TEACHER,
+    Right.DESIGN: Role.TEACHER,
+    Right.ADMINISTER: Role.ADMINISTRATOR,
+}

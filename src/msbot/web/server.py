@@ -1,0 +1,192 @@
+"""Serves the pages and the API in the robot's own event loop: one process, one port, no thread.
+
+NiceGUI (pages), FastAPI (API) and uvicorn (HTTP) do the work; this file puts them behind the guard, binds the socket
+itself so that a port in use is a sentence and not a traceback, and ends with the robot.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import socket
+import ssl
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import uvicorn
+from fastapi import FastAPI
+from nicegui import ui
+from starlette.staticfiles import StaticFiles
+
+from msbot.errors import ConfigError
+from msbot.web.api import make_api
+from msbot.web.api_admin import make_admin_api
+from msbot.web.forms import make_forms
+from msbot.web.guard import Guard
+from msbot.web.pages import register_pages
+from msbot.web.problems import tell_problems
+from msbot.web.service import Service
+
+DEFAULT_PORT = 8080
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+ANY_HOST = ("0.0.0.0", "::")
+
+
+@dataclass(frozen=True, slots=True)
+class WebSettings:
+    """Where the pages are served."""
+
+    host: str = "127.0.0.1"
+    port: int = DEFAULT_PORT
+    """0 = any free one."""
+    or_any_port: bool = False
+    """Take any free port when this one is in use."""
+    certificate: Path | None = None
+    """PEM file with the certificate chain; with it the pages are served by TLS."""
+    key: Path | None = None
+    """PEM file with its private key; absent: in the same file."""
+
+
+class _Server(uvicorn.Server):
+    """Leaves signals to the command that runs the robot, and says when it is up."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.ready = asyncio.Event()
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self.ready.set()
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+class WebServer:
+    """The web pages of one robot. Only one can be made in a process: NiceGUI keeps its pages globally.
+
+    Args:
+        service: what the pages show and do.
+        settings: where.
+
+    Raises:
+        ConfigError: the port is in use or not allowed, or the certificate cannot be used; the text says what to do.
+    """
+
+    def __init__(self, service: Service, settings: WebSettings) -> None:
+        self._service = service
+        self._socket = _bind(settings)
+        self._tls = settings.certificate is not None
+        self.host = settings.host
+        self.port: int = self._socket.getsockname()[1]
+        try:
+            self._server = _Server(self._config(settings))
+        except BaseException:
+            self._socket.close()
+            raise
+
+    @property
+    def ready(self) -> asyncio.Event:
+        """Set when the pages can be opened."""
+        return self._server.ready
+
+    @property
+    def address(self) -> str:
+        """What a person types: `http://127.0.0.1:8080`."""
+        host = "127.0.0.1" if self.host in ANY_HOST else self.host
+        host = f"[{host}]" if ":" in host else host
+        return f"{'https' if self._tls else 'http'}://{host}:{self.port}"
+
+    @property
+    def link(self) -> str:
+        """What is printed: the address, or the one-time set-up link, or the demo's link that signs one in."""
+        accounts = self._service.accounts
+        if accounts.has_entry_link:
+            return f"{self.address}/enter?token={accounts.entry_token()}"
+        if accounts.needs_setup:
+            return f"{self.address}/setup?token={accounts.setup_token()}"
+        return self.address
+
+    async def run(self) -> None:
+        """Serve until cancelled."""
+        serving = asyncio.ensure_future(self._server.serve(sockets=[self._socket]))
+        try:
+            await asyncio.shield(serving)
+        finally:
+            self._server.should_exit = True
+            self._server.force_exit = True
+            with contextlib.suppress(asyncio.CancelledError):
+                await serving
+            self._socket.close()
+
+    def _config(self, settings: WebSettings) -> uvicorn.Config:
+        service = self._service
+        app = FastAPI(title="MsBOT", version="1", docs_url=None, redoc_url=None, openapi_url="/openapi.json")
+        app.include_router(make_forms(service.accounts, service.robot_name))
+        app.include_router(make_api(service))
+        app.include_router(make_admin_api(service))
+        tell_problems(app)
+        app.mount("/web", StaticFiles(directory=str(files("msbot.web") / "static")), name="web")
+        register_pages(service)
+        ui.run_with(app, title=f"{service.robot_name} · MsBOT", dark=None, show_welcome_message=False, tailwind=False,
+                    favicon=Path(str(files("msbot.web") / "static" / "icon.svg")))  # fmt: skip
+        hosts = () if settings.host not in LOOPBACK else LOOPBACK
+        context = None if settings.certificate is None else _tls_context(settings.certificate, settings.key)
+        return uvicorn.Config(
+            Guard(app, service.accounts, hosts),
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            lifespan="on",
+            timeout_graceful_shutdown=1,
+            proxy_headers=False,
+            ssl_context_factory=None if context is None else lambda _config, _default: context,
+        )
+
+
+def _bind(settings: WebSettings) -> socket.socket:
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    bound = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            bound.bind((settings.host, settings.port))
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE or not settings.or_any_port:
+                raise
+            bound.bind((settings.host, 0))
+        bound.listen(128)
+        bound.setblocking(False)
+    except OSError as error:
+        bound.close()
+        raise ConfigError(_why_not(error, settings)) from None
+    return bound
+
+
+def _why_not(error: OSError, settings: WebSettings) -> str:
+    where = f"the page cannot be served on {settings.host} port {settings.port}"
+    if error.errno == errno.EADDRINUSE:
+        return f"{where}: another program uses it; choose another one with --port, or --port 0 for any free one"
+    if error.errno == errno.EACCES:
+        return f"{where}: ports below 1024 need more rights; choose one from 1024 up with --port"
+    if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+        return f"{where}: this computer has no such address; use --host 127.0.0.1, or 0.0.0.0 for all its networks"
+    return f"{where}: {error.strerror}"
+
+
+def _tls_context(certificate: Path, key: Path | None) -> ssl.SSLContext:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    try:
+        context.load_cert_chain(certificate, key)
+    except ssl.SSLError as error:
+        raise ConfigError(
+            f"the certificate {certificate} and the key {key or certificate} do not go together, or are no PEM files "
+            f"({error.reason or error})"
+        ) from None
+    except OSError as error:
+        raise ConfigError(f"cannot read {error.filename or certificate}: {error.strerror}") from None
+    return context

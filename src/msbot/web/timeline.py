@@ -1,0 +1,68 @@
+"""What happened to each slot over time: states with their begin and reason, and the rhythm of the beats."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from msbot.pnp import PartEvent, PartInfo
+
+KEPT_SPANS = 500
+KEPT_BEATS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A state from one change to the next."""
+
+    begin: float
+    """Seconds of the robot's clock."""
+    state: str
+    part: str
+    """Whose state it was, in words."""
+    reason: str
+
+
+class Timeline:
+    """Collects the states of slots, and of parts without one."""
+
+    def __init__(self) -> None:
+        self._spans: dict[str, deque[Span]] = {}
+        self._beats: dict[int, tuple[int, float]] = {}
+        """By client key: beats counted so far, and when the latest came."""
+        self._intervals: dict[str, deque[float]] = {}
+
+    def note(self, event: PartEvent) -> None:
+        """Take a change; what the inventory calls."""
+        lane = event.slot or event.part
+        spans = self._spans.setdefault(lane, deque(maxlen=KEPT_SPANS))
+        spans.append(Span(event.at, event.to_state.value, event.part, event.reason))
+        if len(self._spans) > KEPT_SPANS:
+            del self._spans[next(iter(self._spans))]
+
+    def look(self, infos: Iterable[PartInfo], now: float) -> None:
+        """Work out the intervals between beats from how the inventory stands; to be called a few times a second."""
+        seen: dict[int, tuple[int, float]] = {}
+        for info in infos:
+            if info.beat_age_s is None or not info.slot:
+                continue
+            at = now - info.beat_age_s
+            count, before = self._beats.get(info.client_key, (info.beats, at))
+            if info.beats > count and at > before:
+                kept = self._intervals.setdefault(info.slot, deque(maxlen=KEPT_BEATS))
+                kept.append((at - before) / (info.beats - count))
+            seen[info.client_key] = (info.beats, at)
+        self._beats = seen
+
+    def lanes(self) -> dict[str, tuple[Span, ...]]:
+        """All spans by slot (or part without one), oldest first."""
+        return {lane: tuple(spans) for lane, spans in self._spans.items()}
+
+    def spans(self, lane: str) -> tuple[Span, ...]:
+        """The spans of one slot."""
+        return tuple(self._spans.get(lane, ()))
+
+    def beat_intervals(self, slot: str) -> tuple[float, ...]:
+        """Seconds between the latest beats of the part in a slot, oldest first."""
+        return tuple(self._intervals.get(slot, ()))

@@ -1,0 +1,221 @@
+"""The gate in front of pages and API: attempted attacks, each refused, and what honest people may do."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Awaitable, Callable, Mapping
+from typing import cast
+
+import pytest
+from starlette.types import Message, Receive, Scope, Send
+
+from msbot.web.accounts import Accounts, MemoryUsers, Session
+from msbot.web.guard import COOKIE, CSRF_HEADER, MAX_BODY, Guard
+from msbot.web.roles import Role
+from tests.web.test_accounts import Clock, PlainHasher
+
+HOST = "127.0.0.1:8080"
+
+
+async def inner(scope: Scope, receive: Receive, send: Send) -> None:
+    """The application behind the gate: says who came through, and reads what was sent."""
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.accept"})
+        return
+    octets, more = 0, True
+    while more and scope["method"] == "POST":
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            break
+        octets += len(message.get("body", b""))
+        more = message.get("more_body", False)
+    session = scope["state"]["session"]
+    body = json.dumps({"who": session.name if session else None, "octets": octets}).encode()
+    await send({"type": "http.response.start", "status": 200, "headers": []})
+    await send({"type": "http.response.body", "body": body})
+
+
+class Answer:
+    def __init__(self) -> None:
+        self.messages: list[Message] = []
+
+    @property
+    def status(self) -> int:
+        return cast("int", self.messages[0]["status"])
+
+    @property
+    def headers(self) -> dict[str, str]:
+        return {name.decode(): value.decode() for name, value in self.messages[0]["headers"]}
+
+    @property
+    def json(self) -> dict[str, object]:
+        return cast("dict[str, object]", json.loads(self.messages[1]["body"]))
+
+
+class Rig:
+    def __init__(self, *, hosts: tuple[str, ...] = ("127.0.0.1", "localhost")) -> None:
+        self.accounts = Accounts(MemoryUsers(), clock=Clock(), hasher=PlainHasher())
+        self.accounts.set_up(self.accounts.setup_token(), "ada", "correct horse")
+        self.accounts.add_user("bob", Role.STUDENT, "also correct", who="ada")
+        self.guard = Guard(inner, self.accounts, hosts)
+
+    def session(self) -> Session:
+        return self.accounts.sign_in("bob", "also correct", "a")
+
+    async def ask(
+        self, path: str, method: str = "GET", *, kind: str = "http", session: Session | None = None,
+        bodies: tuple[bytes, ...] = (b"",), more: Mapping[str, str] | None = None, **headers: str,
+    ) -> Answer:  # fmt: skip
+        given = {"host": HOST, **{name.replace("_", "-"): value for name, value in headers.items()}, **(more or {})}
+        if session is not None:
+            given["cookie"] = f"{COOKIE}={session.token}"
+        scope: Scope = {
+            "type": kind,
+            "path": path,
+            "headers": [(name.encode(), value.encode()) for name, value in given.items()],
+        }
+        if kind == "http":
+            scope["method"] = method
+        chunks = list(bodies)
+        answer = Answer()
+
+        async def receive() -> Message:
+            if kind == "websocket":
+                return {"type": "websocket.connect"}
+            return {"type": "http.request", "body": chunks.pop(0), "more_body": bool(chunks)}
+
+        async def send(message: Message) -> None:
+            answer.messages.append(message)
+
+        run = cast("Callable[[Scope, Receive, Send], Awaitable[None]]", self.guard)
+        await run(scope, receive, send)
+        return answer
+
+
+@pytest.mark.parametrize(
+    "path", ["/api/robot", "/api/me", "/api/backup", "/api/health/../me", "/api", "/api/", "/API/me", "/openapi.jsonx"]
+)
+async def test_without_a_session_nothing_is_answered(path: str) -> None:
+    answer = await Rig().ask(path)
+    if path.startswith("/api/"):
+        assert answer.status == 401
+        assert answer.json == {"error": "sign in first"}
+    else:
+        assert answer.status in (303, 401)
+
+
+async def test_without_a_session_a_page_leads_to_the_sign_in_and_back() -> None:
+    answer = await Rig().ask("/bus")
+    assert (answer.status, answer.headers["location"]) == (303, "/login?next=/bus")
+
+
+@pytest.mark.parametrize("path", ["/api/health", "/login", "/setup", "/enter", "/web/form.css", "/_nicegui/3/x.js"])
+async def test_what_everybody_may_have(path: str) -> None:
+    answer = await Rig().ask(path)
+    assert answer.status == 200
+    assert answer.json["who"] is None
+
+
+async def test_a_session_is_let_through_with_its_name() -> None:
+    rig = Rig()
+    answer = await rig.ask("/api/robot", session=rig.session())
+    assert (answer.status, answer.json["who"]) == (200, "bob")
+
+
+async def test_a_made_up_cookie_is_nobody() -> None:
+    answer = await Rig().ask("/api/robot", cookie=f"{COOKIE}=made-up")
+    assert answer.status == 401
+    assert (await Rig().ask("/api/robot", cookie='"; =,\\')).status == 401
+
+
+async def test_an_api_token_is_let_through_and_a_forged_one_is_not() -> None:
+    rig = Rig()
+    token = rig.accounts.new_token("bob", "logger", who="ada")
+    assert (await rig.ask("/api/robot", authorization=f"Bearer {token}")).status == 200
+    assert (await rig.ask("/api/stop", "POST", authorization=f"Bearer {token}")).status == 200
+    for forged in (f"Bearer {token}x", "Bearer ", f"Basic {token}", token):
+        answer = await rig.ask("/api/robot", authorization=forged)
+        assert answer.status == 401
+        assert answer.headers["www-authenticate"] == "Bearer"
+
+
+async def test_a_token_is_no_way_to_the_pages() -> None:
+    rig = Rig()
+    token = rig.accounts.new_token("bob", "logger", who="ada")
+    assert (await rig.ask("/", authorization=f"Bearer {token}")).status == 303
+
+
+async def test_a_changing_request_needs_the_csrf_word_of_its_own_session() -> None:
+    rig = Rig()
+    session, other = rig.session(), rig.session()
+    assert (await rig.ask("/api/stop", "POST", session=session)).status == 403
+    assert (await rig.ask("/api/stop", "POST", session=session, more={CSRF_HEADER: other.csrf})).status == 403
+    assert (await rig.ask("/api/stop", "POST", session=session, more={CSRF_HEADER: session.csrf})).status == 200
+    for method in ("PUT", "PATCH", "DELETE", "FOO"):
+        assert (await rig.ask("/api/stop", method, session=session)).status == 403
+
+
+async def test_a_form_of_another_site_is_refused() -> None:
+    rig = Rig()
+    session = rig.session()
+    word = {CSRF_HEADER: session.csrf}
+    for origin in ("http://evil.example", "null", "http://127.0.0.1:9999", "https://127.0.0.1.evil.example:8080"):
+        answer = await rig.ask("/api/stop", "POST", session=session, origin=origin, more=word)
+        assert answer.status == 403
+    assert (await rig.ask("/login", "POST", origin="http://evil.example")).status == 403
+    assert (await rig.ask("/logout", "POST", session=session, sec_fetch_site="cross-site")).status == 403
+    assert (await rig.ask("/api/stop", "POST", session=session, origin=f"http://{HOST}", more=word)).status == 200
+    assert (await rig.ask("/logout", "POST", session=session, origin=f"http://{HOST}")).status == 200
+
+
+async def test_another_host_name_is_refused() -> None:
+    rig = Rig()
+    for host in ("evil.example:8080", "", "127.0.0.1.evil.example"):
+        assert (await rig.ask("/login", host=host)).status == 421
+    assert (await rig.ask("/login", host="LOCALHOST:8080")).status == 200
+    assert (await Rig(hosts=()).ask("/login", host="robot.school.example")).status == 200
+
+
+async def test_websockets_need_a_session_and_the_own_origin() -> None:
+    rig = Rig()
+    session = rig.session()
+    socket = "/_nicegui_ws/socket.io/"
+    refused = await rig.ask(socket, kind="websocket")
+    assert refused.messages == [{"type": "websocket.close", "code": 4401}]
+    stolen = await rig.ask(socket, kind="websocket", session=session, origin="http://evil.example")
+    assert stolen.messages == [{"type": "websocket.close", "code": 4403}]
+    assert (await rig.ask(socket, kind="websocket", session=session, origin=f"http://{HOST}")).messages == [
+        {"type": "websocket.accept"}
+    ]
+
+
+async def test_bodies_are_bounded_whether_or_not_they_say_their_length() -> None:
+    rig = Rig()
+    session = rig.session()
+    word = {CSRF_HEADER: session.csrf}
+    said = await rig.ask("/api/stop", "POST", session=session, content_length=str(MAX_BODY + 1), more=word)
+    assert said.status == 413
+    nonsense = await rig.ask("/api/stop", "POST", session=session, content_length="many", more=word)
+    assert nonsense.status == 400
+    chunks = (b"x" * (MAX_BODY // 2),) * 5
+    unsaid = await rig.ask("/api/stop", "POST", session=session, bodies=chunks, more=word)
+    assert cast("int", unsaid.json["octets"]) <= MAX_BODY
+    backup = await rig.ask("/api/restore", "POST", session=session, bodies=chunks, more=word)
+    assert backup.json["octets"] == 5 * (MAX_BODY // 2)
+
+
+async def test_answers_may_not_be_framed_sniffed_or_kept() -> None:
+    rig = Rig()
+    for answer in (await rig.ask("/api/robot"), await rig.ask("/api/robot", session=rig.session())):
+        assert answer.headers["x-frame-options"] == "DENY"
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert answer.headers["referrer-policy"] == "no-referrer"
+        assert answer.headers["cache-control"] == "no-store"
+        assert "default-src 'self'" in answer.headers["content-security-policy"]
+
+
+async def test_what_was_refused_is_counted_by_reason() -> None:
+    rig = Rig()
+    for _ in range(3):
+        await rig.ask("/api/robot")
+    assert rig.guard.refused == {"sign in first": 3}
