@@ -142,7 +142,7 @@ class CanMasterLink(CanEnd):
             self._members = [None] * (NODES + 1)
             self._join.start(now)
         self._flush(now)
-        self._signal_handler(Signal.LINK_UP, None, f"{self.info.name}, epoch {self.epoch}", now)
+        self._signal_handler(Signal.LINK_UP, None, f"epoch {self.epoch}", now)
 
     def bus_down(self, reason: str, lost_frames: int, now: float) -> None:
         """See `PortOwner`."""
