@@ -60,6 +60,7 @@ bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/agent.py --write
 
 docs: $(VENV)/.docs
+	PYTHONPATH=. $(BIN)/python tools/can_picture.py docs/explain/can_frame.svg
 	$(BIN)/zensical build --clean
 
 constraints: $(VENV)/.dev

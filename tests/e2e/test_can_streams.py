@@ -1,0 +1,97 @@
+"""Reliable streams on a CAN bus with faults: when it has healed, every sample has arrived once and in order."""
+
+from __future__ import annotations
+
+import asyncio
+from random import Random
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bench.buses import Rates
+from bench.can_setup import CLASSIC, COMPRESSED, Component, component
+from msbot.errors import LinkFull
+from msbot.link import SimBus, run_virtual
+from msbot.xrce import ObjectKind
+
+SAMPLES = 40
+
+trouble = st.lists(
+    st.tuples(
+        st.sampled_from(("bit errors", "loss at the master", "loss at the part", "burst", "pull", "calm")),
+        st.integers(1, 63),
+    ),
+    min_size=1,
+    max_size=6,
+)
+
+
+class ShakyRates(Rates):
+    """A bus that can be disturbed at random."""
+
+    def bus(self) -> SimBus:
+        return SimBus(self.nominal, data_bitrate=self.data, fd=self.fd, random=Random(5))
+
+
+async def suffer(room: Component, what: str, amount: int) -> None:
+    bus = room.driver.bus
+    part = room.part.node
+    match what:
+        case "bit errors":
+            bus.set_bit_error_rate(amount * 5e-6)
+        case "loss at the master":
+            bus.deafen(room.master.node, probability=amount / 300)
+        case "loss at the part":
+            bus.deafen(part, probability=amount / 300)
+        case "burst":
+            bus.deafen(room.master.node, frames=amount)
+        case "pull":
+            room.driver.unplug("component")
+            await asyncio.sleep(amount / 63)
+            room.driver.plug("component")
+    await asyncio.sleep(0.5)
+    bus.set_bit_error_rate(0)
+    for node in (room.master.node, part):
+        bus.deafen(node)
+
+
+@settings(max_examples=12)
+@given(trouble, st.sampled_from((CLASSIC, COMPRESSED)), st.integers(0, 1 << 30))
+def test_every_sample_arrives_once_and_in_order(story: list[tuple[str, int]], framing: str, seed: int) -> None:
+    random = Random(seed)
+    samples = [
+        number.to_bytes(2, "big") + random.randbytes(random.choice((0, 2, 9, 60, 400))) for number in range(SAMPLES)
+    ]
+
+    async def scene() -> list[bytes]:
+        came: list[bytes] = []
+        async with component(ShakyRates(500_000), framing) as room:
+            client = room.client
+            made = room.create()
+            client.on_topic = lambda _object_id, _request_id, payload: came.append(payload)
+            client.read(made[ObjectKind.DATAREADER])
+            await client.until_all_statuses(timeout_s=5.0)
+
+            roomy = asyncio.Event()
+            client.on_room = roomy.set
+
+            async def write() -> None:
+                left = list(samples)
+                while left:
+                    roomy.clear()
+                    try:
+                        client.write(made[ObjectKind.DATAWRITER], left[0])
+                        del left[0]
+                    except LinkFull:
+                        await roomy.wait()
+                    await asyncio.sleep(random.choice((0.0, 0.02, 0.1)))
+
+            writing = asyncio.create_task(write())
+            for what, amount in story:
+                await suffer(room, what, amount)
+            await writing
+            await asyncio.sleep(20.0)
+            assert client.counters.logins == 1
+        return came
+
+    assert run_virtual(scene()) == samples

@@ -1,0 +1,37 @@
+"""Many parts switched on together on one CAN bus: they come in one after the other, and none is lost meanwhile."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bench.buses import Rates
+from bench.crowd import Outcome, switch_on
+from msbot.link import run_virtual
+
+
+def outcome(rates: Rates, size: int, folder: Path, *, rest_s: float = 0.0, seed: int = 1) -> Outcome:
+    found = run_virtual(switch_on(rates, size, folder, rest_s=rest_s, seed=seed))
+    assert len(found.active_s) == size
+    assert (found.lost, found.late, found.dropped) == (0, 0, {})
+    assert (found.frames["JOIN"], found.frames["ASSIGN"]) == (size, size), "everybody asks once"
+    assert found.ratio < 1.3
+    return found
+
+
+@pytest.mark.parametrize(("rates", "limit_s"), [(Rates(125_000), 12.0), (Rates(500_000, 2_000_000), 1.0)])
+def test_120_parts_at_once(rates: Rates, limit_s: float, tmp_path: Path) -> None:
+    assert outcome(rates, 120, tmp_path).last_s < limit_s
+
+
+def test_120_parts_at_500_kbit_s_at_once_and_at_rest(tmp_path: Path) -> None:
+    found = outcome(Rates(500_000), 120, tmp_path, rest_s=5.0, seed=2)
+    assert found.last_s < 3.0
+    assert found.load < 0.08
+
+
+def test_one_part_needs_the_time_of_its_frames(tmp_path: Path) -> None:
+    found = outcome(Rates(500_000), 1, tmp_path)
+    assert found.last_s < 0.008
+    assert found.ratio == pytest.approx(1.0, abs=0.02)
