@@ -312,7 +312,7 @@ class Part(Program):
             case NoticeKind.GO:
                 self._safety.go()
             case NoticeKind.IDENTIFY:
-                _log.warning("%s: somebody asks which part this is", self.local_name)
+                _log.info("%s: somebody asks which part this is", self.local_name)
                 self._tell("identify")
             case NoticeKind.PARTNER_LOST:
                 self._partner_lost_at(notice)
@@ -322,7 +322,7 @@ class Part(Program):
         port = self._ports.port_at(notice.binding)
         if port is None or notice.configuration_version != self._joining.configuration_version:
             return
-        _log.warning("%s: nobody sends to port %s any more", self.local_name, port)
+        _log.info("%s: nobody sends to port %s any more", self.local_name, port)
         self._safety.enter(port)
         for function in self._partner_lost:
             self._guard.call(function, port)
