@@ -64,14 +64,14 @@ def test_an_interface_that_fits_has_no_problem(wanted: Wanted, found: Interface)
         (
             Wanted("can0", fd=True),
             CAN0,
-            "fd=1, but the interface can0 takes classic frames only (mtu 16): `sudo ip link set can0 down && "
-            "sudo ip link set can0 up type can bitrate 500000 dbitrate 2000000 fd on` changes that",
+            "CAN FD is asked for, but the interface can0 takes classic frames only (mtu 16): "
+            "`sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 500000 dbitrate 2000000 fd on` changes that",
         ),
         (
             Wanted("vcan0", fd=True),
             replace(VCAN0, mtu=16),
-            "fd=1, but the interface vcan0 takes classic frames only (mtu 16): `sudo ip link set vcan0 down && "
-            "sudo ip link set vcan0 mtu 72 up` changes that",
+            "CAN FD is asked for, but the interface vcan0 takes classic frames only (mtu 16): "
+            "`sudo ip link set vcan0 down && sudo ip link set vcan0 mtu 72 up` changes that",
         ),
         (
             Wanted("can0", bitrate=250_000),

@@ -395,6 +395,17 @@ def test_somebody_else_may_have_restarted_it() -> None:
     with_bench(test)
 
 
+def test_a_controller_that_is_passive_at_the_start_can_send_as_soon_as_that_is_told() -> None:
+    async def main() -> None:
+        bench = Bench()
+        bench.interface = Interface("can0", 7, is_can=True, is_up=True, mtu=16, state=BusState.PASSIVE)
+        bench.driver.on_state(lambda state, *_: bench.driver.send(FRAME) if state is BusState.PASSIVE else None)
+        async with bench:
+            assert bench.sent() == [FRAME]
+
+    run_virtual(main())
+
+
 def test_a_controller_that_is_off_at_the_start_is_told_at_once() -> None:
     async def main() -> None:
         bench = Bench()
@@ -426,7 +437,9 @@ def test_a_socket_that_cannot_be_opened_is_an_error_with_a_remedy(number: int, w
 
 def test_an_interface_that_cannot_be_used_as_wanted_is_an_error() -> None:
     adapter = SocketCanAdapter(Wanted("can0", fd=True), CanBusInfo("can:can0", None, fd=True), find=lambda _: CAN0)
-    with pytest.raises(LinkDown, match=r"can:can0: fd=1, but the interface can0 takes classic frames only \(mtu 16\)"):
+    with pytest.raises(
+        LinkDown, match=r"can:can0: CAN FD is asked for, but the interface can0 takes classic frames only \(mtu 16\)"
+    ):
         run_virtual(CanDriver(adapter).run())
 
 

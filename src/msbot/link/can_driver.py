@@ -120,6 +120,7 @@ class CanDriver:
         self._state_handler: StateHandler = _ignore_state
         self._hear_again = False
         self._was_open = False
+        self._first_state = (BusState.ACTIVE, "open")
 
     def on_frame(self, handler: FrameHandler) -> None:
         """See `CanBus`."""
@@ -197,11 +198,10 @@ class CanDriver:
 
     async def _open(self) -> None:
         loop = asyncio.get_running_loop()
-        gone = self._gone = loop.create_future()
-        channel = await self._adapter.open(self)
-        self._channel = channel
-        if not gone.done() and self._bus_state is BusState.GONE:
-            self._tell(BusState.ACTIVE, "back" if self._was_open else "open", loop.time())
+        self._gone = loop.create_future()
+        self._first_state = (BusState.ACTIVE, "back" if self._was_open else "open")
+        self._channel = await self._adapter.open(self)
+        self._tell(*self._first_state, loop.time())
 
     async def _close(self) -> None:
         channel, self._channel = self._channel, None
@@ -265,7 +265,10 @@ class CanDriver:
 
     def state(self, channel: Channel, state: BusState, words: str, now: float) -> None:
         """See `ChannelOwner`; the first state may come while the channel is being opened."""
-        if self._channel is not None and channel is not self._channel:
+        if self._channel is None:
+            self._first_state = (state, words)
+            return
+        if channel is not self._channel:
             return
         if state is BusState.OFF:
             self._held = None

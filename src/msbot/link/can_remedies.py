@@ -48,7 +48,8 @@ def why_not(wanted: Wanted, found: Interface | None, others: list[Interface]) ->
         return f"the interface {name} is down: {_quoted(up_commands(wanted, found))} brings it up"
     again = _quoted(f"sudo ip link set {name} down && {up_commands(wanted, found)}")
     if wanted.fd and not found.fd:
-        return f"fd=1, but the interface {name} takes classic frames only (mtu {found.mtu}): {again} changes that"
+        words = f"CAN FD is asked for, but the interface {name} takes classic frames only (mtu {found.mtu})"
+        return f"{words}: {again} changes that"
     for word, has, wants in (
         ("", found.bitrate, wanted.bitrate),
         ("data ", found.data_bitrate, wanted.data_bitrate),

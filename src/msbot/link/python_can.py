@@ -36,6 +36,8 @@ MAILBOXES: Final = 3
 WAIT_S: Final = 0.1
 """Longest time that a thread waits in the library before it looks whether it shall end."""
 AGAIN_S: Final = 0.005
+END_S: Final = 2.0
+"""A thread that an adapter's library does not let go is left to itself after this time."""
 GIVE_UP_S: Final = 5.0
 """An adapter that takes a frame not even after this time is opened anew."""
 FRAMES_AT_ONCE: Final = 256
@@ -191,7 +193,7 @@ class PythonCanChannel:
 
     def _finish(self) -> None:
         for thread in self._threads:
-            thread.join()
+            thread.join(END_S)
         with suppress(Exception):  # the adapter may have gone: then its library cannot close it
             self._bus.shutdown()
 
