@@ -65,7 +65,8 @@ def test_an_interface_that_fits_has_no_problem(wanted: Wanted, found: Interface)
             Wanted("can0", fd=True),
             CAN0,
             "CAN FD is asked for, but the interface can0 takes classic frames only (mtu 16): "
-            "`sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 500000 dbitrate 2000000 fd on` changes that",
+            "`sudo ip link set can0 down && "
+            "sudo ip link set can0 up type can bitrate 500000 dbitrate 2000000 fd on` changes that",
         ),
         (
             Wanted("vcan0", fd=True),
