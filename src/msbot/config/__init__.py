@@ -2,6 +2,7 @@
 
 from msbot.config.blueprint import Blueprint, load_blueprint
 from msbot.config.check import RESERVED_TOPICS, binding_faults
+from msbot.config.differences import Difference, differences
 from msbot.config.library import (
     Category,
     Direction,
@@ -23,21 +24,26 @@ from msbot.config.library_simulator import Control, ControlKind, Operand, Output
 from msbot.config.library_texts import format_text
 from msbot.config.library_versions import Versions, split_number
 from msbot.config.plan import PRESETS, Binding, Endpoint, Options, RobotProfile, Slot, Timing
+from msbot.config.problems import FoundProblems, path_words
 from msbot.config.reader import Scalar
-from msbot.config.sample import SAMPLE_ROBOT_TOML, write_sample
+from msbot.config.sample import SAMPLE_ROBOT_TOML, SAMPLES, write_sample
+from msbot.config.writer import blueprint_toml, preset_of
 
 __all__ = [
     "PRESETS",
     "RESERVED_TOPICS",
+    "SAMPLES",
     "SAMPLE_ROBOT_TOML",
     "Binding",
     "Blueprint",
     "Category",
     "Control",
     "ControlKind",
+    "Difference",
     "Direction",
     "Endpoint",
     "FieldKind",
+    "FoundProblems",
     "Library",
     "MessageType",
     "Operand",
@@ -58,9 +64,13 @@ __all__ = [
     "Timing",
     "Versions",
     "binding_faults",
+    "blueprint_toml",
+    "differences",
     "format_text",
     "load_blueprint",
     "load_library",
+    "path_words",
+    "preset_of",
     "scalar_text",
     "split_number",
     "standard_message_types",

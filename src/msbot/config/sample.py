@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from msbot.config.sample_rover import ROVER_ROBOT_TOML
 from msbot.errors import ConfigError
 
 SAMPLE_ROBOT_TOML = """\
@@ -79,8 +80,16 @@ to = ["AA.in"]
 """What `msbot init` writes."""
 
 
-def write_sample(path: Path) -> None:
-    """Write the sample blueprint to a new file.
+SAMPLES = {"thesis": SAMPLE_ROBOT_TOML, "rover": ROVER_ROBOT_TOML}
+"""The sample blueprints by name."""
+
+
+def write_sample(path: Path, sample: str = "thesis") -> None:
+    """Write a sample blueprint to a new file.
+
+    Args:
+        path: the file.
+        sample: which one of `SAMPLES`.
 
     Raises:
         ConfigError: the file exists (it is never overwritten) or cannot be written.
@@ -100,7 +109,7 @@ def write_sample(path: Path) -> None:
         raise ConfigError(f"{path}: cannot be written ({_reason(error)}); choose another name") from None
     try:
         with stream:
-            stream.write(SAMPLE_ROBOT_TOML)
+            stream.write(SAMPLES[sample])
     except OSError as error:
         path.unlink(missing_ok=True)
         raise ConfigError(f"{path}: cannot be written ({_reason(error)}); make room or choose another disk") from None

@@ -11,50 +11,23 @@ import time
 from collections.abc import Callable
 from random import Random
 
-from msbot.config import Blueprint
+from msbot.config import Blueprint, Library
+from msbot.demo.plug import Plug
 from msbot.demo.snapshot import BusSnapshot, DemoEvent, DemoSnapshot, PartSnapshot, TopicSnapshot
 from msbot.demo.wiring import Wire, Wiring
 from msbot.errors import ConfigError, MsbotError
 from msbot.link import FrameTap, NodeIds, SimBusDriver
 from msbot.master import Master, first_error
-from msbot.part import Part, SimGpio, make_sample
+from msbot.part import SimGpio
 from msbot.pnp import PartEvent, PartInfo, PartState, PartStore
+from msbot.sim import SimulatedPart
 
-SAMPLES = ("AA", "BB", "CC")
-"""The parts of the sample robot, by the names of their slots."""
 START_LOOK_S = 0.02
 """How often the demo looks whether the whole ring is wired up, until it is."""
 SETTLE_S = 0.25
 """Longest wait at the end for samples that are on their way."""
 SETTLE_LOOKS = 25
 """How often it is looked meanwhile whether they have arrived."""
-
-
-class _Plug:
-    """One part's place in the demo: the part that is plugged in now, and what earlier ones there did."""
-
-    def __init__(self, name: str, part_number: str, uid: bytes, board: SimGpio) -> None:
-        self.name = name
-        self.part_number = part_number
-        self.uid = uid
-        self.board = board
-        """The board survives unplugging, as a real one would; its pins do what the part last told them."""
-        self.part: Part | None = None
-        self.task: asyncio.Task[None] | None = None
-        self.plugged_at = 0.0
-        self.active_at: float | None = None
-        self.earlier_in = 0
-        self.earlier_out = 0
-
-    @property
-    def messages_in(self) -> int:
-        """Samples that arrived in the part, over all pluggings."""
-        return self.earlier_in + (self.part.counters.messages_in if self.part is not None else 0)
-
-    @property
-    def messages_out(self) -> int:
-        """Samples the part published, over all pluggings."""
-        return self.earlier_out + (self.part.counters.messages_out if self.part is not None else 0)
 
 
 class DemoRobot:
@@ -68,7 +41,8 @@ class DemoRobot:
         data_bitrate: bit rate of the data phase of CAN FD, bit/s.
         node_ids: where the addresses of parts on a CAN wire are remembered; memory if absent.
         compression: shorten headers on a CAN wire.
-        names: which parts take part.
+        names: slots whose parts take part; all if absent.
+        library: where parts other than the thesis' three are looked up; MsBOT's own if absent.
         random: draws everything that is drawn; a seeded one makes a run in virtual time repeatable.
         epoch_ns: wall clock, nanoseconds since 1970.
     """
@@ -83,7 +57,8 @@ class DemoRobot:
         data_bitrate: int = 2_000_000,
         node_ids: NodeIds | None = None,
         compression: bool = True,
-        names: tuple[str, ...] = SAMPLES,
+        names: tuple[str, ...] | None = None,
+        library: Library | None = None,
         random: Random | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
     ) -> None:
@@ -106,14 +81,14 @@ class DemoRobot:
         )
         self.master.add_link(self._wiring.master_link)
         self.master.inventory.on_event(self._changed)
-        self._plugs: dict[str, _Plug] = {}
-        for name in names:
+        self._plugs: dict[str, Plug] = {}
+        for name in tuple(slot.name for slot in blueprint.slots) if names is None else names:
             slot = blueprint.slot(name)
             if slot is None:
                 raise ConfigError(
                     f"the demo needs a slot {name!r}; the blueprint has none: use the sample of `msbot init`"
                 )
-            self._plugs[name] = _Plug(name, slot.part, self._random.randbytes(8), SimGpio())
+            self._plugs[name] = Plug(name, slot.part, self._random.randbytes(8), library)
         self._baseline: dict[str, tuple[int, int]] = {}
         self._tasks: asyncio.TaskGroup | None = None
         self._finished = asyncio.Event()
@@ -171,11 +146,11 @@ class DemoRobot:
         plug = self._plug(name)
         if plug.part is not None or self._tasks is None:
             return
-        plug.part = make_sample(name, uid=plug.uid, random=Random(self._random.getrandbits(64)), board=plug.board)
+        part = plug.make(Random(self._random.getrandbits(64)))
         plug.plugged_at = self._loop.time()
         plug.active_at = None
         link = self._wiring.part_link(name, plug.uid)
-        plug.task = self._tasks.create_task(plug.part.run_async(link, epoch_ns=self._epoch_ns))
+        plug.task = self._tasks.create_task(part.run_async(link, epoch_ns=self._epoch_ns))
 
     def unplug(self, name: str) -> None:
         """Pull a part out: it is off the wire and without power at once, and nobody is told."""
@@ -183,9 +158,16 @@ class DemoRobot:
         if plug.part is None or plug.task is None:
             return
         self._wiring.pull(name)
-        plug.earlier_in, plug.earlier_out = plug.messages_in, plug.messages_out
         plug.task.cancel()
-        plug.part = plug.task = None
+        plug.clear()
+
+    def simulated(self, name: str) -> SimulatedPart | None:
+        """The thing that is plugged in there, to be played with; None for the thesis' three and for an empty place."""
+        return self._plug(name).simulated
+
+    def board(self, name: str) -> SimGpio:
+        """The GPIO board of one of the thesis' three; that of BB is driven by AA."""
+        return self._plug(name).board
 
     def snapshot(self) -> DemoSnapshot:
         """The robot now, or when it ended."""
@@ -210,7 +192,7 @@ class DemoRobot:
             bus=self._bus_snapshot(now),
         )
 
-    def _part_snapshot(self, plug: _Plug, info: PartInfo | None) -> PartSnapshot:
+    def _part_snapshot(self, plug: Plug, info: PartInfo | None) -> PartSnapshot:
         return PartSnapshot(
             name=plug.name,
             part_number=plug.part_number,
@@ -291,7 +273,7 @@ class DemoRobot:
         else:
             self._loop.call_later(START_LOOK_S, self._watch_start)
 
-    def _plug(self, name: str) -> _Plug:
+    def _plug(self, name: str) -> Plug:
         plug = self._plugs.get(name)
         if plug is None:
             raise ConfigError(f"there is no part {name!r} in the demo; there are {', '.join(self._plugs)}")

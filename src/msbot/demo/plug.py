@@ -1,0 +1,66 @@
+"""One part's place in the demo: what is plugged in there now, and what earlier ones did."""
+
+from __future__ import annotations
+
+import asyncio
+from random import Random
+
+from msbot.config import Library
+from msbot.part import SAMPLE_PARTS, Part, SimGpio, make_sample
+from msbot.sim import SimulatedPart, make_simulator
+
+_SAMPLE_NAMES = {sample.part_number: name for name, sample in SAMPLE_PARTS.items()}
+
+
+class Plug:
+    """A place for one part; the thesis' three are their own programs, all others are simulated from the library.
+
+    Args:
+        name: of the slot that the part is meant for.
+        part_number: what it is.
+        uid: 8 octets; the same however often it is plugged in.
+        library: where its part number is looked up.
+    """
+
+    def __init__(self, name: str, part_number: str, uid: bytes, library: Library | None) -> None:
+        self.name = name
+        self.part_number = part_number
+        self.uid = uid
+        self.board = SimGpio()
+        """Survives unplugging, as a real board would; its pins do what the part last told them."""
+        self.part: Part | None = None
+        self.simulated: SimulatedPart | None = None
+        """The thing that the part is, to be played with; None for the thesis' three, and for an empty place."""
+        self.task: asyncio.Task[None] | None = None
+        self.plugged_at = 0.0
+        self.active_at: float | None = None
+        self.earlier_in = 0
+        self.earlier_out = 0
+        self._library = library
+
+    def make(self, random: Random) -> Part:
+        """A fresh part for this place."""
+        sample = _SAMPLE_NAMES.get(self.part_number)
+        if sample is not None:
+            self.part = make_sample(sample, uid=self.uid, random=random, board=self.board)
+        else:
+            self.simulated = make_simulator(
+                self.part_number, uid=self.uid, local_name=self.name, random=random, library=self._library
+            )
+            self.part = self.simulated.part
+        return self.part
+
+    def clear(self) -> None:
+        """Note that the part is out; what it counted is kept."""
+        self.earlier_in, self.earlier_out = self.messages_in, self.messages_out
+        self.part = self.simulated = self.task = None
+
+    @property
+    def messages_in(self) -> int:
+        """Samples that arrived in the part, over all pluggings."""
+        return self.earlier_in + (self.part.counters.messages_in if self.part is not None else 0)
+
+    @property
+    def messages_out(self) -> int:
+        """Samples the part published, over all pluggings."""
+        return self.earlier_out + (self.part.counters.messages_out if self.part is not None else 0)
