@@ -1,0 +1,32 @@
+"""The picture of a part."""
+
+from xml.etree import ElementTree
+
+import pytest
+
+from msbot.config import Category, PartType, Pin, PinKind, load_library
+from msbot.config.library_picture import picture_svg
+
+LIBRARY = load_library()
+
+
+@pytest.mark.parametrize("number", LIBRARY.numbers())
+def test_every_part_has_a_picture_with_its_pins(number: str) -> None:
+    part_type = LIBRARY.get(number)
+    assert part_type is not None
+    root = ElementTree.fromstring(picture_svg(part_type))
+    texts = [element.text for element in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert texts == [number, *(pin.name for pin in part_type.pins[:18])]
+
+
+@pytest.mark.parametrize("category", Category)
+def test_odd_names_are_written_as_they_must_be(category: Category) -> None:
+    part_type = PartType("<A&B>", 'say "hi" & go', category=category, pins=(Pin("<1>", PinKind.BUS),))
+    root = ElementTree.fromstring(picture_svg(part_type))
+    title = root.find("{http://www.w3.org/2000/svg}title")
+    assert title is not None
+    assert title.text == '<A&B>: say "hi" & go'
+
+
+def test_a_picture_of_ones_own_is_taken() -> None:
+    assert picture_svg(PartType("A", "a", picture="<svg/>")) == "<svg/>"

@@ -1,0 +1,181 @@
+"""The world behind a simulated part: time, settings, messages, and what is said when."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from msbot.config import (
+    Control,
+    ControlKind,
+    Direction,
+    FieldKind,
+    MessageType,
+    Output,
+    Parameter,
+    ParameterKind,
+    PartType,
+    Port,
+    Reading,
+    Scalar,
+    Simulator,
+    standard_message_types,
+)
+from msbot.sim.world import MOST_WAITING, World, fit
+
+TYPES = standard_message_types()
+LEVEL, SWITCH, HELLO = TYPES["Level"], TYPES["Switch"], TYPES["HelloWorld"]
+KNOB = Control("knob", ControlKind.NUMBER, 10.0)
+PRESS = Control("press", ControlKind.BOOL, False)
+OUT = Port("out", Direction.PUBLISH, "Level", message=LEVEL)
+IN = Port("in", Direction.SUBSCRIBE, "Level", safe={"percent": 5.0}, message=LEVEL)
+
+
+def world(*outputs: Output, ports: tuple[Port, ...] = (OUT, IN), readings: tuple[Reading, ...] = ()) -> World:
+    parameters = (Parameter("period_s", ParameterKind.FLOAT, 1.0),)
+    simulator = Simulator((KNOB, PRESS), readings, outputs)
+    return World(PartType("X", "x", ports=ports, parameters=parameters, simulator=simulator), Random(1))
+
+
+def said(found: World, now: float) -> list[Scalar]:
+    """The one field of everything that is said at that moment."""
+    found.advance(now)
+    return [next(iter(fields.values())) for _, fields in found.say(now)]
+
+
+def test_a_period_is_kept_without_drift_and_missed_ones_are_not_made_up_for() -> None:
+    found = world(Output("out", {"percent": "knob"}, every=1.0))
+    found.join(10.0)
+    times = [now for tick in range(0, 41) if said(found, now := 10.0 + tick * 0.15)]
+    assert times == pytest.approx([10.0, 11.05, 12.1, 13.0, 14.05, 15.1, 16.0])
+    assert said(found, 30.0) == [10.0]
+    assert said(found, 30.1) == []
+
+
+def test_a_period_that_was_shortened_holds_at_once() -> None:
+    found = world(Output("out", {"percent": "knob"}, every="period_s"))
+    found.set("period_s", 60.0, 0.0)
+    found.join(0.0)
+    assert said(found, 0.0) == [10.0]
+    assert said(found, 5.0) == []
+    found.set("period_s", 0.5, 5.0)
+    assert said(found, 5.0) == []
+    assert said(found, 5.5) == [10.0]
+
+
+def test_a_change_is_said_once_and_even_when_it_is_over_again() -> None:
+    found = world(
+        Output("out", {"on": "press"}, on_change=True),
+        ports=(Port("out", Direction.PUBLISH, "Switch", message=SWITCH),),
+    )
+    found.join(0.0)
+    assert said(found, 0.0) == [False]
+    assert said(found, 1.0) == []
+    for value in (True, False):
+        found.set("press", value, 1.1)
+        found.look()
+    assert said(found, 2.0) == [True, False]
+
+
+def test_too_many_changes_drop_the_oldest_and_are_counted() -> None:
+    found = world(Output("out", {"percent": "knob"}, on_change=True))
+    found.join(0.0)
+    for value in range(MOST_WAITING + 3):
+        found.set("knob", float(value), 0.0)
+        found.look()
+    assert found.forgotten == 3
+    assert said(found, 0.0) == [float(value) for value in range(3, MOST_WAITING + 3)]
+
+
+def test_small_changes_are_no_news() -> None:
+    found = world(Output("out", {"percent": "knob"}, on_change=True, change=2.0))
+    found.join(0.0)
+    assert said(found, 0.0) == [10.0]
+    found.set("knob", 11.9, 0.0)
+    assert said(found, 1.0) == []
+    found.set("knob", 12.0, 1.0)
+    assert said(found, 2.0) == [12.0]
+
+
+def test_nothing_is_said_while_the_condition_is_false() -> None:
+    found = world(Output("out", {"percent": "knob"}, every=1.0, on_change=True, only_if="press"))
+    found.join(0.0)
+    assert said(found, 0.0) == []
+    found.set("press", True, 0.5)
+    assert said(found, 1.0) == [10.0]
+
+
+def test_messages_change_what_follows_them_and_are_counted() -> None:
+    readings = (Reading("power", follows="in.percent"), Reading("count", follows="#in"))
+    found = world(readings=readings)
+    assert found.readings() == {"power": 5.0, "count": 0}
+    found.receive("in", {"percent": 80.0}, 1.0)
+    assert found.readings() == {"power": 80.0, "count": 1}
+    found.receive("in", {"percent": 5.0}, 2.0, counts=False)
+    assert found.readings() == {"power": 5.0, "count": 1}
+
+
+def test_the_number_of_a_message_counts_from_one_and_texts_have_sources_in_them() -> None:
+    output = Output("out", {"index": "#out", "message": "knob {knob:.1f}"}, every=1.0)
+    found = world(output, ports=(Port("out", Direction.PUBLISH, "HelloWorld", message=HELLO),))
+    found.join(0.0)
+    heard = []
+    for now in (0.0, 1.0):
+        found.advance(now)
+        heard += found.say(now)
+    assert heard == [
+        ("out", {"index": 1, "message": "knob 10.0"}),
+        ("out", {"index": 2, "message": "knob 10.0"}),
+    ]
+
+
+def test_a_chain_of_things_that_move_is_computed_in_small_steps() -> None:
+    readings = (
+        Reading("speed", follows="knob", slew_per_s=10.0, start=0.0),
+        Reading("way", follows="speed", integrate=True),
+        Reading("hidden", follows="way", shown=False),
+    )
+    found = world(readings=readings)
+    found.start_at(100.0)
+    found.set("knob", 20.0, 100.0)
+    found.advance(103.0)
+    speed, way = found.readings().values()
+    assert speed == pytest.approx(20.0)
+    assert way == pytest.approx(20 * 2 / 2 + 20 * 1, abs=0.5)  # two seconds to full speed, one at it
+    assert "hidden" not in found.readings()
+
+
+def test_the_clock_never_goes_back() -> None:
+    found = world(readings=(Reading("way", follows="knob", integrate=True),))
+    found.advance(5.0)
+    found.advance(6.0)
+    found.advance(4.0)
+    assert found.readings()["way"] == pytest.approx(10.0)
+
+
+FITTING: list[tuple[FieldKind, Scalar, Scalar]] = [
+    (FieldKind.BOOL, 2.0, True),
+    (FieldKind.UINT8, 300.0, 255),
+    (FieldKind.UINT8, -1, 0),
+    (FieldKind.INT32, 2.6, 3),
+    (FieldKind.FLOAT32, True, 1.0),
+    (FieldKind.TEXT, 3.0, "3"),
+    (FieldKind.TEXT, True, "true"),
+    (FieldKind.INT8, "x", 0),
+]
+
+
+@pytest.mark.parametrize(("kind", "value", "result"), FITTING)
+def test_a_value_is_made_to_fit_its_field(kind: FieldKind, value: Scalar, result: Scalar) -> None:
+    assert fit(kind, value) == result
+    assert kind.fault(fit(kind, value)) is None
+
+
+def test_a_part_without_a_simulator_is_a_quiet_world() -> None:
+    port = Port("in", Direction.SUBSCRIBE, "Own", message=MessageType("Own", {"a": FieldKind.INT8}))
+    found = World(PartType("X", "x", ports=(port,)), Random(1))
+    found.receive("in", {"a": 1}, 0.0)
+    found.advance(1.0)
+    assert found.readings() == {}
+    assert found.say(1.0) == []
