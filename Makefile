@@ -6,13 +6,15 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
+ENGINE ?= uml
 
-.PHONY: demo test check format bench docs constraints clean help
+.PHONY: demo test check format vm bench docs constraints clean help
 
 help:
 	@echo 'make demo    set up and run the sample robot (no hardware needed); ARGS="--link fd" passes options on'
 	@echo 'make test    set up, check style, types and layering, run all tests'
 	@echo 'make check   style, types, layering only'
+	@echo 'make vm      fetch a virtual machine for the tests on a real CAN bus (42 MB); ENGINE=qemu: with CAN controllers'
 	@echo 'make bench   print the tables of figures'
 	@echo 'make docs    build the documentation site into site/'
 
@@ -52,6 +54,9 @@ test: check
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+vm:
+	tools/run-in-vm.sh -v --setup $(ENGINE)
 
 bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/can.py

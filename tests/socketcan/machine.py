@@ -1,0 +1,115 @@
+"""Runs chosen tests inside virtual machines with SocketCAN, once per test session, beside the other tests.
+
+Theory of operation. Every worker of the session has collected the same tests. The first one that can make the run's
+folder starts this file as a process of its own, which runs one machine after the other; a machine runs pytest on the
+tests that want it and keeps its reports. The process holds a lock from before its start to its end: whoever needs a
+result waits for the lock, then reads the reports.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pickle
+import platform
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent.parent
+RUNNER = ROOT / "tools" / "run-in-vm.sh"
+REPORT = "MSBOT_VM_REPORT"
+"""Environment variable: where pytest inside a machine puts its reports."""
+PATIENCE_S = 300
+"""A machine that is not done after this time is switched off."""
+NOT_STARTED = 125
+"""Exit status of the runner when the machine did not start or died."""
+PLUGINS = ("pytest_asyncio.plugin", "pytest_timeout", "no:cacheprovider")
+"""Only what these tests need: modules load slowly there."""
+
+
+MACHINES = {"uml": (), "qemu": ("-c", "both")}
+"""Options of the runner for each machine: `uml` is quick, `qemu` has controllers."""
+
+
+def why_not(name: str) -> str | None:
+    """Why there is no machine of that name here; None when there is one."""
+    if sys.platform != "linux" or platform.machine() != "x86_64":
+        return "a virtual machine with SocketCAN needs Linux on x86-64"
+    if subprocess.run([RUNNER, "--ready", name], check=False).returncode:
+        return f"no virtual machine with SocketCAN is prepared: `make vm ENGINE={name}` does it once"
+    return None
+
+
+class MachineRun:
+    """The machines of one test session."""
+
+    def __init__(self, folder: Path) -> None:
+        """Use a folder that all workers of the session share."""
+        self._folder = folder
+        self._process: subprocess.Popen[bytes] | None = None
+        self._reports: dict[str, list[dict[str, object]]] | None = None
+
+    def start(self, tests: Mapping[str, Sequence[str]]) -> None:
+        """Start the machines unless another worker did: which tests on which machine."""
+        staging = self._folder.with_name(f"{self._folder.name}-{os.getpid()}")
+        staging.mkdir()
+        for machine, names in tests.items():
+            (staging / machine).mkdir()
+            (staging / machine / "tests").write_text("".join(f"{name}\n" for name in names))
+        with open(staging / "lock", "wb") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            with suppress(OSError):  # not empty: another worker was first
+                staging.rename(self._folder)
+                command = [sys.executable, __file__, str(self._folder)]
+                self._process = subprocess.Popen(command, pass_fds=[lock.fileno()], cwd=ROOT)
+
+    def finish(self) -> None:
+        """Wait for the machines if this worker has started them."""
+        if self._process is not None:
+            self._process.wait()
+
+    def reports(self, name: str) -> list[dict[str, object]]:
+        """The reports of one test, as pytest serialises them; waits until the machines are done."""
+        if self._reports is None:
+            with open(self._folder / "lock", "rb") as lock:
+                fcntl.flock(lock, fcntl.LOCK_SH)
+            self._reports = {}
+            for path in self._folder.glob("*/reports"):
+                for report in _read(path):
+                    self._reports.setdefault(str(report["nodeid"]), []).append(report)
+        return self._reports.get(name, [])
+
+    def failure(self, machine: str) -> tuple[bool, str]:
+        """Why a test of that machine has no reports: whether it did not even start, and its last words."""
+        folder = self._folder / machine
+        status = int((folder / "status").read_text())
+        words = (folder / "output").read_text(errors="replace").strip()
+        return status == NOT_STARTED and not (folder / "reports").exists(), words
+
+
+def _read(path: Path) -> Iterator[dict[str, object]]:
+    with open(path, "rb") as file, suppress(EOFError, pickle.UnpicklingError):
+        while True:
+            yield pickle.load(file)
+
+
+def _run_machine(folder: Path) -> None:
+    """Run one machine's tests; leaves `reports`, `output` and `status` in its folder."""
+    names = [name for name in os.environ if not name.startswith("PYTEST_")]
+    environment = {name: os.environ[name] for name in names} | {REPORT: str(folder / "reports")}
+    environment["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
+    plugins = [word for name in PLUGINS for word in ("-p", name)]
+    pytest = [sys.executable, "-m", "pytest", *plugins, "--confcutdir=tests/socketcan", f"@{folder / 'tests'}"]
+    command = [str(RUNNER), *MACHINES[folder.name], "-t", str(PATIENCE_S), "-w", str(folder), "--", *pytest]
+    with open(folder / "output", "wb") as output:
+        done = subprocess.run(command, check=False, cwd=ROOT, env=environment, stdout=output, stderr=output)
+    (folder / "status").write_text(str(done.returncode))
+
+
+if __name__ == "__main__":
+    for machine in MACHINES:
+        if (Path(sys.argv[1]) / machine).exists():
+            _run_machine(Path(sys.argv[1]) / machine)
