@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from msbot.link.can_bits import WireBit, arbitration_rank, frame_bits, wire_bits
 from msbot.link.can_faults import ErrorCounters, is_tail
-from msbot.link.can_frames import Frame
+from msbot.link.can_frames import Frame, pad_fd
 from msbot.link.sim_attempt import Attempt, Mail, Rates, SimNode, plan_attempt
 
 RATES = Rates(1.0, 1.0)
@@ -79,6 +79,7 @@ class PlainNode:
         if self.sends and bit.field in ("ID", "RTR", "SRR", "IDE") and driven > level and not bit.stuff:
             self.sends = False  # arbitration lost, even to a disturbance
         self.run = self.run + 1 if level == self.last else 1
+        wrong_fixed = bit.fixed and level == self.last
         self.last = level
         self.altered = self.altered or (level != bit.level and not is_tail(bit))
         if bit.field == "ACK":
@@ -87,7 +88,7 @@ class PlainNode:
             return level != driven
         if is_tail(bit):
             return level == 0 or (bit.field == "ACK DELIMITER" and self.altered)
-        return self.run == 6
+        return wrong_fixed or self.run == 6
 
 
 def plain_length(frame: Frame, flip: int) -> int:
@@ -115,8 +116,20 @@ classic_frames = st.builds(
 )
 
 
+fd_frames = st.builds(
+    lambda extended, can_id, data, brs, esi: Frame(
+        can_id & (0x1FFFFFFF if extended else 0x7FF), pad_fd(data), extended, True, brs, esi=esi
+    ),
+    st.booleans(),
+    st.integers(0, 0x1FFFFFFF),
+    st.binary(max_size=64),
+    st.booleans(),
+    st.booleans(),
+)
+
+
 @settings(max_examples=300)
-@given(classic_frames, st.data())
+@given(classic_frames | fd_frames, st.data())
 def test_a_disturbed_bit_costs_what_the_plain_simulation_says(frame: Frame, data: st.DataObject) -> None:
     flip = data.draw(st.integers(0, len(wire_bits(frame)) - 4))
     planned = attempt([node("A", frame)], [node("B"), node("C")], flip)
@@ -136,6 +149,30 @@ def test_an_undisturbed_frame_takes_its_bits(frame: Frame) -> None:
     assert planned.ends_at == length - 3
     assert planned.recessive_from == length - 11
     assert (planned.sent, planned.received, planned.failures, planned.error) == ([sender], listeners, [], "")
+
+
+@given(classic_frames | fd_frames)
+def test_a_disturbed_intermission_is_an_overload_frame(frame: Frame) -> None:
+    length = sum(frame_bits(frame))
+    for place, more in ((0, 1 + 6 + 8), (1, 2 + 6 + 8)):
+        sender, listeners = node("A", frame), [node("B"), node("C")]
+        planned = attempt([sender], listeners, length - 3 + place)
+        assert planned.overload
+        assert (planned.sent, planned.received, planned.failures, planned.error) == ([sender], listeners, [], "")
+        assert planned.ends_at == length - 3, "the frame has gone well by then"
+        assert planned.bits == planned.free_at == length + more
+        assert planned.recessive_from == planned.free_at - 8 - 3
+    assert not attempt([node("A", frame)], [node("B")], length - 1).overload
+
+
+def test_a_disturbance_of_the_acknowledgement_may_stand_in_for_it() -> None:
+    sender = node("A", Frame(5, b"x"))
+    length = sum(frame_bits(Frame(5, b"x")))
+    planned = attempt([sender], [], length - 12)
+    assert (planned.error, planned.sent, planned.received) == ("", [sender], [])
+    assert planned.bits == length
+    assert attempt([node("A", Frame(5, b"x"))], [], length - 13).error == "a bit was disturbed"
+    assert attempt([node("A", Frame(5, b"x"))], [], length - 3).error == "nobody acknowledged"
 
 
 def counts(planned: Attempt) -> dict[str, tuple[int, int]]:
@@ -209,6 +246,7 @@ def test_a_passive_classic_controller_cannot_destroy_and_does_not_hear() -> None
     listener = node("B")
     planned = attempt([node("A", Frame(5, b"x", fd=True))], [listener, node("C", fd=False, passive=True)])
     assert (planned.error, planned.received) == ("", [listener])
+    assert counts(planned) == {"C": (128, 1)}, "it has found a form error, too"
 
 
 def test_a_disturbance_before_the_fdf_bit_comes_before_the_classic_controller() -> None:

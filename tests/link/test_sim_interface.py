@@ -32,6 +32,7 @@ T = TypeVar("T")
 
 @pytest.fixture(autouse=True)
 def runtime_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(sim_interface, "LINGER_S", PATIENCE_S)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     return tmp_path / "msbot"
 
@@ -146,6 +147,14 @@ def test_when_nobody_acknowledges_the_controller_fills_up_and_sending_fails() ->
         with MsbotBus() as other:
             lonely.send(message(3))  # waits until there is room
             assert [heard(other).arbitration_id for _ in range(4)] == [0, 1, 2, 3]
+
+
+def test_what_was_sent_last_is_on_the_bus_before_the_controller_leaves_it() -> None:
+    with MsbotBus() as other:
+        with MsbotBus() as one:
+            for number in range(10):
+                one.send(message(number))
+        assert [heard(other).arbitration_id for _ in range(10)] == list(range(10))
 
 
 def test_who_listens_only_neither_sends_nor_acknowledges(server: Server) -> None:

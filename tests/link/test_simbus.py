@@ -197,6 +197,46 @@ def test_who_is_plugged_in_during_a_frame_does_not_hear_it() -> None:
     assert deliveries(bus.advance(1.0)) == [(b, 0x100), (b, 0x101), (c, 0x101)]
 
 
+def test_a_node_hears_and_acknowledges_after_11_recessive_bits() -> None:
+    bus, (a, b) = bus_of("A", "B")
+    bus.unplug(b, 0.0)
+    bus.plug(b, 1.0)
+    bus.submit(a, Frame(1), 1.0 + 10 * BIT)
+    assert bus.advance(1.0 + 20 * BIT + seconds(Frame(1))) == []
+    assert bus.counters.by_error == {"nobody acknowledged": 1}
+    assert deliveries(bus.advance(1.1)) == [(b, 1)], "the repetition"
+
+    bus.unplug(b, 2.0)
+    bus.plug(b, 2.0)
+    bus.submit(a, Frame(2), 2.0 + 11 * BIT)
+    assert deliveries(bus.advance(2.0 + 11 * BIT + seconds(Frame(2)))) == [(b, 2)]
+
+
+def test_a_passive_node_that_gave_way_waits_longer_before_it_tries_again() -> None:
+    bus, (a, b, c) = bus_of("A", "B", "C")
+    bus._nodes[b].counters.transmit = 128
+    bus.submit(a, Frame(5, b"\x00"), 1.0)
+    bus.submit(b, Frame(5, b"\x01"), 1.0)
+    end = 1.0 + seconds(Frame(5, b"\x00"))
+    assert deliveries(bus.advance(end)) == [(c, 5)]
+    assert bus.error_counters(b) == (136, 0)
+    sent = next(event for event in bus.advance(2.0) if isinstance(event, Sent))
+    assert sent.at == pytest.approx(end + 8 * BIT + seconds(Frame(5, b"\x01")) - 3 * BIT)
+
+
+def test_a_disturbed_intermission_delays_the_next_frame_and_harms_nobody() -> None:
+    bus, (a, b) = bus_of("A", "B")
+    bus.flip_bit(sum(frame_bits(Frame(1))) - 3, 1.0)
+    bus.submit(a, Frame(1), 1.0)
+    bus.submit(a, Frame(2), 1.0)
+    events = bus.advance(2.0)
+    assert deliveries(events) == [(b, 1), (b, 2)]
+    times = [event.at for event in events if isinstance(event, Sent)]
+    assert times[1] - times[0] == pytest.approx((1 + 6 + 8 + 3) * BIT + seconds(Frame(2)) - 3 * BIT)
+    assert (bus.counters.overloads, bus.counters.errors, bus.counters.frames) == (1, 0, 2)
+    assert (bus.error_counters(a), bus.error_counters(b)) == ((0, 0), (0, 0))
+
+
 def test_a_removed_node_leaves_nothing_behind() -> None:
     bus, (a, b, c) = bus_of("A", "B", "C")
     for node in (a, c):

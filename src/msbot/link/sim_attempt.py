@@ -6,7 +6,8 @@ its error flag from the next; the flags overlap, and the bus is free again 8 + 3
 times are worked out when the attempt begins; nothing is simulated bit by bit while time passes.
 
 Simplified: bits change their rate at bit borders (not at the sample point), a node's error flag begins at the end of
-the bit in which it noticed, and disturbances of the intermission (overload frames) are left out.
+the bit in which it noticed, and a disturbance of the third bit of the intermission, which would be taken for an SOF,
+is left out.
 """
 
 from __future__ import annotations
@@ -14,12 +15,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from msbot.link.can_bits import INTERMISSION, WireBit, frame_bits, wire_bits
+from msbot.link.can_bits import INTERMISSION, FrameBits, WireBit, frame_bits, wire_bits
 from msbot.link.can_faults import ERROR_DELIMITER, ERROR_FLAG, PASSIVE_LIMIT, ErrorCounters, noticed_at
 from msbot.link.can_frames import Frame
 
 Noise = Callable[[int], int | None]
 """Given a number of bits: the index of the first one that is disturbed, or None."""
+
+OVERLOAD_FLAG = ERROR_FLAG
+"""Bits of an overload flag; always dominant."""
 
 _AFTER_ACK_SLOT = 1 + 7 + INTERMISSION
 _ARBITRATION = ("ID", "SRR", "IDE", "RTR", "RRS")
@@ -127,6 +131,8 @@ class Attempt:
     failures: list[Failure] = field(default_factory=list)
     error: str = ""
     """What went wrong, in words; empty when all went well."""
+    overload: bool = False
+    """An overload frame followed, because the intermission was disturbed."""
     bits: int = 0
     """Bits on the bus, intermission included."""
     ends_at: float = 0.0
@@ -165,22 +171,22 @@ def plan_attempt(start: float, senders: list[SimNode], listeners: list[SimNode],
     attempt = Attempt(start, frame, senders, [node for node in listeners if node not in refusing])
     length = frame_bits(frame)
     total = sum(length)
-    disturbed = noise(total - INTERMISSION)
+    disturbed = noise(total)
     destroying = [node for node in refusing if node.counters.active]
     if destroying:
         wire = wire_bits(frame)
         fdf = next(index for index, bit in enumerate(wire) if bit.field == "FDF")
         if disturbed is None or disturbed >= fdf:
             return _destroy(attempt, wire, fdf, destroying, rates)
-    if disturbed is not None:
+    acknowledged = bool(attempt.listeners) or disturbed == total - _AFTER_ACK_SLOT - 1
+    if disturbed is not None and disturbed < total - INTERMISSION and (attempt.listeners or not acknowledged):
         return _disturb(attempt, disturbed, rates)
-    if not attempt.listeners:
+    if not acknowledged:
         return _not_acknowledged(attempt, length.nominal_bits, length.data_bits, rates)
-    attempt.sent, attempt.received = senders, attempt.listeners
-    attempt.bits = total
-    attempt.free_at = start + length.nominal_bits * rates.bit_s + length.data_bits * rates.fast_bit_s
-    attempt.ends_at = attempt.free_at - INTERMISSION * rates.bit_s
-    attempt.recessive_from = attempt.free_at - _AFTER_ACK_SLOT * rates.bit_s
+    _succeed(attempt, length, rates)
+    attempt.failures = [Failure(node, as_sender=False) for node in refusing]
+    if disturbed is not None and total - INTERMISSION <= disturbed < total - 1:
+        _overload(attempt, disturbed, rates)
     return attempt
 
 
@@ -292,6 +298,27 @@ def _disturb(attempt: Attempt, broken: int, rates: Rates) -> Attempt:
     else:
         groups.append(_Group(attempt.listeners, noticed, as_sender=False))
     return _fail(attempt, wire, groups, rates, "a bit was disturbed")
+
+
+def _succeed(attempt: Attempt, length: FrameBits, rates: Rates) -> None:
+    attempt.sent, attempt.received = attempt.senders, attempt.listeners
+    attempt.bits = sum(length)
+    attempt.free_at = attempt.starts_at + length.nominal_bits * rates.bit_s + length.data_bits * rates.fast_bit_s
+    attempt.ends_at = attempt.free_at - INTERMISSION * rates.bit_s
+    attempt.recessive_from = attempt.free_at - _AFTER_ACK_SLOT * rates.bit_s
+
+
+def _overload(attempt: Attempt, disturbed: int, rates: Rates) -> None:
+    """A dominant bit in the first two of the intermission: everybody sends an overload frame (ISO 11898-1:2015 10.4.5).
+
+    It looks like an error frame, but the frame before it has gone well and no counter changes.
+    """
+    attempt.overload = True
+    seen = disturbed + 1 - (attempt.bits - INTERMISSION)
+    more = OVERLOAD_FLAG + ERROR_DELIMITER
+    attempt.recessive_from = attempt.ends_at + (seen + OVERLOAD_FLAG) * rates.bit_s
+    attempt.free_at = attempt.ends_at + (seen + more + INTERMISSION) * rates.bit_s
+    attempt.bits += seen + more
 
 
 def _not_acknowledged(attempt: Attempt, nominal: int, fast: int, rates: Rates) -> Attempt:

@@ -50,5 +50,7 @@ class BusCounters:
     """Time in seconds that these bits took."""
     errors: int = 0
     """Attempts that failed."""
+    overloads: int = 0
+    """Overload frames: the intermission was disturbed."""
     by_error: dict[str, int] = field(default_factory=dict)
     """The same by cause in words."""

@@ -44,6 +44,8 @@ from msbot.link.simbus import MAILBOXES
 
 UNREAD_FRAMES: Final = 65536
 """Frames kept for `recv`; what comes then is lost, and the log says so once."""
+LINGER_S: Final = 1.0
+"""Longest time that leaving the bus takes for the sake of frames that were not acknowledged yet."""
 OVERFLOW_WORDS: Final = "simulated bus %s: nobody calls recv(), frames are lost (said once)"
 
 _STATES: Final = {
@@ -154,8 +156,13 @@ class MsbotBus(can.BusABC):
                 raise can.CanOperationError(f"the simulated bus {self._name!r} has ended ({error})") from error
 
     def shutdown(self) -> None:
-        """Leave the bus; a bus that this process serves ends with its last user here."""
+        """Leave the bus; a bus that this process serves ends with its last user here.
+
+        Frames that the controller still holds have up to `LINGER_S` seconds to be acknowledged.
+        """
         super().shutdown()
+        with self._news:
+            self._news.wait_for(lambda: self._is_settled() or not self._outstanding, LINGER_S)
         self._let_go()
 
     @property

@@ -274,10 +274,13 @@ class SimBus:
     def _listeners(self, start: float, senders: list[SimNode]) -> list[SimNode]:
         if self._hearing is None:
             self._hearing = [it for it in self._nodes.values() if it.plugged and not it.counters.off]
+        # A controller hears nothing before it has seen 11 recessive bits in a row (ISO 11898-1:2015 10.9.3); the bus
+        # has had them by `start`, so it depends on when the controller was plugged in.
+        since = start - (RECOVERY_BITS - 0.01) * self._rates.bit_s
         if len(senders) == 1:
             sender = senders[0]
-            return [it for it in self._hearing if it is not sender and it.plugged_at <= start]
-        return [it for it in self._hearing if it not in senders and it.plugged_at <= start]
+            return [it for it in self._hearing if it is not sender and it.plugged_at <= since]
+        return [it for it in self._hearing if it not in senders and it.plugged_at <= since]
 
     def _noise(self, bits: int) -> int | None:
         if self._flips:
@@ -318,7 +321,7 @@ class SimBus:
             if not it.mailboxes:
                 self._waiting.pop(it.node_id, None)
             events.append(Sent(attempt.ends_at, it.node_id, attempt.frame))
-        for it in attempt.senders:
+        for it in {*attempt.senders, *(failure.node for failure in attempt.failures if failure.as_sender)}:
             if not it.counters.active:
                 it.ready_at = attempt.free_at + SUSPEND * self._rates.bit_s
         self._tell_states(before, attempt.ends_at, events)
@@ -337,6 +340,7 @@ class SimBus:
         self.counters.busy_s += attempt.free_at - attempt.starts_at
         if attempt.sent or (attempt.received and not attempt.error):
             self.counters.frames += 1
+        self.counters.overloads += attempt.overload
         if attempt.error:
             self.counters.errors += 1
             causes = self.counters.by_error
