@@ -126,7 +126,7 @@ async def test_an_agent_can_do_without(
     await StatusServer(Agent(MemorySpace()), what="agent", name="x").run()
     said = [record.message for record in caplog.records if record.levelno == logging.WARNING]
     assert len(said) == 2
-    assert all("`msbot clients` will not show this process" in line for line in said)
+    assert all("no other msbot command will see this process" in line for line in said)
 
 
 def answering(folder: Path, answer: bytes | None) -> tuple[socket.socket, StatusFile]:

@@ -6,8 +6,8 @@ from msbot.agent.rpc import client_key_of
 from msbot.agent.server import Agent, AgentSignalHandler
 from msbot.agent.settings import AgentSettings
 from msbot.agent.stats import ClientView, ObjectView, StreamView
-from msbot.agent.status import StatusServer
-from msbot.agent.status_reader import AgentStatus, LinkView, read_statuses
+from msbot.agent.status import Control, StatusServer
+from msbot.agent.status_reader import AgentStatus, LinkView, RunningProcess, read_statuses, running_processes
 
 __all__ = [
     "DISCOVERY_GROUP",
@@ -18,14 +18,17 @@ __all__ = [
     "AgentStatus",
     "ClientInfo",
     "ClientView",
+    "Control",
     "DiscoveryResponder",
     "Gate",
     "LinkView",
     "ObjectView",
     "OpenGate",
+    "RunningProcess",
     "StatusServer",
     "StreamView",
     "client_key_of",
     "host_addresses",
     "read_statuses",
+    "running_processes",
 ]

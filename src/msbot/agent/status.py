@@ -1,7 +1,9 @@
-"""Lets `msbot clients` look into a running agent: a small server on this computer, for its user alone.
+"""Lets `msbot clients` look into a running agent, and others tell a master what to do: a small server for its user.
 
-Who shows the token from the process' file (`status_files`) is sent lines of JSON: what the process is, then one line
-for each client, then `{"end": number of clients}`. The agent serves its clients in between.
+It listens on this computer only. Who shows the token from the process' file (`status_files`) is sent lines of JSON:
+what the process is, then one line for each client, then `{"end": number of clients}`. The agent serves its clients in
+between. Who puts a request behind the token, a JSON object with `do`, is sent the answer as one line; `describe` asks
+for what the process is, everything else goes to the process' `control`.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import hmac
 import json
 import logging
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from msbot.agent.server import Agent
@@ -27,6 +29,15 @@ FORMAT = 1
 TOKEN_S = 2.0
 """Time to show the token."""
 
+MAX_REQUEST = 65_536
+"""Octets of a request with its token at most."""
+
+DESCRIBE = "describe"
+"""The request that every process answers."""
+
+Control = Callable[[Mapping[str, object]], Mapping[str, object]]
+"""Does what a request asks for and gives the answer; a mistake is `{"error": words}`."""
+
 _MAX_READERS = 4
 _CLIENTS_PER_TURN = 32
 
@@ -34,7 +45,16 @@ _CLIENTS_PER_TURN = 32
 class StatusServer:
     """Shows one agent's clients to its user."""
 
-    def __init__(self, agent: Agent, *, what: str, name: str, folder: Path | None = None) -> None:
+    def __init__(
+        self,
+        agent: Agent,
+        *,
+        what: str,
+        name: str,
+        folder: Path | None = None,
+        details: Callable[[], Mapping[str, str]] = dict,
+        control: Control | None = None,
+    ) -> None:
         """Prepare; it serves once `run` is awaited.
 
         Args:
@@ -42,11 +62,15 @@ class StatusServer:
             what: the kind of process, `agent` or `master`.
             name: what tells it from others: the robot, or the links.
             folder: where its file goes; the user's folder for such files if absent.
+            details: what else there is to say about the process; asked each time.
+            control: answers requests; None: there are none.
         """
         self._agent = agent
         self._what = what
         self._name = name
         self._folder = folder or status_folder()
+        self._details = details
+        self._control = control
         self._readers = 0
         self._since = 0.0
         self._token = b""
@@ -59,11 +83,11 @@ class StatusServer:
             with socket.create_server(("127.0.0.1", 0)) as listening:
                 await self._serve(listening)
         except (OSError, ConfigError) as error:
-            logger.warning("`msbot clients` will not show this process: %s", error)
+            logger.warning("no other msbot command will see this process: %s", error)
 
     async def _serve(self, listening: socket.socket) -> None:
         loop = asyncio.get_running_loop()
-        server = await asyncio.start_server(self._answer, sock=listening, limit=256)
+        server = await asyncio.start_server(self._answer, sock=listening, limit=MAX_REQUEST)
         try:
             file = leave_word(self._folder, listening.getsockname()[1])
             self._token, self._since, self.path = file.token.encode(), loop.time(), file.path
@@ -80,7 +104,13 @@ class StatusServer:
         try:
             async with asyncio.timeout(TOKEN_S):
                 shown = await reader.readline()
-            if hmac.compare_digest(shown.strip(), self._token) and self._readers <= _MAX_READERS:
+            token, _, request = shown.strip().partition(b" ")
+            if not hmac.compare_digest(token, self._token) or self._readers > _MAX_READERS:
+                return
+            if request:
+                writer.write(_line(self._answer_to(request)))
+                await writer.drain()
+            else:
                 for number, line in enumerate(self._lines()):
                     writer.write(line)
                     if number % _CLIENTS_PER_TURN == 0:
@@ -92,6 +122,19 @@ class StatusServer:
         finally:
             self._readers -= 1
             writer.close()
+
+    def _answer_to(self, request: bytes) -> Mapping[str, object]:
+        try:
+            wanted = json.loads(request)
+        except ValueError:
+            wanted = None
+        if not isinstance(wanted, dict):
+            return {"error": "the request is no JSON object"}
+        if wanted.get("do") == DESCRIBE:
+            return self._head()
+        if self._control is None:
+            return {"error": f"this process ({self._what} {self._name}) takes no requests"}
+        return self._control(wanted)
 
     def _lines(self) -> Iterator[bytes]:
         yield _line(self._head())
@@ -106,6 +149,7 @@ class StatusServer:
             "format": FORMAT,
             "what": self._what,
             "name": self._name,
+            "details": dict(self._details()),
             "up_s": asyncio.get_running_loop().time() - self._since,
             "links": [{"name": link.info.name, **dataclasses.asdict(link.counters)} for link in self._agent.links],
             "topics": self._agent.topics(),
@@ -113,5 +157,5 @@ class StatusServer:
         }
 
 
-def _line(content: dict[str, object]) -> bytes:
+def _line(content: Mapping[str, object]) -> bytes:
     return json.dumps(content, separators=(",", ":")).encode() + b"\n"

@@ -1,16 +1,18 @@
-"""Reads what the agents of this user say of themselves (`status`)."""
+"""Reads what the agents of this user say of themselves (`status`), and asks them for things."""
 
 from __future__ import annotations
 
 import json
 import logging
 import socket
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from msbot.agent.stats import ClientView, ObjectView, StreamView
-from msbot.agent.status import FORMAT
+from msbot.agent.status import DESCRIBE, FORMAT
 from msbot.agent.status_files import StatusFile, find_files, status_folder
+from msbot.errors import ConfigError
 
 logger = logging.getLogger(__name__)
 
@@ -49,6 +51,50 @@ class AgentStatus:
     """Packets of nobody, by reason in words."""
     clients: tuple[ClientView, ...]
     """All sessions, by key."""
+    details: dict[str, str] = field(default_factory=dict)
+    """What else the process says of itself: of a master, its robot and database."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunningProcess:
+    """A process that can be asked for things."""
+
+    file: StatusFile
+    what: str
+    """`agent` or `master`."""
+    name: str
+    details: dict[str, str]
+
+    def ask(self, request: Mapping[str, object]) -> dict[str, object]:
+        """Send a request and give the answer.
+
+        Raises:
+            ConfigError: it does not answer, or not sensibly.
+        """
+        try:
+            return _ask(self.file, request)
+        except (OSError, ValueError) as error:
+            raise ConfigError(f"{self.what} {self.name} (process {self.file.pid}) does not answer: {error}") from error
+
+
+def running_processes(folder: Path | None = None) -> Iterator[RunningProcess]:
+    """The agents and masters of this user that run; those that do not answer are left out, with a warning.
+
+    Raises:
+        ConfigError: the folder with their files is not the user's own.
+    """
+    for file in find_files(folder or status_folder()):
+        try:
+            head = _ask(file, {"do": DESCRIBE})
+            if head.get("format") != FORMAT:
+                raise ValueError("it is of another version, or no agent")
+            details = head["details"]
+            assert isinstance(details, dict)
+            yield RunningProcess(file, str(head["what"]), str(head["name"]), details)
+        except ConnectionRefusedError:
+            file.path.unlink(missing_ok=True)  # its process number belongs to another process by now
+        except (OSError, ValueError, KeyError) as error:
+            logger.warning("process %d did not say what it is: %s", file.pid, error)
 
 
 def read_statuses(folder: Path | None = None) -> list[AgentStatus]:
@@ -66,6 +112,17 @@ def read_statuses(folder: Path | None = None) -> list[AgentStatus]:
         except (OSError, ValueError, KeyError, TypeError) as error:
             logger.warning("process %d did not say how it is: %s", file.pid, error)
     return statuses
+
+
+def _ask(file: StatusFile, request: Mapping[str, object]) -> dict[str, object]:
+    line = file.token.encode() + b" " + json.dumps(request).encode() + b"\n"
+    with socket.create_connection(("127.0.0.1", file.port), timeout=ANSWER_S) as connection:
+        connection.sendall(line)
+        with connection.makefile("rb") as stream:
+            answer = json.loads(stream.readline() or b"null")
+    if not isinstance(answer, dict):
+        raise ValueError("it gave no answer")
+    return answer
 
 
 def _read(file: StatusFile) -> AgentStatus:
@@ -96,5 +153,6 @@ def _read(file: StatusFile) -> AgentStatus:
         links=tuple(LinkView(**link) for link in head["links"]),
         topics=tuple((name, published, delivered) for name, published, delivered in head["topics"]),
         dropped=head["dropped"],
+        details=head.get("details", {}),
         clients=tuple(sorted(clients, key=lambda view: view.key)),
     )

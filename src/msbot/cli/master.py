@@ -13,11 +13,13 @@ from pathlib import Path
 import click
 
 from msbot.agent import StatusServer
+from msbot.cli.control import MASTER, details_of
 from msbot.cli.options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside, db_option
 from msbot.cli.running import run_until_signal
 from msbot.config import Blueprint, Library, load_blueprint, load_library
 from msbot.link import CanSettings, Codec, open_link
 from msbot.master import Master, profile_of
+from msbot.operations import Operations, perform
 from msbot.pnp import PartEvent
 from msbot.registry import open_registry
 from msbot.xrce import compress, decompress, is_whole
@@ -53,6 +55,7 @@ async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str]
     with open_registry(db) as registry:
         robot = registry.apply_blueprint(blueprint, library)
         master = Master(blueprint, registry.store_for(robot))
+        operations = Operations(master, registry, robot, library=library)
         master.inventory.on_event(_say)
         can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.node_ids, robot))
         links = [open_link(address, serve=True, can=can) for address in addresses]
@@ -63,7 +66,13 @@ async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str]
         def greet() -> None:
             click.echo(f"{profile.name} {profile.version} is up on {where}; database {db}. Ctrl-C ends it.")
 
-        status = StatusServer(master.agent, what="master", name=f"{profile.name} {profile.version}")
+        status = StatusServer(
+            master.agent,
+            what=MASTER,
+            name=f"{profile.name} {profile.version}",
+            details=lambda: details_of(profile.name, db),
+            control=partial(perform, operations),
+        )
         await run_until_signal(master.run(), beside=[status.run()], ready=master.ready, say=greet)
 
 

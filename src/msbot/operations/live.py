@@ -228,15 +228,21 @@ class Operations:
         port = None if endpoint is None else self._running.endpoint(endpoint)
         return self._edited(lambda registry, robot: registry.unbind(robot, topic, port, who))
 
-    def apply(self, blueprint: Blueprint, *, who: str) -> Outcome:
+    def apply(self, blueprint: Blueprint, *, library: Library | None = None, who: str) -> Outcome:
         """Put a changed blueprint into force; parts whose slot is no more are delisted.
+
+        Args:
+            blueprint: what the robot is from now on.
+            library: the part types it was checked against, if others than the robot was started with.
+            who: who decides.
 
         Raises:
             ConfigError: it is another robot's blueprint, or there is no library or no database.
             RegistryError: it cannot be stored; nothing has changed.
         """
         registry, robot = self._running.database()
-        if self._running.library is None:
+        types = library or self._running.library
+        if types is None:
             raise ConfigError("this robot was started without its library: it cannot take another blueprint")
         profile = blueprint.robot
         if (profile.name, profile.serial_number) != (robot.name, robot.serial_number):
@@ -245,7 +251,8 @@ class Operations:
                 f"{robot.name} {robot.serial_number}: start another master for the other one"
             )
         newest = self._newest_edit()
-        registry.apply_blueprint(blueprint, self._running.library, who)
+        registry.apply_blueprint(blueprint, types, who)
+        self._running.library = types
         before, self._running.master.blueprint = self._running.master.blueprint, blueprint
         self._inventory.reload(self._running.now())
         self._running.configure(slot.name for slot in blueprint.slots)
@@ -317,6 +324,10 @@ class Operations:
         if not self._running.master.inventory_service.identify(info.client_key):
             raise ConfigError(f"{info.part} cannot be told to show itself: its program speaks the thesis' layout only")
         return Outcome(f"{info.part} shows itself")
+
+    def why(self, part: str) -> list[str]:
+        """In sentences: how a part stands and which rules led there."""
+        return self._inventory.why(part, self._running.now())
 
     # Helpers
 

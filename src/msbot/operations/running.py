@@ -77,10 +77,7 @@ class RunningRobot:
         Raises:
             ConfigError: it is none, or there is no such slot.
         """
-        slot, _, port = text.rpartition(".")
-        if not slot or not port:
-            raise ConfigError(f"{text!r} is no port: write SLOT.port, for example AA.out")
-        return Endpoint(self.slot(slot), port)
+        return read_endpoint(text, self.inventory.slot_names())
 
     def parameter(self, slot: str, name: str) -> ValueRecord:
         """A parameter of a slot.
@@ -126,6 +123,18 @@ class RunningRobot:
         """
         for slot in slots:
             self.inventory.configuration_changed(slot)
+
+
+def read_endpoint(text: str, slots: Iterable[str]) -> Endpoint:
+    """The port that is written `SLOT.port`.
+
+    Raises:
+        ConfigError: it is none, or there is no such slot.
+    """
+    slot, _, port = text.rpartition(".")
+    if not slot or not port:
+        raise ConfigError(f"{text!r} is no port: write SLOT.port, for example AA.out")
+    return Endpoint(one_slot(slot, slots), port)
 
 
 def one_parameter(values: Iterable[ValueRecord], slot: str, name: str) -> ValueRecord:

@@ -40,11 +40,12 @@ class Stopping:
         self._running = running
         self.report: StopReport | None = None
         """The STOP that holds, or None."""
+        running.master.on_stop = lambda reason: self.stop(reason, "somebody at the robot")
 
     def stop(self, reason: str, who: str) -> Outcome:
         """Say STOP to all parts, first of all; what is to be written comes after."""
         now = self._running.now()
-        told = self._running.master.inventory_service.stop_all()
+        told = self._running.master.stop_parts()
         registered = {info.client_key for info in self._running.inventory.view(now) if info.state.is_registered}
         self.report = StopReport(now, who, reason, told, registered)
         self.report.told = len(registered)
@@ -58,7 +59,7 @@ class Stopping:
         """Let the parts work again."""
         if self.report is None:
             raise ConfigError("nobody said STOP: there is nothing to end")
-        told = self._running.master.inventory_service.go_all()
+        told = self._running.master.go_parts()
         self.report = None
         self._running.inventory.beat_heard = None
         self._note("go", f"{who} ended STOP", who)

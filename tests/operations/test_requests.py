@@ -1,0 +1,96 @@
+"""Requests of other processes: every operation can be asked for, every mistake is answered with a sentence."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from msbot.operations import perform
+from msbot.operations.requests import KEYS
+from tests.operations.stage import AA_IS_A_DIAL, Stage, play
+
+RING = ("AA=DIAL", "BB=EFGH", "CC=WXYZ", "DD=EFGH")
+
+
+def ask(stage: Stage, do: str, **args: object) -> dict[str, object]:
+    named = {name.rstrip("_"): value for name, value in args.items()}
+    return perform(stage.do, {"do": do, "args": named, "who": "ann"})
+
+
+def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        done = {
+            "swap": ask(stage, "swap", slot="BB", to="DD"),
+            "release": ask(stage, "release", slot="CC"),
+            "adopt": ask(stage, "adopt", part="CC", slot="CC"),
+            "block": ask(stage, "block", part="CC", reason="loud"),
+            "unblock": ask(stage, "unblock", part="CC"),
+            "set": ask(stage, "set", slot="AA", name="period_s", value="2"),
+            "values": ask(stage, "values", slot="AA"),
+            "reset": ask(stage, "reset", slot="AA", name="period_s"),
+            "unbind": ask(stage, "unbind", topic="HelloWorldTopic_1_to_2", port="BB.in"),
+            "bind": ask(
+                stage, "bind", topic="HelloWorldTopic_1_to_2", type="HelloWorld", from_="AA.out", to=["BB.in"]
+            ),
+            "undo": ask(stage, "undo"),
+            "edits": ask(stage, "edits", limit=3),
+            "window": ask(stage, "window", seconds=5),
+            "close_window": ask(stage, "close_window"),
+            "stop": ask(stage, "stop", reason="hand in the gear"),
+            "stop_report": ask(stage, "stop_report"),
+            "go": ask(stage, "go"),
+            "identify": ask(stage, "identify", part="AA"),
+            "why": ask(stage, "why", part="AA"),
+            "apply": ask(
+                stage, "apply", path=str(tmp_path / "robot.toml"), folders=[str(tmp_path / "library")]
+            ),
+        }  # fmt: skip
+        assert done.keys() == set(KEYS)
+        assert {name: answer["error"] for name, answer in done.items() if "error" in answer} == {}
+        assert done["set"] == {"words": "period_s of AA: 1 s -> 2 s", "edit": done["set"]["edit"]}
+        assert done["stop_report"]["reason"] == "hand in the gear"
+        edits = done["edits"]["edits"]
+        assert isinstance(edits, list)
+        assert [edit["kind"] for edit in edits] == ["undo", "bind", "bind"]
+
+    play(tmp_path, scene, AA_IS_A_DIAL, parts=RING)
+
+
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        ({}, "there is no operation None; there are adopt, swap"),
+        ({"do": "explode", "who": "ann"}, "there is no operation 'explode'"),
+        ({"do": "release", "args": {"slot": "BB"}}, "release: it is not said who asks for it"),
+        ({"do": "release", "who": "ann"}, "release: slot is missing"),
+        ({"do": "release", "who": "ann", "args": {"slot": 1}}, "release: slot must be a text"),
+        ({"do": "release", "who": "ann", "args": []}, "release: the arguments must be an object"),
+        ({"do": "release", "who": "ann", "args": {"slto": "BB"}}, "release knows no slto; it takes slot"),
+        ({"do": "go", "who": "ann", "args": {"x": 1}}, "go knows no x; it takes nothing"),
+        ({"do": "go", "who": "ann"}, "nobody said STOP: there is nothing to end"),
+        ({"do": "undo", "who": "ann", "args": {"edit": True}}, "undo: edit must be a whole number"),
+        ({"do": "window", "who": "ann", "args": {"seconds": "x"}}, "window: seconds must be a number"),
+        (
+            {"do": "bind", "who": "ann", "args": {"topic": "t", "type": "x", "to": "BB.in"}},
+            "bind: to must be a list of texts",
+        ),
+        (
+            {"do": "bind", "who": "ann", "args": {"topic": "t", "type": "x", "reliable": 1}},
+            "bind: reliable must be true or false",
+        ),
+        (
+            {"do": "bind", "who": "ann", "args": {"topic": "t", "type": "HelloWorld", "to": ["in"]}},
+            "'in' is no port: write SLOT.port, for example AA.out",
+        ),
+        ({"do": "apply", "who": "ann", "args": {"path": "/nowhere.toml"}}, "/nowhere.toml"),
+    ],
+)
+def test_a_mistake_is_answered_with_a_sentence(request_: dict[str, object], words: str, tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        answer = perform(stage.do, request_)
+        assert words in str(answer["error"])
+        await asyncio.sleep(0)
+
+    play(tmp_path, scene)
