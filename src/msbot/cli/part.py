@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
@@ -22,6 +23,7 @@ from msbot.part import SAMPLE_PARTS, Part, SimGpio, make_sample, run
 @click.option("--link", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK", show_envvar=True,
               help="The way to the master.")  # fmt: skip
 @click.option("--uid", help="16 hexadecimal digits; drawn once and kept on this computer unless given.")
+@click.option("--key", help="File with the part's key, or the key itself; $MSBOT_KEY unless given.")
 @library_option
 @click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
 def command(
@@ -31,6 +33,7 @@ def command(
     local_name: str | None,
     link: str,
     uid: str | None,
+    key: str | None,
     folders: tuple[Path, ...],
     quiet: bool,
 ) -> None:
@@ -51,6 +54,8 @@ def command(
     arguments = ["--link", link]
     if uid is not None:
         arguments += ["--uid", uid]
+    if key is not None:
+        arguments += ["--key", key]
     if quiet:
         arguments.append("--quiet")
     run(part, args=arguments)
@@ -72,6 +77,6 @@ def _simulated(
     simulated = make_simulator(number, local_name=local_name, library=load_library(*folders))
     apply_settings(simulated, settings)
     if not quiet:
-        PartConsole(simulated, click.echo)
+        PartConsole(simulated, click.echo, sys.stdin)
         click.echo(f"{simulated.part_type.name}; {controls_words(simulated)}")
     return simulated.part

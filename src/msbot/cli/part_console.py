@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import TextIO
 
@@ -18,7 +17,8 @@ LOOK_S = 0.2
 MOST_TYPED = 4096
 """Octets taken from the terminal at once."""
 SHARE = 0.02
-"""A number is said again when it has changed by more than this share of itself: noise is no news."""
+SIGMAS = 5
+"""A number is said again when it has changed by more than this share of itself and by so much of its noise."""
 
 
 class PartConsole:
@@ -30,7 +30,7 @@ class PartConsole:
         source: where typed lines come from; None = nobody types.
     """
 
-    def __init__(self, simulated: SimulatedPart, say: Callable[[str], None], source: TextIO | None = sys.stdin) -> None:
+    def __init__(self, simulated: SimulatedPart, say: Callable[[str], None], source: TextIO | None = None) -> None:
         self._simulated = simulated
         self._say = say
         self._source = source
@@ -64,7 +64,9 @@ class PartConsole:
     def _is_news(self, name: str, value: Scalar) -> bool:
         before = self._said.get(name)
         if isinstance(value, float) and isinstance(before, float):
-            return abs(value - before) > SHARE * max(abs(value), abs(before))
+            noise = self._readings[name].noise
+            least = 0.0 if isinstance(noise, str) else SIGMAS * noise
+            return abs(value - before) > max(least, SHARE * max(abs(value), abs(before)))
         return value != before
 
     def _words(self, name: str, value: Scalar) -> str:
@@ -73,7 +75,7 @@ class PartConsole:
         return f"{name} {text} {unit}".rstrip()
 
     def _listen(self) -> None:
-        if self._listening or self._source is None:
+        if self._listening or self._source is None or not _is_ours(self._source):
             return
         self._listening = True
         # A file that is no terminal or pipe, or a loop that cannot watch one: then nobody types.
@@ -82,6 +84,9 @@ class PartConsole:
 
     def _hear(self) -> None:
         assert self._source is not None
+        if not _is_ours(self._source):
+            asyncio.get_running_loop().remove_reader(self._source)
+            return
         # Not readline: what it reads ahead would wait for the next time something is typed.
         typed = os.read(self._source.fileno(), MOST_TYPED).decode(errors="replace")
         if not typed:
@@ -89,6 +94,11 @@ class PartConsole:
         *lines, self._unfinished = (self._unfinished + typed).split("\n")
         for line in lines:
             self.typed(line)
+
+
+def _is_ours(source: TextIO) -> bool:
+    """Whether this program may read: one in the background that reads from its terminal would be stopped."""
+    return not source.isatty() or os.tcgetpgrp(source.fileno()) == os.getpgrp()
 
 
 def apply_settings(simulated: SimulatedPart, settings: Iterable[str]) -> None:
