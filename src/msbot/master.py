@@ -7,13 +7,15 @@ decide reaches the agent through its one hook, the gate.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import random as random_module
 import time
 from collections.abc import Callable, Sequence
+from typing import Protocol, runtime_checkable
 
 from msbot.agent import Agent, AgentSettings
 from msbot.config import Blueprint
-from msbot.errors import MsbotError
+from msbot.errors import LinkDown, MsbotError
 from msbot.link import InprocHub, Link, Peer, Signal
 from msbot.part import Client
 from msbot.pnp import Access, Inventory, Keys, PartStore, Profile, Timing
@@ -23,6 +25,14 @@ from msbot.space import MemorySpace, Space
 MASTER_KEY = 0x4D734D01
 INVENTORY_KEY = 0x4D734D02
 """Client keys of the robot's own services; the gate refuses them to anybody on another link."""
+
+
+@runtime_checkable
+class SaysStop(Protocol):
+    """A link that can tell everybody at once to stop."""
+
+    def send_stop(self, reason: int = 0) -> None:
+        """Say STOP; raises LinkDown when the link carries nothing."""
 
 
 class Master:
@@ -72,6 +82,8 @@ class Master:
         )
         self.access.recheck = self.agent.recheck
         self.agent.on_signal = self._link_signalled
+        self.on_stop: Callable[[str], object] = lambda _reason: self.stop_parts()
+        """Called with the reason in words when somebody on a link says STOP; tells all parts on all links."""
         self.ready = asyncio.Event()
         """Set when the robot's own services answer and every link is open."""
         self._serving = False
@@ -100,6 +112,23 @@ class Master:
     def links(self) -> tuple[Link, ...]:
         """The links that parts come in by."""
         return tuple(self._links)
+
+    def stop_parts(self) -> int:
+        """STOP: every part goes to its safe state and stays there until `go_parts`; returns how many were told.
+
+        On a CAN bus this is a frame before all others; besides, every part is told by the inventory, as long as it
+        holds again and again.
+        """
+        for link in self._links:
+            if isinstance(link, SaysStop):
+                # A bus that is down now carries no orders to move either.
+                with contextlib.suppress(LinkDown):
+                    link.send_stop()
+        return self._inventory.stop_all()
+
+    def go_parts(self) -> int:
+        """STOP is over; returns how many parts were told."""
+        return self._inventory.go_all()
 
     def add_link(self, link: Link) -> None:
         """Let parts come in by a link, too; before or during `run`."""
@@ -133,11 +162,13 @@ class Master:
         self._opening.add(link.info.name)
         self.agent.add_link(link)
 
-    def _link_signalled(self, link: Link, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:  # noqa: ARG002
+    def _link_signalled(self, link: Link, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
         if signal is Signal.LINK_UP and link.info.name in self._opening:
             self._opening.discard(link.info.name)
             if not self._opening:
                 self.ready.set()
+        elif signal is Signal.STOP:
+            self.on_stop(f"{reason}, said on {link.info.name}")
         elif signal is Signal.PEER_JOINED:
             self.access.peer_joined(link.info.name, peer, now)
 

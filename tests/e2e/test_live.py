@@ -83,10 +83,12 @@ class Robot:
             )
         )
         self.tasks: dict[str, asyncio.Task[None]] = {}
+        self.links: dict[str, CanPartLink] = {}
 
     def plug(self, part: Part) -> Part:
         part.uid = part.uid or self.random.randbytes(8)
         link = CanPartLink(self.driver.attach(part.local_name), uid=part.uid, random=self.random, codec=self.codec)
+        self.links[part.local_name] = link
         self.tasks[part.local_name] = asyncio.get_running_loop().create_task(part.run_async(link))
         return part
 
@@ -203,15 +205,42 @@ def test_stop_makes_the_fan_stand_still_within_milliseconds_and_go_lets_it_turn(
         robot.plug(knob())
         part = robot.plug(fan(story))
         await asyncio.sleep(1.0)
-        assert robot.master.inventory_service.stop_all() == 2
+        beats = part.counters.beats
+        assert robot.master.stop_parts() == 2
         await asyncio.sleep(0.005)
         assert story[-1] == 0.0
+        assert part.counters.beats == beats + 1, "it says at once that it has heard"
         stood = len(story)
         await asyncio.sleep(2.0)
         assert len(story) == stood
         assert part.stopped
         assert part.counters.held > 0
-        robot.master.inventory_service.go_all()
+        robot.master.go_parts()
+        await asyncio.sleep(1.0)
+        assert story[-1] == 50.0
+
+    play(tmp_path, scene)
+
+
+def test_stop_said_by_a_part_on_the_bus_stops_all_and_the_master_remembers_it(tmp_path: Path) -> None:
+    async def scene(robot: Robot) -> None:
+        story: list[float] = []
+        robot.plug(knob())
+        part = robot.plug(fan(story))
+        await asyncio.sleep(1.0)
+        robot.links["knob"].send_stop()
+        await asyncio.sleep(0.005)
+        assert part.stopped
+        assert story[-1] == 0.0
+        assert robot.master.inventory_service.is_stopped
+        await robot.pull("fan")
+        await asyncio.sleep(7.0)
+        late = robot.plug(fan(story))
+        await asyncio.sleep(2.0)
+        assert late.state.value == "active"
+        assert late.stopped
+        assert story[-1] == 0.0
+        robot.master.go_parts()
         await asyncio.sleep(1.0)
         assert story[-1] == 50.0
 

@@ -18,6 +18,7 @@ from msbot.part.joining import (
     JoinState,
     SendBeat,
     SendClaim,
+    SendProof,
 )
 
 ROBOT = ExpectedRobot("MSBOT_MASTER", "MSBOT_V1", "X100", "MASSEY")
@@ -62,6 +63,37 @@ def test_a_part_goes_through_both_steps_and_its_configuration() -> None:
     assert changes(actions(joining)) == [(JoinState.CONFIGURING, JoinState.ACTIVE)]
     assert joining.reason == "in slot A"
     assert joining.timer() == 2.2
+
+
+def test_a_challenge_is_answered_at_once_while_claiming_and_at_no_other_time() -> None:
+    joining = Joining(ExpectedRobot())
+    joining.challenged(b"early", 0.0)
+    joining.agent_found(0.0)
+    joining.challenged(b"early", 0.0)
+    joining.profile_seen(ROBOT, 0.0)
+    actions(joining)
+    joining.challenged(b"now", 0.1)
+    assert actions(joining) == [SendProof(b"now")]
+    assert joining.timer() == 0.6, "the claim is repeated when nothing comes of it"
+    joining.verdict_given(0, 1.0, "wrong key", 0.2)
+    actions(joining)
+    joining.challenged(b"again", 2.2)
+    assert actions(joining) == [SendProof(b"again")]
+    late = active()
+    late.challenged(b"late", 0.1)
+    assert actions(late) == []
+
+
+def test_an_extra_beat_goes_out_at_once_and_leaves_the_others_in_their_time() -> None:
+    joining = active()
+    due_at = joining.timer()
+    joining.beat_soon(0.4)
+    assert actions(joining) == [SendBeat(7)]
+    joining.beat_answered(3, 0.41)
+    assert joining.timer() == due_at == 1.0
+    idle = Joining(ExpectedRobot())
+    idle.beat_soon(0.0)
+    assert actions(idle) == []
 
 
 def test_nothing_is_claimed_before_the_profile_was_heard() -> None:

@@ -139,6 +139,33 @@ def test_stop_reaches_all_parts_and_those_that_come_in_until_go() -> None:
     run_virtual(scene())
 
 
+def test_stop_is_repeated_with_every_beat_and_go_with_the_next_three() -> None:
+    async def scene() -> None:
+        robot = Robot(sample_store())
+        part = Visitor(robot, 0xA1)
+
+        async def play() -> None:
+            verdict = await part.claim("ABCD", 1)
+            assert verdict is not None
+            beat = plug.Beat(lease=verdict.lease).encode()
+
+            async def kinds() -> list[int]:
+                await part.ask(beat)
+                replies = [plug.decode_reply(payload) for payload in part.replies]
+                return [reply.kind for reply in replies if isinstance(reply, plug.Notice)]
+
+            assert await kinds() == []
+            robot.service.stop_all()
+            assert plug.NoticeKind.STOP in await kinds()
+            assert await kinds() == await kinds() == [plug.NoticeKind.STOP]
+            robot.service.go_all()
+            assert [await kinds() for _ in range(5)][1:] == [[plug.NoticeKind.GO], [plug.NoticeKind.GO], [], []]
+
+        await with_robot(robot, part, play=play)
+
+    run_virtual(scene())
+
+
 def replace_kind(notice: plug.Notice, kind: plug.NoticeKind) -> plug.Notice:
     return plug.Notice(configuration_version=notice.configuration_version, binding=notice.binding, kind=kind)
 

@@ -273,6 +273,11 @@ class Joining:
         if self.state is S.ACTIVE and configuration_version != self.configuration_version and self._retry_at is None:
             self._fetch_configuration(now)
 
+    def beat_soon(self, now: float) -> None:
+        """Beat at once, besides the regular beats: somebody waits for a sign."""
+        if self.state in _BEATS:
+            self._beat(now)
+
     def stop(self, reason: str, now: float) -> None:
         """The part ends; it never leaves this state."""
         self._take(E.STOP, reason, now)

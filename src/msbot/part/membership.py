@@ -112,6 +112,11 @@ class Membership:
         self._drain()
         self._turn.stop()
 
+    def beat_soon(self) -> None:
+        """Beat at once: the master waits for a sign that STOP has arrived."""
+        self.joining.beat_soon(self._turn.now())
+        self._drain()
+
     def take_sample(self, object_id: int, payload: bytes) -> bool:
         """Take a sample if it is the robot's profile (thesis 4.3.1: the object id must be the reader's)."""
         if object_id != self._profile_reader.object_id:

@@ -308,7 +308,7 @@ class Part(Program):
     def _noticed(self, notice: Notice) -> None:
         match notice.kind:
             case NoticeKind.STOP:
-                self._safety.stop("said by the master")
+                self._stop_said("by the master")
             case NoticeKind.GO:
                 self._safety.go()
             case NoticeKind.IDENTIFY:
@@ -316,6 +316,13 @@ class Part(Program):
                 self._tell("identify")
             case NoticeKind.PARTNER_LOST:
                 self._partner_lost_at(notice)
+
+    def _stop_said(self, reason: str) -> None:
+        if self._safety.stopped:
+            return  # it is repeated for those who missed it
+        self._safety.stop(reason)
+        if self._membership is not None:
+            self._membership.beat_soon()
 
     def _partner_lost_at(self, notice: Notice) -> None:
         assert self._ports is not None
@@ -356,7 +363,7 @@ class Part(Program):
 
     def _signal_received(self, signal: Signal, _peer: Peer | None, reason: str, _now: float) -> None:
         if signal is Signal.STOP:
-            self._safety.stop(reason)
+            self._stop_said(reason)
 
     def _mistaken(self, error: ConfigError) -> None:
         """A handler asked for a port that is not there, or with the wrong type."""

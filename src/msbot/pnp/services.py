@@ -33,6 +33,9 @@ MOST_ASKERS = 16_384
 _GUID_BYTES = 16
 _NOBODYS_REQUEST = bytes(8)
 """Sequence number 0: the reply answers no request."""
+GO_TIMES = 3
+"""With so many answers to beats GO is said again, in case one is lost; STOP with every one while it holds."""
+_BEAT_OCTETS = 4
 _VERDICT_OCTETS = 12
 _CONFIGURATION_REQUEST_OCTETS = 8
 
@@ -131,6 +134,8 @@ class InventoryService:
         """Client key -> GUID of its requests in the compact layout."""
         self._leases: dict[int, int] = {}
         """Client key -> the lease it was told last."""
+        self._go_again: dict[int, int] = {}
+        """Client key -> how often it is still told that STOP is over."""
         self._asking: int | None = None
         """Whose request is being answered: the answer tells it what has changed."""
         self._inventory = inventory
@@ -171,11 +176,13 @@ class InventoryService:
     def stop_all(self) -> int:
         """Say STOP to all parts, and to those that come in until `go_all`; returns how many were told."""
         self.is_stopped = True
+        self._go_again.clear()
         return self._tell_all(plug.NoticeKind.STOP)
 
     def go_all(self) -> int:
         """End STOP; returns how many parts were told."""
         self.is_stopped = False
+        self._go_again = dict.fromkeys(self._askers, GO_TIMES)
         return self._tell_all(plug.NoticeKind.GO)
 
     def identify(self, client_key: int) -> bool:
@@ -196,8 +203,18 @@ class InventoryService:
         if answer is None:
             return
         self._say(replier, identity, answer)
-        if self.is_stopped and len(body) == _CONFIGURATION_REQUEST_OCTETS:
-            self._notify(client_key, plug.NoticeKind.STOP)
+        if (self.is_stopped or self._go_again) and replier is self._compact:
+            self._say_again(client_key, len(body))
+
+    def _say_again(self, client_key: int, asked_octets: int) -> None:
+        """Repeat STOP or GO: a single notice may be lost, and whoever comes in has not heard it."""
+        if self.is_stopped:
+            if asked_octets in (_BEAT_OCTETS, _CONFIGURATION_REQUEST_OCTETS):
+                self._notify(client_key, plug.NoticeKind.STOP)
+        elif asked_octets == _BEAT_OCTETS and (left := self._go_again.pop(client_key, 0)):
+            self._notify(client_key, plug.NoticeKind.GO)
+            if left > 1:
+                self._go_again[client_key] = left - 1
 
     def _remember(self, client_key: int, asker: bytes, answer: bytes | None) -> None:
         if self._askers.get(client_key) != asker:
@@ -212,6 +229,7 @@ class InventoryService:
     def _forget(self, client_key: int) -> None:
         self._askers.pop(client_key, None)
         self._leases.pop(client_key, None)
+        self._go_again.pop(client_key, None)
 
     def _rights_changed(self, client_key: int) -> None:
         if client_key == self._asking or client_key not in self._askers:
