@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import getpass
 from pathlib import Path
 
 import click
@@ -35,3 +36,11 @@ def existing_database(db: str | None) -> str:
             f"there is no database {path}: `msbot master` makes it when a robot runs; name another one with --db"
         )
     return path
+
+
+def user_name() -> str:
+    """Who gives a command, for the record of what people change."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return "somebody"

@@ -50,6 +50,18 @@ class Problem:
         return f"{self.place}: {self.sentence}"
 
 
+class FoundProblems(ConfigError):
+    """Everything that is wrong with files.
+
+    Attributes:
+        problems: one for each mistake, in the order of the files' lines.
+    """
+
+    def __init__(self, message: str, problems: Sequence[Problem]) -> None:
+        super().__init__(message)
+        self.problems = tuple(problems)
+
+
 class Problems:
     """A list of mistakes that becomes one `ConfigError`."""
 
@@ -70,9 +82,9 @@ class Problems:
             return
         ordered = sorted(self.found, key=lambda problem: (problem.place.file, problem.place.line or 0))
         if len(ordered) == 1:
-            raise ConfigError(str(ordered[0]))
+            raise FoundProblems(str(ordered[0]), ordered)
         lines = [f"{len(ordered)} problems were found:", *(f"  {problem}" for problem in ordered)]
-        raise ConfigError("\n".join(lines))
+        raise FoundProblems("\n".join(lines), ordered)
 
 
 def path_words(path: KeyPath) -> str:

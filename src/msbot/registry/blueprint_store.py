@@ -51,6 +51,7 @@ def _put_robot(connection: Connection, blueprint: Blueprint, now_ns: int) -> Rob
         "profile_period_s": timing.profile_period_s,
         "explain": blueprint.options.explain,
         "free_topics": list(blueprint.options.free_topics),
+        "authentication": blueprint.options.authentication,
         "applied_ns": now_ns,
     }
     upsert(connection, robots, key, values)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from sqlalchemy import Connection, func, select
 
 from msbot.config import binding_faults
-from msbot.registry import store, wires
+from msbot.registry import blueprint_reader, store, wires
 from msbot.registry.tables import edits, journal, library, parts, settings, slots
 
 MOST_TOLD = 100
@@ -48,7 +48,7 @@ def _of_robot(connection: Connection, robot_id: int) -> Iterator[str]:
     for name in connection.execute(bare).scalars():
         yield f"the configuration of slot {name} has no version"
     yield from _of_settings(connection, robot_id)
-    wired = wires.read_bindings(connection, robot_id)
+    wired = blueprint_reader.read_bindings(connection, robot_id)
     yield from binding_faults(wired, wires.read_slots(connection, robot_id), wires.read_library(connection, robot_id))
     for column in (parts.c.slot_id, parts.c.placed_slot_id):
         foreign = select(parts.c.identity).join(slots, column == slots.c.id)

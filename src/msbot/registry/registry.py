@@ -15,7 +15,7 @@ from sqlalchemy import Connection, Engine
 from msbot.config import Blueprint, Library
 from msbot.errors import RegistryError
 from msbot.pnp import PartState
-from msbot.registry import changes, run_lock, store
+from msbot.registry import blueprint_reader, changes, run_lock, store
 from msbot.registry.editing import Editing
 from msbot.registry.engine import Address, check_file, make_engine, parse_address, use_write_ahead_log
 from msbot.registry.node_ids import StoredNodeIds
@@ -168,6 +168,36 @@ class Registry(Editing):
             RegistryError: the database cannot be read.
         """
         return robot.id in self._running or run_lock.is_run(self._engine, self._address, robot)
+
+    def find_robot(self, blueprint: Blueprint) -> RobotRecord | None:
+        """The robot of a blueprint: the one with its name and serial number.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        profile = blueprint.robot
+        find = partial(store.find_robot, name=profile.name, serial_number=profile.serial_number)
+        return self._read(find)
+
+    def blueprint(self, robot: RobotRecord, *, by_hand: bool = True) -> Blueprint:
+        """What the database knows of a robot, as a blueprint.
+
+        Args:
+            robot: which one.
+            by_hand: with what people set by hand; otherwise as the blueprint was applied last.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        return self._read(partial(blueprint_reader.read, robot_id=robot.id, by_hand=by_hand))
+
+    def made_by_hand(self, robot: RobotRecord) -> dict[tuple[str, str], str]:
+        """(slot, parameter) or (topic, "") of everything made by hand -> by whom, in words.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        return self._read(partial(blueprint_reader.read_notes, robot_id=robot.id))
 
     def slot_names(self, robot: RobotRecord) -> list[str]:
         """The slots of the robot's blueprint, in its order.

@@ -50,6 +50,7 @@ robots = Table(
     Column("profile_period_s", Double, nullable=False, comment="the profile is repeated that often, seconds"),
     Column("explain", Boolean, nullable=False, comment="whether a refused part is told why"),
     Column("free_topics", JSON, nullable=False, comment="list of topics that everybody may use"),
+    Column("authentication", Text, nullable=False, server_default="open", comment="open or key: how parts are known"),
     Column("applied_ns", BigInteger, nullable=False, comment="when a blueprint was applied last"),
     UniqueConstraint("name", "serial_number"),
 )

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 
 from sqlalchemy import Connection, delete, insert, select, update
 
-from msbot.config import Binding, Direction, Endpoint, Library, PartType, Port, Slot, binding_faults
+from msbot.config import Direction, Endpoint, Library, PartType, Port, Slot, binding_faults
 from msbot.errors import ConfigError
+from msbot.registry.blueprint_reader import read_bindings
 from msbot.registry.store import bump_versions
 from msbot.registry.tables import bindings, library, slots
 from msbot.registry.values import find_slot, read_parameters
@@ -101,25 +102,6 @@ def part_ends(connection: Connection, robot_id: int, topic: str, endpoint: Endpo
         raise ConfigError(f"{endpoint} is not bound to topic {topic!r}; {', '.join(bound)} are")
     left = [[*end[:6], end[6] and end not in here] for end in ends]
     return write_topic(connection, robot_id, topic, [end for end in left if end[6] or end[5] == "blueprint"])
-
-
-def read_bindings(connection: Connection, robot_id: int) -> tuple[Binding, ...]:
-    """The wires in use, as a blueprint would say them; a topic without a sender has a source without a name."""
-    query = (
-        select(bindings, slots.c.name.label("slot"))
-        .join(slots, bindings.c.slot_id == slots.c.id)
-        .where(bindings.c.robot_id == robot_id, bindings.c.in_use, slots.c.in_blueprint)
-        .order_by(bindings.c.id)
-    )
-    topics: dict[str, tuple[str, bool, list[Endpoint], list[Endpoint]]] = {}
-    for row in connection.execute(query):
-        _, _, sources, targets = topics.setdefault(row.topic, (row.type_name, row.reliable, [], []))
-        (sources if row.publishes else targets).append(Endpoint(row.slot, row.port))
-    return tuple(
-        Binding(topic, type_name, source, tuple(targets), reliable)
-        for topic, (type_name, reliable, sources, targets) in topics.items()
-        for source in sources or [Endpoint("", "")]
-    )
 
 
 def read_slots(connection: Connection, robot_id: int) -> tuple[Slot, ...]:

@@ -1,0 +1,12 @@
+"""Whether parts must prove that they know their key stands in the database like the blueprint's other options."""
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0003"
+down_revision: str | None = "0002"
+
+
+def upgrade() -> None:
+    """Add the column; robots from before let parts in by what they say."""
+    op.add_column("robots", sa.Column("authentication", sa.Text(), nullable=False, server_default="open"))

@@ -1,0 +1,197 @@
+"""`msbot check`, `diff`, `apply`, `export`, `robots`: a blueprint and the database against each other."""
+
+import importlib
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from msbot.cli import control
+from msbot.config import write_sample
+from msbot.errors import ConfigError, MsbotError
+from msbot.registry import open_registry
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Call a command in a folder with the sample's robot.toml and no database."""
+    monkeypatch.chdir(tmp_path)
+    write_sample(Path("robot.toml"))
+
+    def run(name: str, *arguments: str, answer: str = "") -> Result:
+        command = importlib.import_module(f"msbot.cli.{name}").command
+        result = CliRunner().invoke(command, arguments, input=answer)
+        if isinstance(result.exception, MsbotError):
+            raise result.exception
+        return result
+
+    return run
+
+
+def _edit(old: str, new: str) -> None:
+    path = Path("robot.toml")
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+# check
+
+
+def test_a_blueprint_in_order(run: Run) -> None:
+    result = run("check")
+    assert result.output == "robot.toml is in order: robot MSBOT_MASTER, 3 slots, 3 bindings.\n"
+    assert json.loads(run("check", "--json").output) == {"problems": [], "hints": []}
+
+
+def test_problems_are_told_with_file_line_and_key(run: Run) -> None:
+    _edit('part = "EFGH"', 'part = "EFGX"')
+    with pytest.raises(
+        ConfigError, match=r'robot.toml, line \d+, slot\[1\].part: the library has no part number "EFGX"'
+    ):
+        run("check")
+    result = run("check", "--json")
+    (problem,) = json.loads(result.output)["problems"]
+    assert (result.exit_code, problem["file"], problem["key"]) == (2, "robot.toml", "slot[1].part")
+    assert Path("robot.toml").read_text().splitlines()[problem["line"] - 1].startswith('part = "EFGX"')
+    assert problem["words"].startswith('the library has no part number "EFGX"; did you mean')
+
+
+def test_what_is_perhaps_not_meant_is_a_hint(run: Run) -> None:
+    _edit('from = "CC.out"\nto = ["AA.in"]', 'from = "CC.out"\nto = ["BB.in"]')
+    _edit('topic = "HelloWorldTopic_3_to_1"', 'topic = "HelloWorldTopic_1_to_2"')
+    with Path("robot.toml").open("a") as stream:
+        stream.write('[[slot]]\nname = "DD"\npart = "ABCD"\n')
+    assert run("check").output.splitlines()[:-1] == [
+        "hint: slot AA: not bound to a topic: in",
+        "hint: no port of slot DD is bound to a topic: its part will do nothing",
+        "hint: slots AA, DD take the same part ABCD: the parts need these as local names",
+    ]
+
+
+# diff, apply
+
+
+def test_a_new_robot_is_shown_asked_for_and_made(run: Run) -> None:
+    assert not Path("robot.db").exists()
+    result = run("diff")
+    assert (result.exit_code, result.output.splitlines()[0]) == (
+        1, "robot.db does not have this robot; `msbot apply robot.toml` would make it:",
+    )  # fmt: skip
+    with pytest.raises(ConfigError, match="nobody is there to ask: add --yes"):
+        run("apply")
+    lines = run("apply", "--yes").output.splitlines()
+    assert lines[0] == "robot.db gets a new robot:"
+    assert lines[1] == "  + slot AA: part ABCD"
+    assert lines[-2:] == ["  6 added.", "robot MSBOT_MASTER is in the database now"]
+    assert run("diff").output == "robot.db has what robot.toml says.\n"
+    assert run("diff").exit_code == 0
+    assert run("apply").output == "robot.db has what robot.toml says: nothing to change.\n"
+
+
+def test_a_change_is_shown_made_and_taken_back(run: Run) -> None:
+    run("apply", "--yes")
+    _edit('description = "Toggle switch, 5V"', 'description = "A switch"')
+    shown = '  ~ slot BB, description: "Toggle switch, 5V" -> "A switch"'
+    assert run("diff").output.splitlines() == [
+        "`msbot apply robot.toml` would change in robot.db:",
+        shown,
+        "  1 changed.",
+    ]
+    assert run("apply", "--yes").output.splitlines() == [
+        "robot.toml changes in robot.db:", shown, "  1 changed.",
+        "robot MSBOT_MASTER is as robot.toml says; `msbot undo` takes it back",
+    ]  # fmt: skip
+    with open_registry("robot.db") as registry:
+        (robot,) = registry.robots()
+        (edit,) = registry.edits(robot)
+        assert (edit.kind, edit.who != "msbot") == ("apply", True)
+        registry.undo(robot, None, "Ann")
+    assert run("diff").exit_code == 1
+
+
+def test_for_programs(run: Run) -> None:
+    made = json.loads(run("apply", "--yes", "--json").output)
+    assert (len(made["changed"]), made["words"]) == (6, "robot MSBOT_MASTER is in the database now")
+    assert json.loads(run("apply", "--yes", "--json").output) == {"changed": [], "words": "nothing to change"}
+    _edit("explain = false", "explain = true")
+    told = json.loads(run("diff", "--json").output)
+    assert (told["new"], told["by_hand"]) == (False, [])
+    assert told["apply"] == [
+        {"change": "changed", "where": "options, explain", "before": "false", "after": "true",
+         "consequence": "holds from the master's next start on"}
+    ]  # fmt: skip
+    assert "--json does not ask: add --yes" in run("apply", "--json").output
+
+
+def test_a_running_robot_is_changed_through_its_master(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    run("apply", "--yes")
+    _edit("explain = false", "explain = true")
+    asked: list[object] = []
+
+    def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> dict[str, object]:
+        asked.append((db, robot, do, args))
+        return {"words": "done"}
+
+    monkeypatch.setattr(control, "perform", perform)
+    with open_registry("robot.db") as registry:
+        registry.store_for(registry.robots()[0])
+        assert run("apply", "--yes").output.splitlines()[-1] == "done"
+        assert registry.edits(registry.robots()[0]) == []
+    path = str(Path("robot.toml").resolve())
+    assert asked == [("robot.db", "MSBOT_MASTER", "apply", {"path": path, "folders": []})]
+
+
+# export
+
+
+def test_what_is_exported_can_be_applied(run: Run) -> None:
+    run("apply", "--yes")
+    assert run("export", "copy.toml").output == "copy.toml is written: robot MSBOT_MASTER.\n"
+    assert run("diff", "copy.toml", "--db", "robot.db").exit_code == 0
+    assert run("export").output == Path("copy.toml").read_text()
+    with pytest.raises(ConfigError, match=r"copy\.toml: exists already and is not overwritten"):
+        run("export", "copy.toml")
+    with pytest.raises(ConfigError, match=r"no/copy\.toml: cannot be written \(No such file or directory\)"):
+        run("export", "no/copy.toml")
+
+
+def test_what_was_made_by_hand_is_shown_and_exported(run: Run) -> None:
+    run("apply", "--yes")
+    with open_registry("robot.db") as registry:
+        registry.unbind(registry.robots()[0], "HelloWorldTopic_3_to_1", None, "Ann")
+    assert run("diff").output.splitlines() == [
+        "robot.db has what robot.toml says.",
+        "Changed by hand, which stays (`msbot export` writes it down):",
+        "  - topic HelloWorldTopic_3_to_1: CC.out -> AA.in [HelloWorld]",
+        "  1 removed.",
+    ]
+    assert "HelloWorldTopic_3_to_1" not in run("export").output
+    assert "HelloWorldTopic_3_to_1" in run("export", "--without-hand").output
+
+
+# robots
+
+
+def test_the_robots_of_a_database(run: Run) -> None:
+    open_registry("robot.db").close()
+    assert "There is no robot in it yet" in run("robots").output
+    with pytest.raises(ConfigError, match=r"has no robot: `msbot apply robot.toml` puts one there"):
+        run("export")
+    run("apply", "--yes")
+    _edit('serial_number = "X100Y100Z100"', 'serial_number = "2"')
+    run("apply", "--yes")
+    rows = json.loads(run("robots", "--json").output)
+    assert [(row["serial_number"], row["slots"], row["filled"], row["running"]) for row in rows] == [
+        ("2", 3, 0, False), ("X100Y100Z100", 3, 0, False),
+    ]  # fmt: skip
+    assert "MSBOT_MASTER" in run("robots").output
+    with pytest.raises(ConfigError, match="has several robots: say which with --robot; MSBOT_MASTER"):
+        run("export")
+    assert 'serial_number = "2"' in run("export", "--robot", "2").output
+    with pytest.raises(ConfigError, match="has no robot 'R2'; there are MSBOT_MASTER"):
+        run("export", "--robot", "R2")
