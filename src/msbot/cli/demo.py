@@ -10,22 +10,30 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
+from typing import TYPE_CHECKING
 
 import click
 
+from msbot.agent import StatusServer
+from msbot.cli.control import MASTER, details_of
 from msbot.cli.demo_json import as_json
 from msbot.cli.frame_log import FrameLog
 from msbot.cli.keys import Keys
-from msbot.config import load_blueprint, load_library, write_sample
+from msbot.cli.page import PageWishes, page_options, page_wishes, serve_page
+from msbot.config import SAMPLES, Library, load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
 from msbot.errors import ConfigError, MsbotError
 from msbot.link.sim_server import SimBusServer
 from msbot.master import first_error
-from msbot.registry import open_registry
+from msbot.operations import Operations
+from msbot.registry import Registry, RobotRecord, open_registry
+
+if TYPE_CHECKING:
+    from msbot.web.compose import WebRoom
 
 REFRESH_S = 0.2
 STATUS_S = 1.0
@@ -77,6 +85,9 @@ class _Options:
     log: Path | None
     bus: str | None
     seed: int | None
+    sample: str
+    spare: bool
+    page: PageWishes
 
 
 @click.command("demo")
@@ -97,18 +108,27 @@ class _Options:
 @click.option(
     "--db", type=click.Path(path_type=Path), help="Keep the robot's database in this file (else it is forgotten)."
 )
+@click.option("--robot", "sample", type=click.Choice(list(SAMPLES)), default="thesis", show_default=True,
+              help="The sample: the thesis' ring of three, or a rover of ten parts to play with.")  # fmt: skip
+@click.option("--spare", is_flag=True, help="One part more than slots, DD like BB: it takes over when BB is lost.")
+@page_options
 def command(
     *, wire: str, bitrate: int, data_bitrate: int, no_compression: bool, seconds: float | None,
     script: list[ScriptStep], as_json_object: bool, log: Path | None, bus: str | None, seed: int | None,
-    db: Path | None,
+    db: Path | None, sample: str, spare: bool, port: int | None, host: str, no_page: bool, certificate: Path | None,
+    certificate_key: Path | None,
 ) -> None:  # fmt: skip
     """Run the sample robot on this machine: a master and the parts AA, BB and CC in a ring.
 
-    In a terminal the keys a, b and c pull a part out and plug it in again, q ends the robot.
+    In a terminal the keys a, b and c pull a part out and plug it in again, q ends the robot. The page is at the
+    address that is printed; with --json there is none, unless --port asks for it.
     """
     options = _Options(
-        Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, log, bus, seed
-    )
+        Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, log, bus, seed, sample,
+        spare,
+        page_wishes(port=port, host=host, no_page=no_page or (as_json_object and port is None),
+                    certificate=certificate, certificate_key=certificate_key),
+    )  # fmt: skip
     if log is not None and options.wire is Wire.UDP:
         raise click.UsageError("--log writes the frames of a CAN bus: leave --link udp out")
     if bus is not None and options.wire is Wire.UDP:
@@ -121,10 +141,11 @@ def command(
 
 async def _main(options: _Options, folder: Path, db: Path | None) -> None:
     path = folder / "robot.toml"
-    write_sample(path)
+    write_sample(path, options.sample)
     library = load_library()
     blueprint = load_blueprint(path, library)
-    with open_registry(db or folder / "robot.db") as registry:
+    address = str(db or folder / "robot.db")
+    with open_registry(address) as registry:
         record = registry.apply_blueprint(blueprint, library)
         robot = DemoRobot(
             blueprint,
@@ -135,25 +156,96 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
             data_bitrate=options.data_bitrate,
             compression=options.compression,
             random=None if options.seed is None else Random(options.seed),
+            library=library,
+            spares=_spares(blueprint) if options.spare else None,
         )
         _check_script(options.script, robot)
+        operations = Operations(robot.master, registry, record, library=library)
+        notes = _Notes()
+        beside: list[Coroutine[object, object, None]] = [_answering(robot, operations, address).run()]
+        if not options.page.off:
+            database = (registry, record, address)
+            beside.append(
+                serve_page(options.page, robot.master.ready, _page_of(robot, operations, library, database), notes.add)
+            )
         with _logging(robot, options.log):
             if options.bus is None or robot.bus_driver is None:
-                await _run(robot, options)
+                await _run_beside(_run(robot, options, notes), beside)
             else:
-                await _run_served(robot, SimBusServer(robot.bus_driver, options.bus), options)
+                await _run_served(robot, SimBusServer(robot.bus_driver, options.bus), options, notes, beside)
 
 
-async def _run_served(robot: DemoRobot, server: SimBusServer, options: _Options) -> None:
-    """Let other programs join the bus meanwhile."""
+def _spares(blueprint: Blueprint) -> dict[str, str]:
+    """DD for the slot BB; in another sample one for the first slot."""
+    of = "BB" if blueprint.slot("BB") else blueprint.slots[0].name
+    return {"DD" if blueprint.slot("DD") is None else "spare": of}
+
+
+def _answering(robot: DemoRobot, operations: Operations, address: str) -> StatusServer:
+    """What lets the other commands see the robot and change it."""
+    profile = robot.master.profile
+    return StatusServer(
+        robot.master.agent,
+        what=MASTER,
+        name=f"{profile.name} {profile.version}",
+        details=lambda: details_of(profile.name, address),
+        control=partial(perform, operations),
+    )
+
+
+class _Notes:
+    """Lines for the person at the terminal that come while the robot runs: where the page is."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.say: Callable[[str], None] | None = None
+        """Takes a line at once; None: whoever draws the screen shows `lines`."""
+
+    def add(self, line: str) -> None:
+        self.lines.append(line)
+        if self.say is not None:
+            self.say(line)
+
+
+def _page_of(
+    robot: DemoRobot, operations: Operations, library: Library, database: tuple[Registry, RobotRecord, str]
+) -> Callable[[PageWishes], WebRoom]:
+    def make(wishes: PageWishes) -> WebRoom:
+        from msbot.web.compose import Database, WebRoom
+        from msbot.web.demonstration import seen_of
+
+        seen = seen_of(robot, asyncio.get_running_loop().time)
+        return WebRoom(
+            robot.master, operations, library, database=Database(*database), seen=seen, settings=wishes.settings(),
+            entry_link=True,
+        )  # fmt: skip
+
+    return make
+
+
+async def _run_beside(work: Coroutine[object, object, None], beside: Iterable[Coroutine[object, object, None]]) -> None:
+    """Run the robot, and what helps it as long as it runs."""
     try:
         async with asyncio.TaskGroup() as tasks:
-            serving = tasks.create_task(server.run())
-            await server.ready.wait()
-            await _run(robot, options)
-            serving.cancel()
+            helping = [tasks.create_task(helper) for helper in beside]
+            await work
+            for helper in helping:
+                helper.cancel()
     except* MsbotError as errors:
         raise first_error(errors) from None
+
+
+async def _run_served(
+    robot: DemoRobot, server: SimBusServer, options: _Options, notes: _Notes,
+    beside: list[Coroutine[object, object, None]],
+) -> None:  # fmt: skip
+    """Let other programs join the bus meanwhile."""
+
+    async def work() -> None:
+        await server.ready.wait()
+        await _run(robot, options, notes)
+
+    await _run_beside(work(), [server.run(), *beside])
 
 
 @contextlib.contextmanager
@@ -176,7 +268,7 @@ def _check_script(script: list[ScriptStep], robot: DemoRobot) -> None:
             raise ConfigError(f"--script: there is no part {step.part!r}; there are {', '.join(robot.names)}")
 
 
-async def _run(robot: DemoRobot, options: _Options) -> None:
+async def _run(robot: DemoRobot, options: _Options, notes: _Notes) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         with contextlib.suppress(NotImplementedError):
@@ -190,17 +282,17 @@ async def _run(robot: DemoRobot, options: _Options) -> None:
         await robot.run()
         click.echo(json.dumps(as_json(robot)))
     elif sys.stdout.isatty():
-        await _run_live(robot)
+        await _run_live(robot, notes)
     else:
-        await _run_plain(robot)
+        await _run_plain(robot, notes)
 
 
-async def _run_live(robot: DemoRobot) -> None:
+async def _run_live(robot: DemoRobot, notes: _Notes) -> None:
     from rich.live import Live
 
-    from msbot.cli.demo_view import live_view
+    from msbot.cli.demo_view import keys_of, live_view
 
-    keys = {name[0].lower(): name for name in robot.names}
+    keys = keys_of(robot.names)
 
     def pressed(key: str) -> None:
         if key in ("q", "\x03", "\x04"):
@@ -209,10 +301,13 @@ async def _run_live(robot: DemoRobot) -> None:
             name = keys[key]
             (robot.unplug if robot.is_plugged(name) else robot.plug)(name)
 
-    with Keys(pressed), Live(live_view(robot.snapshot(), []), screen=False, auto_refresh=False) as live:
+    with Keys(pressed), Live(live_view(robot.snapshot(), [], []), screen=False, auto_refresh=False) as live:
         async with asyncio.TaskGroup() as tasks:
             drawing = tasks.create_task(
-                _every(REFRESH_S, lambda: live.update(live_view(robot.snapshot(), robot.events), refresh=True))
+                _every(
+                    REFRESH_S,
+                    lambda: live.update(live_view(robot.snapshot(), robot.events, notes.lines), refresh=True),
+                )
             )
             try:
                 await robot.run()
@@ -220,7 +315,7 @@ async def _run_live(robot: DemoRobot) -> None:
                 drawing.cancel()
 
 
-async def _run_plain(robot: DemoRobot) -> None:
+async def _run_plain(robot: DemoRobot, notes: _Notes) -> None:
     from msbot.cli.demo_view import event_words, status_words
 
     def say(text: str) -> None:
@@ -228,6 +323,7 @@ async def _run_plain(robot: DemoRobot) -> None:
         sys.stdout.flush()
 
     robot.on_event = lambda event: say(event_words(event))
+    notes.say = say
     async with asyncio.TaskGroup() as tasks:
         reporting = tasks.create_task(_every(STATUS_S, lambda: say(status_words(robot.snapshot()))))
         try:

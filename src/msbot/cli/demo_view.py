@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -22,7 +24,7 @@ LIFE_BARS = {3: "▮▮▮ 3", 2: "▮▮▯ 2", 1: "▮▯▯ 1", 0: "▯▯▯
 RECENT_EVENTS = 8
 
 
-def live_view(snapshot: DemoSnapshot, events: list[DemoEvent]) -> RenderableType:
+def live_view(snapshot: DemoSnapshot, events: list[DemoEvent], notes: list[str]) -> RenderableType:
     """The whole screen: parts, wire, latest events, keys."""
     return Group(
         Text(f"{snapshot.robot} on {snapshot.link}   {snapshot.at_s:6.1f} s", style="bold"),
@@ -30,6 +32,7 @@ def live_view(snapshot: DemoSnapshot, events: list[DemoEvent]) -> RenderableType
         Text(wire_words(snapshot)),
         Text(""),
         *(Text(event_words(event), style="dim") for event in events[-RECENT_EVENTS:]),
+        *(Text(note, style="bold") for note in notes),
         Text(""),
         Text(_key_words(snapshot), style="italic"),
     )
@@ -75,10 +78,22 @@ def _part_row(part: PartSnapshot) -> tuple[str | Text, ...]:
 
 
 def _key_words(snapshot: DemoSnapshot) -> str:
+    plugged = {part.name: part.plugged for part in snapshot.parts}
     keys = [
-        f"[{part.name[0].lower()}] {'unplug' if part.plugged else 'plug in'} {part.name}" for part in snapshot.parts
+        f"[{key}] {'unplug' if plugged[name] else 'plug in'} {name}" for key, name in keys_of(list(plugged)).items()
     ]
     return "   ".join([*keys, "[q] quit"])
+
+
+def keys_of(names: Sequence[str]) -> dict[str, str]:
+    """The key that pulls and plugs each part: the first letter of its name that is free, else a digit."""
+    keys: dict[str, str] = {}
+    for name in names:
+        candidates = [*name.lower(), *"1234567890"]
+        key = next((one for one in candidates if one.isascii() and one.isalnum() and one not in ("q", *keys)), None)
+        if key is not None:
+            keys[key] = name
+    return keys
 
 
 def wire_words(snapshot: DemoSnapshot) -> str:

@@ -144,6 +144,8 @@ class Control(Model):
     choices: list[str] = Field(default_factory=list)
     words: str = ""
     value: Scalar | None = None
+    momentary: bool = False
+    """Goes back by itself when it is let go, as a push button does."""
 
 
 class Simulated(Model):

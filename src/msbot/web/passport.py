@@ -7,11 +7,12 @@ import io
 import segno
 
 from msbot.config import PartType
+from msbot.config.library_picture import picture_svg
 
 
 def picture_of(part_type: PartType) -> str:
     """The picture of a part type as SVG."""
-    return part_type.picture
+    return picture_svg(part_type)
 
 
 def qr_svg(text: str, *, scale: int = 4) -> str:

@@ -216,7 +216,7 @@ class Views:
         result = []
         for name in names:
             spans = lanes.get(name, ())
-            ends = [*(span.begin for span in spans[1:]), now]
+            ends = [*(span.begin for span in spans[1:]), now] if spans else []
             result.append(
                 Lane(
                     slot=name,

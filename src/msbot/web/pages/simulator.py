@@ -45,7 +45,11 @@ def _control(page: Page, slot: str, control: Control) -> None:
     def changed(value: Scalar | None) -> None:
         page.do(partial(_operate, page, slot, control.name, value), quiet=True)
 
-    if control.kind == "bool":
+    if control.kind == "bool" and control.momentary:
+        button = ui.button(title, icon="touch_app").props("outline")
+        button.on("pointerdown", lambda: changed(not control.value)).on("pointerup", lambda: changed(control.value))
+        button.on("pointerleave", lambda: changed(control.value))
+    elif control.kind == "bool":
         ui.switch(title, value=bool(control.value), on_change=lambda event: changed(event.value))
     elif control.kind == "number" and control.least is not None and control.most is not None:
         ui.label(f"{title}{unit}")
