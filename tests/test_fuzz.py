@@ -22,6 +22,7 @@ EXECUTIONS = {
     "client": 150,
     "part": 20,
     "can": 200,
+    "socketcan": 150,
     "codec": 4000,
     "compact": 2000,
     "serial": 400,

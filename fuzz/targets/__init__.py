@@ -12,6 +12,7 @@ from fuzz.targets.desk import DeskTarget
 from fuzz.targets.message import MessageTarget
 from fuzz.targets.part import PartTarget
 from fuzz.targets.serial import SerialTarget
+from fuzz.targets.socketcan import SocketCanTarget
 from fuzz.targets.toml import TomlTarget
 
 TARGETS: dict[str, Target] = {
@@ -23,6 +24,7 @@ TARGETS: dict[str, Target] = {
         CanTarget(),
         CodecTarget(),
         CompactTarget(),
+        SocketCanTarget(),
         SerialTarget(),
         DeskTarget(),
         MessageTarget(),
