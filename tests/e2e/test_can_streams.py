@@ -12,9 +12,11 @@ from bench.buses import Rates
 from bench.can_setup import CLASSIC, COMPRESSED, Component, component
 from msbot.errors import LinkFull
 from msbot.link import SimBus, run_virtual
-from msbot.xrce import ObjectKind
+from msbot.xrce import EndpointQos
 
 SAMPLES = 40
+QOS = EndpointQos(reliable=True, depth=SAMPLES)
+"""The reader keeps them all: with less the oldest would give way while the bus is busy, as they should."""
 
 trouble = st.lists(
     st.tuples(
@@ -67,9 +69,12 @@ def test_every_sample_arrives_once_and_in_order(story: list[tuple[str, int]], fr
         came: list[bytes] = []
         async with component(ShakyRates(500_000), framing) as room:
             client = room.client
-            made = room.create()
+            participant = client.create_participant()
+            topic = client.create_topic(participant, "echo", "Echo")
+            writer = client.create_writer(client.create_publisher(participant), topic, QOS)
+            reader = client.create_reader(client.create_subscriber(participant), topic, QOS)
             client.on_topic = lambda _object_id, _request_id, payload: came.append(payload)
-            client.read(made[ObjectKind.DATAREADER])
+            client.read(reader)
             await client.until_all_statuses(timeout_s=5.0)
 
             roomy = asyncio.Event()
@@ -80,7 +85,7 @@ def test_every_sample_arrives_once_and_in_order(story: list[tuple[str, int]], fr
                 while left:
                     roomy.clear()
                     try:
-                        client.write(made[ObjectKind.DATAWRITER], left[0])
+                        client.write(writer, left[0])
                         del left[0]
                     except LinkFull:
                         await roomy.wait()
