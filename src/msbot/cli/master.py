@@ -9,20 +9,25 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from msbot.agent import StatusServer
 from msbot.cli.control import MASTER, details_of
 from msbot.cli.options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside, db_option
+from msbot.cli.page import PageWishes, page_options, page_wishes, serve_page
 from msbot.cli.running import run_until_signal
 from msbot.config import Blueprint, Library, load_blueprint, load_library
 from msbot.link import CanSettings, Codec, open_link
 from msbot.master import Master, profile_of
 from msbot.operations import Operations, perform
 from msbot.pnp import PartEvent
-from msbot.registry import open_registry
+from msbot.registry import held, open_registry
 from msbot.xrce import compress, decompress, is_whole
+
+if TYPE_CHECKING:
+    from msbot.web.compose import WebRoom
 
 CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 
@@ -35,10 +40,16 @@ CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
               help="A folder with more part types (TOML files); may be given several times.")  # fmt: skip
 @db_option
 @click.option("-v", "--verbose", is_flag=True, help="Say more.")
+@page_options
 def command(
-    blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], db: str | None, *, verbose: bool
-) -> None:
-    """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C."""
+    blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], db: str | None, *, verbose: bool,
+    port: int | None, host: str, no_page: bool, certificate: Path | None, certificate_key: Path | None,
+) -> None:  # fmt: skip
+    """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C.
+
+    Its page is at the address that is printed; at the first start a link that makes you its administrator.
+    """
+    page = page_wishes(port=port, host=host, no_page=no_page, certificate=certificate, certificate_key=certificate_key)
     logging.basicConfig(
         level=logging.INFO if verbose else logging.WARNING, format="%(asctime)s %(message)s", datefmt="%H:%M:%S"
     )
@@ -47,11 +58,14 @@ def command(
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # what is wrong is told before the database is touched
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(_main(robot, library, addresses, db or database_beside(blueprint)))
+        asyncio.run(_main(robot, library, addresses, db or database_beside(blueprint), page))
 
 
-async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str], db: str) -> None:
+async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str], db: str, page: PageWishes) -> None:
     profile = profile_of(blueprint)
+    kept = held.bring_back_held(db)
+    if kept is not None:
+        click.echo(f"the backup that was handed in is in force; what the database had is kept in {kept}")
     with open_registry(db) as registry:
         robot = registry.apply_blueprint(blueprint, library)
         master = Master(blueprint, registry.store_for(robot))
@@ -73,7 +87,25 @@ async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str]
             details=lambda: details_of(profile.name, db),
             control=partial(perform, operations),
         )
-        await run_until_signal(master.run(), beside=[status.run()], ready=master.ready, say=greet)
+        beside = [status.run()]
+        if not page.off:
+
+            def room(wishes: PageWishes) -> WebRoom:
+                from msbot.web.compose import Database, WebRoom
+                from msbot.web.real_buses import seen_of_links
+
+                database = Database(registry, robot, db)
+                return WebRoom(
+                    master,
+                    operations,
+                    library,
+                    database=database,
+                    seen=seen_of_links(links),
+                    settings=wishes.settings(),
+                )
+
+            beside.append(serve_page(page, master.ready, room, click.echo))
+        await run_until_signal(master.run(), beside=beside, ready=master.ready, say=greet)
 
 
 def _say(event: PartEvent) -> None:

@@ -133,9 +133,9 @@ class BurstLink(Protocol):
 from msbot.link.address import open_link  # noqa: E402
 from msbot.link.can_address import CanSettings, open_can_bus  # noqa: E402
 from msbot.link.can_bits import FrameBits, frame_bits  # noqa: E402
-from msbot.link.can_bus import BusState, CanBus, CanBusInfo  # noqa: E402
+from msbot.link.can_bus import BusState, CanBus, CanBusInfo, FrameTap  # noqa: E402
 from msbot.link.can_cost import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost  # noqa: E402
-from msbot.link.can_end import Codec  # noqa: E402
+from msbot.link.can_end import CanEnd, Codec  # noqa: E402
 from msbot.link.can_frames import Frame  # noqa: E402
 from msbot.link.can_ids import CanIds  # noqa: E402
 from msbot.link.can_legacy_link import CanLegacyLink  # noqa: E402
@@ -146,7 +146,7 @@ from msbot.link.faults import LossyLink  # noqa: E402
 from msbot.link.inproc import InprocEnd, InprocHub, inproc_pair  # noqa: E402
 from msbot.link.pty import PtyServerLink  # noqa: E402
 from msbot.link.serial import SerialClientLink, SerialServerLink  # noqa: E402
-from msbot.link.sim_driver import FrameTap, SimBusDriver  # noqa: E402
+from msbot.link.sim_driver import SimBusDriver  # noqa: E402
 from msbot.link.sim_events import BusCounters  # noqa: E402
 from msbot.link.simbus import SimBus  # noqa: E402
 from msbot.link.tcp import TcpClientLink, TcpServerLink  # noqa: E402
@@ -162,6 +162,7 @@ __all__ = [
     "BusState",
     "CanBus",
     "CanBusInfo",
+    "CanEnd",
     "CanFdEprosimaLink",
     "CanIds",
     "CanLegacyLink",

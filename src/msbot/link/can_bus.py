@@ -40,6 +40,8 @@ class CanBusInfo:
 FrameHandler = Callable[[Frame, float], None]
 """`(frame, now)`; must not block and must not raise."""
 
+FrameTap = Callable[[float, str, Frame], None]
+"""`(at, sender, frame)` for each frame that went well; the sender: its name on a simulated bus, or `here`, or `bus`."""
 StateHandler = Callable[[BusState, str, float], None]
 """`(state, reason in words, now)`."""
 

@@ -12,7 +12,7 @@ from typing import Final
 
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
-from msbot.link.can_bus import BusState, CanBus, CanBusInfo
+from msbot.link.can_bus import BusState, CanBus, CanBusInfo, FrameTap
 from msbot.link.can_frames import COUNTER, REPEAT_S, Frame, Joiner, split
 from msbot.link.can_ids import CAN_FD, COMPRESSION, CanIds, stop_words
 from msbot.link.can_port import CanPort
@@ -100,6 +100,10 @@ class CanEnd(ABC):
         self._signal_handler: SignalHandler = ignore_signal
         self._room_handler: Callable[[Peer | None], None] = ignore_room
         self._port = CanPort(bus, self, ids=ids, queue_frames=queue_frames)
+
+    def on_frame(self, tap: FrameTap) -> None:
+        """Call `tap` with every frame that this end sends or receives."""
+        self._port.frame_tap = tap
 
     @property
     def bus_state(self) -> BusState:

@@ -9,7 +9,7 @@ import asyncio
 from typing import Final, Protocol
 
 from msbot.errors import LinkDown, LinkFull
-from msbot.link.can_bus import BusState, CanBus
+from msbot.link.can_bus import BusState, CanBus, FrameTap
 from msbot.link.can_frames import Frame
 from msbot.link.can_ids import CanIds, read_stop, stop_frame
 from msbot.link.can_queue import QUEUE_FRAMES, FrameQueue
@@ -65,6 +65,8 @@ class CanPort:
         """The port runs and the controller takes part in the bus."""
         self.state = BusState.ACTIVE
         """Of the controller, as it told last."""
+        self.frame_tap: FrameTap | None = None
+        """Called with every frame that is handed over or comes in when set; None costs nothing."""
         self._owner = owner
         self._ids = ids
         self._stop_id = ids.stop
@@ -88,6 +90,8 @@ class CanPort:
                     self._owner.drained(now)
                 break
             bus.send(frame)
+            if self.frame_tap is not None:
+                self.frame_tap(now, "here", frame)
         if queue.roomy:
             roomy, queue.roomy = queue.roomy, []
             for peer in roomy:
@@ -195,6 +199,8 @@ class CanPort:
         self.arm()
 
     def _frame(self, frame: Frame, now: float) -> None:
+        if self.frame_tap is not None:
+            self.frame_tap(now, "bus", frame)
         if frame.can_id == self._stop_id:
             reason = read_stop(frame, self._ids)
             if reason is not None:

@@ -12,16 +12,13 @@ from collections.abc import Callable
 from typing import Final
 
 from msbot.errors import LinkDown
-from msbot.link.can_bus import BusState, CanBusInfo, FrameHandler, StateHandler
+from msbot.link.can_bus import BusState, CanBusInfo, FrameHandler, FrameTap, StateHandler
 from msbot.link.can_frames import Frame
 from msbot.link.sim_events import BusCounters, BusEvent, Delivered, Sent
 from msbot.link.simbus import MAILBOXES, SimBus
 
 EVENTS_PER_TURN: Final = 256
 """Bus events handled before the event loop gets its turn again, when the bus has fallen behind the clock."""
-
-FrameTap = Callable[[float, str, Frame], None]
-"""`(at, name of the sender, frame)` for each frame that went well."""
 
 _STATE_WORDS: Final = {
     BusState.ACTIVE: "the controller is error-active again",
