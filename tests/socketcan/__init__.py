@@ -1,1 +1,1 @@
-"""Tests on a real kernel's CAN bus, inside a virtual machine (docs/howto/kernel_bus.md)."""
+"""Tests on a CAN bus of a real kernel, inside virtual machines (CONTRIBUTING.md)."""
