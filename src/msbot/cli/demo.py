@@ -10,8 +10,9 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Coroutine, Iterable, Iterator
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING
@@ -24,16 +25,18 @@ from msbot.cli.demo_json import as_json
 from msbot.cli.frame_log import FrameLog
 from msbot.cli.keys import Keys
 from msbot.cli.page import PageWishes, page_options, page_wishes, serve_page
-from msbot.config import SAMPLES, Library, load_blueprint, load_library, write_sample
+from msbot.config import SAMPLES, Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
 from msbot.errors import ConfigError, MsbotError
 from msbot.link.sim_server import SimBusServer
 from msbot.master import first_error
-from msbot.operations import Operations
+from msbot.operations import Operations, perform
 from msbot.registry import Registry, RobotRecord, open_registry
 
 if TYPE_CHECKING:
     from msbot.web.compose import WebRoom
+
+_Deeds = Mapping[str, Callable[[str], None]]
 
 REFRESH_S = 0.2
 STATUS_S = 1.0
@@ -45,8 +48,9 @@ class ScriptStep:
 
     at_s: float
     verb: str
-    """`plug` or `unplug`."""
+    """`plug`, `unplug` or `undo`."""
     part: str
+    """Empty for `undo`."""
 
 
 class ScriptType(click.ParamType[list[ScriptStep]]):
@@ -62,14 +66,15 @@ class ScriptType(click.ParamType[list[ScriptStep]]):
             return value
         steps = []
         for text in filter(None, (piece.strip() for piece in value.split(";"))):
-            match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*:\s*(plug|unplug)\s+(\S+)", text)
+            match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*:\s*(?:(plug|unplug)\s+(\S+)|(undo))", text)
             if match is None:
                 self.fail(
-                    f"{text!r} is no step; write SECONDS:plug PART or SECONDS:unplug PART, for example 3:unplug AA",
+                    f"{text!r} is no step; write SECONDS:plug PART, SECONDS:unplug PART or SECONDS:undo, "
+                    "for example 3:unplug AA",
                     param,
                     ctx,
                 )
-            steps.append(ScriptStep(float(match[1]), match[2], match[3]))
+            steps.append(ScriptStep(float(match[1]), match[2] or match[4], match[3] or ""))
         return sorted(steps, key=lambda step: step.at_s)
 
 
@@ -99,7 +104,9 @@ class _Options:
               help="Bit rate of the data phase of CAN FD, bit/s.")  # fmt: skip
 @click.option("--no-compression", is_flag=True, help="Send DDS-XRCE headers on CAN as they are.")
 @click.option("--seconds", type=click.FloatRange(min=0.1), help="End by itself after that time.")
-@click.option("--script", type=ScriptType(), default="", help='Pull and plug parts on time: "3:unplug AA;12:plug AA".')
+@click.option(
+    "--script", type=ScriptType(), default="", help='Pull and plug parts on time: "3:unplug AA;12:plug AA;15:undo".'
+)
 @click.option("--json", "as_json_object", is_flag=True, help="Print one JSON object at the end and nothing else.")
 @click.option("--log", type=click.Path(path_type=Path, dir_okay=False),
               help="Write every frame on the CAN bus to this file, as candump does.")  # fmt: skip
@@ -162,6 +169,7 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
         _check_script(options.script, robot)
         operations = Operations(robot.master, registry, record, library=library)
         notes = _Notes()
+        deeds = _deeds(robot, operations, notes)
         beside: list[Coroutine[object, object, None]] = [_answering(robot, operations, address).run()]
         if not options.page.off:
             database = (registry, record, address)
@@ -170,9 +178,10 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
             )
         with _logging(robot, options.log):
             if options.bus is None or robot.bus_driver is None:
-                await _run_beside(_run(robot, options, notes), beside)
+                await _run_beside(_run(robot, options, notes, deeds), beside)
             else:
-                await _run_served(robot, SimBusServer(robot.bus_driver, options.bus), options, notes, beside)
+                server = SimBusServer(robot.bus_driver, options.bus)
+                await _run_served(server, partial(_run, robot, options, notes, deeds), beside)
 
 
 def _spares(blueprint: Blueprint) -> dict[str, str]:
@@ -236,16 +245,17 @@ async def _run_beside(work: Coroutine[object, object, None], beside: Iterable[Co
 
 
 async def _run_served(
-    robot: DemoRobot, server: SimBusServer, options: _Options, notes: _Notes,
+    server: SimBusServer,
+    work: Callable[[], Coroutine[object, object, None]],
     beside: list[Coroutine[object, object, None]],
-) -> None:  # fmt: skip
+) -> None:
     """Let other programs join the bus meanwhile."""
 
-    async def work() -> None:
+    async def when_served() -> None:
         await server.ready.wait()
-        await _run(robot, options, notes)
+        await work()
 
-    await _run_beside(work(), [server.run(), *beside])
+    await _run_beside(when_served(), [server.run(), *beside])
 
 
 @contextlib.contextmanager
@@ -264,18 +274,29 @@ def _logging(robot: DemoRobot, path: Path | None) -> Iterator[None]:
 
 def _check_script(script: list[ScriptStep], robot: DemoRobot) -> None:
     for step in script:
-        if step.part not in robot.names:
+        if step.part and step.part not in robot.names:
             raise ConfigError(f"--script: there is no part {step.part!r}; there are {', '.join(robot.names)}")
 
 
-async def _run(robot: DemoRobot, options: _Options, notes: _Notes) -> None:
+def _deeds(robot: DemoRobot, operations: Operations, notes: _Notes) -> _Deeds:
+    """What the steps of a script do."""
+
+    def undo(_: str) -> None:
+        try:
+            notes.add(operations.undo(who="the script").words)
+        except MsbotError as error:
+            notes.add(f"undo: {error}")
+
+    return {"plug": robot.plug, "unplug": robot.unplug, "undo": undo}
+
+
+async def _run(robot: DemoRobot, options: _Options, notes: _Notes, deeds: _Deeds) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         with contextlib.suppress(NotImplementedError):
             loop.add_signal_handler(number, robot.finish)
     for step in options.script:
-        action: Callable[[str], None] = robot.plug if step.verb == "plug" else robot.unplug
-        loop.call_later(step.at_s, action, step.part)
+        loop.call_later(step.at_s, deeds[step.verb], step.part)
     if options.seconds is not None:
         loop.call_later(options.seconds, robot.finish)
     if options.json:

@@ -46,6 +46,7 @@ def as_json(robot: DemoRobot) -> Json:
                 "from": event.from_state,
                 "to": event.to_state,
                 "reason": event.reason,
+                "slot": event.slot,
             }
             for event in robot.events
         ],

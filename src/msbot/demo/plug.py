@@ -16,14 +16,16 @@ class Plug:
     """A place for one part; the thesis' three are their own programs, all others are simulated from the library.
 
     Args:
-        name: of the slot that the part is meant for.
+        name: what the place is called.
+        slot: the slot that the part is meant for.
         part_number: what it is.
         uid: 8 octets; the same however often it is plugged in.
         library: where its part number is looked up.
     """
 
-    def __init__(self, name: str, part_number: str, uid: bytes, library: Library | None) -> None:
+    def __init__(self, name: str, slot: str, part_number: str, uid: bytes, library: Library | None) -> None:
         self.name = name
+        self.slot = slot
         self.part_number = part_number
         self.uid = uid
         self.board = SimGpio()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from random import Random
 
 from msbot.config import Blueprint, Library
@@ -42,6 +42,7 @@ class DemoRobot:
         node_ids: where the addresses of parts on a CAN wire are remembered; memory if absent.
         compression: shorten headers on a CAN wire.
         names: slots whose parts take part; all if absent.
+        spares: further parts by name, and for which slot each is meant; plugged in when all others are active.
         library: where parts other than the thesis' three are looked up; MsBOT's own if absent.
         random: draws everything that is drawn; a seeded one makes a run in virtual time repeatable.
         epoch_ns: wall clock, nanoseconds since 1970.
@@ -58,6 +59,7 @@ class DemoRobot:
         node_ids: NodeIds | None = None,
         compression: bool = True,
         names: tuple[str, ...] | None = None,
+        spares: Mapping[str, str] | None = None,
         library: Library | None = None,
         random: Random | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
@@ -81,14 +83,17 @@ class DemoRobot:
         )
         self.master.add_link(self._wiring.master_link)
         self.master.inventory.on_event(self._changed)
+        self._spares = dict(spares or {})
         self._plugs: dict[str, Plug] = {}
-        for name in tuple(slot.name for slot in blueprint.slots) if names is None else names:
-            slot = blueprint.slot(name)
+        own = tuple(slot.name for slot in blueprint.slots) if names is None else names
+        for name, meant_for in {**dict(zip(own, own, strict=True)), **self._spares}.items():
+            slot = blueprint.slot(meant_for)
             if slot is None:
                 raise ConfigError(
-                    f"the demo needs a slot {name!r}; the blueprint has none: use the sample of `msbot init`"
+                    f"the demo needs a slot {meant_for!r}; the blueprint has none: use the sample of `msbot init`"
                 )
-            self._plugs[name] = Plug(name, slot.part, self._random.randbytes(8), library)
+            self._plugs[name] = Plug(name, meant_for, slot.part, self._random.randbytes(8), library)
+        self._by_uid = {plug.uid: plug for plug in self._plugs.values()}
         self._baseline: dict[str, tuple[int, int]] = {}
         self._tasks: asyncio.TaskGroup | None = None
         self._finished = asyncio.Event()
@@ -111,7 +116,8 @@ class DemoRobot:
                 background = [tasks.create_task(self.master.run())]
                 await self.master.ready.wait()
                 for name in self._plugs:
-                    self.plug(name)
+                    if name not in self._spares:
+                        self.plug(name)
                 self._watch_start()
                 await self._finished.wait()
                 await self._settle()
@@ -182,12 +188,12 @@ class DemoRobot:
 
     def _look(self) -> DemoSnapshot:
         now = self._loop.time()
-        infos = {info.slot: info for info in self.master.inventory.view(now) if info.slot is not None}
+        infos = {info.uid: info for info in self.master.inventory.view(now)}
         return DemoSnapshot(
             robot=self.master.profile.name,
             link=self._wiring.name,
             at_s=now - self._started_at,
-            parts=tuple(self._part_snapshot(plug, infos.get(plug.name)) for plug in self._plugs.values()),
+            parts=tuple(self._part_snapshot(plug, infos.get(plug.uid)) for plug in self._plugs.values()),
             topics=tuple(self._topic_snapshots()),
             bus=self._bus_snapshot(now),
         )
@@ -221,7 +227,12 @@ class DemoRobot:
         return {
             binding.topic: (
                 accepted.get(binding.topic, 0),
-                sum(self._plugs[target.slot].messages_in for target in binding.targets if target.slot in self._plugs),
+                sum(
+                    plug.messages_in
+                    for target in binding.targets
+                    for plug in self._plugs.values()
+                    if plug.slot == target.slot
+                ),
             )
             for binding in self.master.blueprint.bindings
         }
@@ -243,8 +254,8 @@ class DemoRobot:
     def _changed(self, event: PartEvent) -> None:
         if self._final is not None:
             return  # what the end of the robot itself brings about is no news
-        name = event.slot or event.part
-        plug = self._plugs.get(name)
+        plug = self._by_uid.get(event.uid)
+        name = plug.name if plug is not None else event.slot or event.part
         if plug is not None and event.to_state is PartState.ACTIVE and plug.active_at is None:
             plug.active_at = event.at
         shown = DemoEvent(
@@ -253,6 +264,7 @@ class DemoRobot:
             from_state="" if event.from_state is None else event.from_state.value,
             to_state=event.to_state.value,
             reason=event.reason,
+            slot=event.slot or "",
         )
         self.events.append(shown)
         self.on_event(shown)
@@ -270,6 +282,8 @@ class DemoRobot:
         if attached >= wanted:
             # What the agent has handed out and a part has yet to get counts neither as published nor as delivered.
             self._baseline = {name: (published, out) for name, published, out in self.master.agent.topics()}
+            for name in self._spares:
+                self.plug(name)
         else:
             self._loop.call_later(START_LOOK_S, self._watch_start)
 

@@ -12,10 +12,12 @@ class DemoEvent:
     at_s: float
     """Seconds since the start of the robot."""
     part: str
-    """The slot's name, or the part's own when it has none."""
+    """The part's name in the demo; before it has claimed, the one it has on the wire."""
     from_state: str
     to_state: str
     reason: str
+    slot: str = ""
+    """The slot it holds, or has lost by this change."""
 
 
 @dataclass(frozen=True, slots=True)

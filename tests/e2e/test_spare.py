@@ -1,0 +1,152 @@
+"""A hot spare in the sample robot, in virtual time and through the command: it holds the slot within one tick."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from msbot.config import load_blueprint, load_library, write_sample
+from msbot.demo import DemoEvent, DemoRobot, DemoSnapshot, Wire
+from msbot.link import run_virtual
+from msbot.operations import Operations
+from msbot.registry import open_registry
+from tests.e2e.processes import run
+
+Scene = Callable[[DemoRobot, Operations], Awaitable[None]]
+
+
+def play(
+    folder: Path, scene: Scene, *, preset: str = "thesis", wire: Wire = Wire.CAN
+) -> tuple[DemoRobot, DemoSnapshot]:
+    """Run the sample robot with a spare, DD, for BB."""
+
+    async def main() -> tuple[DemoRobot, DemoSnapshot]:
+        path = folder / "robot.toml"
+        write_sample(path)
+        text = path.read_text()
+        assert 'preset = "thesis"' in text
+        path.write_text(text.replace('preset = "thesis"', f'preset = "{preset}"'))
+        library = load_library()
+        blueprint = load_blueprint(path, library)
+        with open_registry(folder / "robot.db") as registry:
+            record = registry.apply_blueprint(blueprint, library)
+            robot = DemoRobot(
+                blueprint, registry.store_for(record), wire=wire, spares={"DD": "BB"}, random=Random(1),
+                epoch_ns=lambda: 0,
+            )  # fmt: skip
+            operations = Operations(robot.master, registry, record, library=library)
+            async with asyncio.TaskGroup() as tasks:
+                running = tasks.create_task(robot.run())
+                await robot.master.ready.wait()
+                await asyncio.sleep(2.3)
+                await scene(robot, operations)
+                robot.finish()
+                await running
+            return robot, robot.snapshot()
+
+    return run_virtual(main())
+
+
+def changes(robot: DemoRobot, name: str) -> list[tuple[str, str, str]]:
+    return [(event.from_state, event.to_state, event.slot) for event in robot.events if event.part == name]
+
+
+def when(robot: DemoRobot, name: str, state: str) -> float:
+    return [event.at_s for event in robot.events if (event.part, event.to_state) == (name, state)][-1]
+
+
+@pytest.mark.parametrize(("preset", "tick_s", "lost_within_s"), [("thesis", 2.0, 6.0), ("fast", 0.5, 1.5)])
+def test_the_spare_holds_the_slot_within_one_tick_and_the_ring_goes_on(
+    preset: str, tick_s: float, lost_within_s: float, tmp_path: Path
+) -> None:
+    """R62, R83: nobody touches anything."""
+    heard: dict[str, int] = {}
+
+    async def scene(robot: DemoRobot, _operations: Operations) -> None:
+        assert [part.state for part in robot.snapshot().parts] == ["active"] * 3 + ["standby"]
+        robot.unplug("BB")
+        heard["unplugged"] = robot.snapshot().parts[2].messages_in
+        await asyncio.sleep(lost_within_s + tick_s)
+        heard["taken over"] = robot.snapshot().parts[2].messages_in
+        await asyncio.sleep(5.0)
+        heard["later"] = robot.snapshot().parts[2].messages_in
+
+    robot, snapshot = play(tmp_path, scene, preset=preset)
+    assert when(robot, "DD", "active") - when(robot, "BB", "lost") <= tick_s
+    assert changes(robot, "DD") == [("checking", "standby", ""), ("standby", "active", "BB")]
+    spare = snapshot.parts[3]
+    assert (spare.name, spare.slot, spare.state) == ("DD", "BB", "active")
+    assert sum(spare.outputs) == 1  # it does what AA says
+    assert heard["later"] - heard["taken over"] >= 4  # CC hears it as it heard BB
+
+
+def test_undo_brings_the_first_part_back(tmp_path: Path) -> None:
+    async def scene(robot: DemoRobot, operations: Operations) -> None:
+        robot.unplug("BB")
+        await asyncio.sleep(7.0)
+        robot.plug("BB")
+        await asyncio.sleep(1.0)
+        assert changes(robot, "BB")[-1] == ("checking", "standby", "")
+        operations.undo(who="ann")
+        await asyncio.sleep(3.0)
+
+    robot, snapshot = play(tmp_path, scene)
+    assert [(part.name, part.slot, part.state) for part in snapshot.parts] == [
+        ("AA", "AA", "active"), ("BB", "BB", "active"), ("CC", "CC", "active"), ("DD", "", "standby")
+    ]  # fmt: skip
+    assert changes(robot, "DD")[-1] == ("active", "standby", "")
+
+
+def test_swap_on_a_can_bus_gives_settings_and_topics_to_the_spare_and_silences_the_other(tmp_path: Path) -> None:
+    async def scene(robot: DemoRobot, operations: Operations) -> None:
+        dd = next(info for info in robot.master.inventory.view(0.0) if info.state.value == "standby")
+        operations.swap("BB", dd.uid.hex(), who="ann")
+        await asyncio.sleep(5.0)
+
+    _, snapshot = play(tmp_path, scene, wire=Wire.FD)
+    assert [(part.slot, part.state) for part in snapshot.parts[1:]] == [
+        ("", "standby"), ("CC", "active"), ("BB", "active")
+    ]  # fmt: skip
+    assert snapshot.parts[1].outputs == (False,) * 8  # it went to its safe state
+
+
+def test_a_spare_that_was_lost_itself_takes_nothing_over(tmp_path: Path) -> None:
+    async def scene(robot: DemoRobot, _operations: Operations) -> None:
+        robot.unplug("DD")
+        await asyncio.sleep(8.0)
+        robot.unplug("BB")
+        await asyncio.sleep(8.0)
+
+    robot, _ = play(tmp_path, scene)
+    assert [state for _, state, _ in changes(robot, "DD")] == ["standby", "lost"]
+
+
+def test_two_spares_take_over_one_after_the_other(tmp_path: Path) -> None:
+    async def scene(robot: DemoRobot, _operations: Operations) -> None:
+        for _ in range(2):
+            for name in ("BB", "DD"):
+                robot.unplug(name)
+                await asyncio.sleep(7.0)
+                robot.plug(name)
+                await asyncio.sleep(1.0)
+
+    robot, snapshot = play(tmp_path, scene)
+    taken: list[DemoEvent] = [event for event in robot.events if event.reason.startswith("takes over slot BB")]
+    assert [event.part for event in taken] == ["DD", "BB", "DD", "BB"]
+    assert [part.slot for part in snapshot.parts] == ["AA", "BB", "CC", ""]
+
+
+def test_the_command_shows_it_in_its_events(tmp_path: Path) -> None:
+    done = run("demo", "--spare", "--link", "udp", "--seconds", "13", "--script", "1.5:unplug BB;9:plug BB;11:undo",
+               "--json", cwd=tmp_path)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    (lost,) = [event["at_s"] for event in result["events"] if (event["part"], event["to"]) == ("BB", "lost")]
+    (over,) = [event["at_s"] for event in result["events"] if (event["part"], event["to"]) == ("DD", "active")]
+    assert 0 <= over - lost <= 2.0
+    assert {part["name"]: part["slot"] for part in result["parts"]} == {"AA": "AA", "BB": "BB", "CC": "CC", "DD": ""}
