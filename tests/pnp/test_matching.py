@@ -185,3 +185,23 @@ def test_a_match_looks_only_at_what_the_index_gives() -> None:
         assert match.slot is not None
         assert match.slot.name == f"s{n}"
     assert store.reads == 1
+
+
+class VersionStore(MemoryStore):
+    """A store that finds `ABCD` for `ABCD@2`, as the registry does."""
+
+    def part_type(self, number: str) -> PartType | None:
+        return super().part_type(number.partition("@")[0])
+
+
+def test_a_version_behind_the_number_gets_the_slot_of_the_number() -> None:
+    store = VersionStore(types=(ABCD,), slots=(Slot("AA", "ABCD"),))
+    match = Matcher(store).match(Claim("ABCD@2", "any", uid(1)))
+    assert match.slot == Slot("AA", "ABCD")
+
+
+def test_a_blocked_number_cannot_be_got_round_with_a_version() -> None:
+    store = VersionStore(types=(ABCD,), slots=(Slot("AA", "ABCD"),))
+    store.blocks["ABCD"] = "recalled"
+    match = Matcher(store).match(Claim("ABCD@2", "any", uid(1)))
+    assert (match.refusal, match.reason) == (Refusal.BLOCKED, "blocked: recalled")

@@ -22,7 +22,7 @@ from msbot.config.library import (
 from msbot.config.library_messages import standard_message_types
 from msbot.config.library_simulator import Control, ControlKind, Operand, Output, Reading, Simulator
 from msbot.config.library_texts import format_text
-from msbot.config.library_versions import Versions, split_number
+from msbot.config.library_versions import Versions, parse_versions, split_number
 from msbot.config.plan import PRESETS, Binding, Endpoint, Options, RobotProfile, Slot, Timing
 from msbot.config.problems import FoundProblems, path_words
 from msbot.config.reader import Scalar
@@ -69,6 +69,8 @@ __all__ = [
     "format_text",
     "load_blueprint",
     "load_library",
+    "parse_blueprint",
+    "parse_versions",
     "path_words",
     "preset_of",
     "scalar_text",

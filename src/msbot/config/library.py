@@ -84,9 +84,7 @@ class Library:
         number, version = split_number(shown)
         known = self.get(number)
         if known is not None:
-            raise ConfigError(
-                f"part {number} is known, but not in version {version!r}; known: {known.versions}"
-            )
+            raise ConfigError(f"part {number} is known, but not in version {version!r}; known: {known.versions}")
         near = self.nearest(number)
         right = f"did you mean {quoted(near, ' or ')}?" if near else "`msbot library list` shows what there is"
         raise ConfigError(f'the library has no part number "{shown}"; {right}')

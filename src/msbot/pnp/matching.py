@@ -5,7 +5,7 @@ The rules, in this order; every one that is tried leaves a line of evidence, so 
 1. The claim can be read at all.
 2. Neither the part nor its number is blocked.
 3. A person has put this very part into a slot: that one, whatever the library says.
-4. The part number is in the library.
+4. The part number is in the library: exactly this one, or the one before its @ if the version is in its range.
 5. The robot has slots for this number: exactly this one, then those its type is compatible with.
 6. The same UID as before gets its old slot.
 7. Exactly one free slot fits: that one.
@@ -131,6 +131,8 @@ class Matcher:
         if part_type is None:
             return _refuse(evidence, Refusal.UNKNOWN_PART, f"part number {number} is not in the library")
         evidence.append(("library", f"{number} is a {part_type.name}".rstrip()))
+        if part_type.number != number and (blocked := self._store.blocked(uid, part_type.number)) is not None:
+            return _refuse(evidence, Refusal.BLOCKED, f"blocked: {blocked}")
         evidence.append(("blocked", "no"))
         tiers = self._tiers(part_type)
         if not tiers:

@@ -179,6 +179,7 @@ def _library_row(part_type: PartType) -> dict[str, object]:
         "ports": [_port(port) for port in part_type.ports],
         "parameters": [_parameter(parameter) for parameter in part_type.parameters],
         "source": part_type.source,
+        "versions": str(part_type.versions),
     }
     row["digest"] = hashlib.sha256(json.dumps(row, sort_keys=True).encode()).hexdigest()
     return row

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from sqlalchemy import Connection, Row, Table, and_, case, delete, func, or_, select, update
 from sqlalchemy.dialects import postgresql, sqlite
 
-from msbot.config import Scalar, scalar_text
+from msbot.config import Scalar, parse_versions, scalar_text, split_number
 from msbot.part import safe_setting
 from msbot.pnp import Binding, Claim, Configuration, PartEvent, PartState, PartType, Slot
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord, uid_text
@@ -47,8 +47,14 @@ def find_robot(connection: Connection, name: str, serial_number: str) -> RobotRe
 
 
 def find_part_type(connection: Connection, number: str) -> PartType | None:
-    """The library's entry for this part number."""
+    """The library's entry for exactly this part number; else that of the number before its @ if the version fits."""
     row = connection.execute(select(library).where(library.c.number == number)).one_or_none()
+    base, version = split_number(number)
+    if row is None and version:
+        row = connection.execute(select(library).where(library.c.number == base)).one_or_none()
+        versions = None if row is None else parse_versions(row.versions)
+        if versions is None or version not in versions:
+            return None
     if row is None:
         return None
     return PartType(row.number, row.name, row.description, row.specification, tuple(row.compatible_with))

@@ -122,6 +122,7 @@ library = Table(
     Column("ports", JSON, nullable=False, comment="list of ports: name, direction, type, rate_hz, safe"),
     Column("parameters", JSON, nullable=False, comment="list of parameters: name, type, default, unit, min, max"),
     Column("source", Text, nullable=False, comment="the file it was read from"),
+    Column("versions", Text, nullable=False, server_default="", comment="versions it describes; empty: every one"),
     Column("digest", Text, nullable=False, comment="changes when anything about the type changes"),
 )
 
