@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 from pathlib import Path
 
-from tests.e2e.processes import running
+from tests.e2e.processes import run, running
 from tests.e2e.test_processes import free_port
 
 ROBOT = """
@@ -33,12 +33,12 @@ to = ["motors.left"]
 """
 
 
-def test_a_knob_drives_a_motor_until_it_is_gone(tmp_path: Path) -> None:
+def test_a_knob_drives_a_motor_as_it_is_set_until_stop_and_until_it_is_gone(tmp_path: Path) -> None:
     (tmp_path / "robot.toml").write_text(ROBOT)
     link = ("--link", f"udp:127.0.0.1:{free_port()}")
     state = {"XDG_STATE_HOME": str(tmp_path / "state")}
     with (
-        running("master", *link, cwd=tmp_path) as master,
+        running("master", "--no-page", *link, cwd=tmp_path) as master,
         running("part", "TB6612FNG", *link, cwd=tmp_path, env=state) as motors,
     ):
         master.wait_for("is up on")
@@ -46,5 +46,11 @@ def test_a_knob_drives_a_motor_until_it_is_gone(tmp_path: Path) -> None:
         with running("part", "POT-10K", "--set", "knob=80", *link, cwd=tmp_path, env=state) as knob:
             knob.wait_for("active: in slot knob")
             motors.wait_for("left_motor 60 %")  # the slot's setting, not the knob's 80
+            assert run("set", "motors", "most", "30", cwd=tmp_path).returncode == 0
+            motors.wait_for("left_motor 30 %")
+            assert run("stop", cwd=tmp_path).returncode == 0
+            motors.wait_for("left_motor 0 %")
+            assert run("stop", "--go", cwd=tmp_path).returncode == 0
+            motors.wait_for("left_motor 30 %")
             knob.end(signal.SIGKILL)
         motors.wait_for("left_motor 0 %")  # its partner is lost: the safe value
