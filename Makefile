@@ -60,6 +60,7 @@ vm:
 
 bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/can.py
+	PYTHONPATH=. $(BIN)/python bench/live.py
 	PYTHONPATH=. $(BIN)/python bench/path.py
 	PYTHONPATH=. $(BIN)/python bench/can_path.py
 	PYTHONPATH=. $(BIN)/python bench/agent.py --write

@@ -53,8 +53,8 @@ REQUESTS: list[tuple[Message, str]] = [
 REPLIES: list[tuple[Message, str]] = [
     (BeatReply(configuration_version=7), "07000000"),
     (Challenge(nonce=bytes(range(16))), "00010203 04050607 08090a0b 0c0d0e0f"),
-    (Notice(configuration_version=2, binding=1, kind=NoticeKind.PARTNER_LOST), "02000000 0100 01 00"),
-    (Notice(configuration_version=0, binding=NO_BINDING, kind=NoticeKind.STOP), "00000000 ffff 04 00"),
+    (Notice(number=2, binding=1, kind=NoticeKind.PARTNER_LOST), "02000000 0100 01 00"),
+    (Notice(number=0, binding=NO_BINDING, kind=NoticeKind.STOP), "00000000 ffff 04 00"),
     (Verdict(lease=1, configuration_version=2, beat_period_ms=1000), "01000000 02000000 e803 00 00"),
     (Configuration(version=1, slot="", bindings=[], settings=[]), "01000000 01000000 00000000 00000000 00000000"),
     (

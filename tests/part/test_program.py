@@ -24,7 +24,7 @@ def setting(name: str, value: str) -> plug.Setting:
 
 
 def notice(kind: plug.NoticeKind, binding: int = plug.NO_BINDING, version: int = 1) -> plug.Notice:
-    return plug.Notice(configuration_version=version, binding=binding, kind=kind)
+    return plug.Notice(number=version, binding=binding, kind=kind)
 
 
 async def change(room: Room, number: str) -> None:

@@ -95,13 +95,55 @@ def test_a_port_without_a_function_drives_nothing_and_a_misfit_is_reported(caplo
 
 def test_stop_holds_until_go() -> None:
     def scenario(scene: Scene) -> None:
+        safety = scene.safety
+        assert not safety.stopped
+        safety.go(0)
+        assert safety.stop("button", 1)
+        assert not safety.stop("button", 1), "repeated"
+        assert safety.stopped
+        assert scene.story == ["safe"]
+        safety.go(1)
+        assert not safety.stopped
+        assert not safety.stop("button", 1), "a repetition that was overtaken by GO"
+        assert not safety.stopped
+        assert safety.stop("button", 2)
+
+    play(scenario)
+
+
+def test_the_go_of_an_earlier_stop_does_not_end_the_one_that_was_said_on_the_bus_meanwhile() -> None:
+    def scenario(scene: Scene) -> None:
+        safety = scene.safety
+        safety.stop("button", 1)
+        safety.go(1)
+        assert safety.stop("on the bus")
+        safety.go(1)
+        assert safety.stopped
+        assert not safety.stop("the master has taken it up", 2)
+        safety.go(1)
+        assert safety.stopped
+        safety.go(2)
+        assert not safety.stopped
+
+    play(scenario)
+
+
+def test_a_stop_on_the_bus_whose_notice_was_lost_ends_with_the_next_go() -> None:
+    def scenario(scene: Scene) -> None:
+        scene.safety.stop("on the bus")
+        scene.safety.stop("on the bus")
+        scene.safety.go(1)
         assert not scene.safety.stopped
-        scene.safety.go()
-        scene.safety.stop("button")
-        scene.safety.stop("button")
-        assert scene.safety.stopped
+
+    play(scenario)
+
+
+def test_a_part_that_is_out_of_its_robot_is_safe_and_free_of_what_was_said_there() -> None:
+    def scenario(scene: Scene) -> None:
+        scene.safety.stop("button", 7)
+        scene.safety.leave()
+        assert not scene.safety.stopped
         assert scene.story == ["safe", "safe"]
-        scene.safety.go()
-        assert not scene.safety.stopped
+        assert scene.safety.stop("another master's first", 1)
 
     play(scenario)

@@ -97,15 +97,13 @@ def test_a_part_hears_when_its_partner_is_lost_and_when_one_is_back() -> None:
             await receiver.claim("EFGH", 2)
             receiver.replies.clear()
             assert robot.agent.disconnect(0xA1, "pulled out")
-            assert await told(receiver) == [
-                plug.Notice(configuration_version=1, binding=1, kind=plug.NoticeKind.PARTNER_LOST)
-            ]
+            assert await told(receiver) == [plug.Notice(number=1, binding=1, kind=plug.NoticeKind.PARTNER_LOST)]
             await asyncio.sleep(4.0)
             await receiver.claim("EFGH", 2)
             receiver.replies.clear()
             assert await sender.claim("ABCD", 1) is not None
             assert [plug.decode_reply(payload) for payload in receiver.replies] == [
-                plug.Notice(configuration_version=1, binding=1, kind=plug.NoticeKind.PARTNER_BACK)
+                plug.Notice(number=1, binding=1, kind=plug.NoticeKind.PARTNER_BACK)
             ]
 
         await with_robot(robot, sender, receiver, play=play)
@@ -117,7 +115,7 @@ def test_stop_reaches_all_parts_and_those_that_come_in_until_go() -> None:
     async def scene() -> None:
         robot = Robot(sample_store())
         early, late = Visitor(robot, 0xA1), Visitor(robot, 0xB1)
-        stop = plug.Notice(configuration_version=0, binding=plug.NO_BINDING, kind=plug.NoticeKind.STOP)
+        stop = plug.Notice(number=1, binding=plug.NO_BINDING, kind=plug.NoticeKind.STOP)
 
         async def play() -> None:
             await early.claim("ABCD", 1)
@@ -167,7 +165,7 @@ def test_stop_is_repeated_with_every_beat_and_go_with_the_next_three() -> None:
 
 
 def replace_kind(notice: plug.Notice, kind: plug.NoticeKind) -> plug.Notice:
-    return plug.Notice(configuration_version=notice.configuration_version, binding=notice.binding, kind=kind)
+    return plug.Notice(number=notice.number, binding=notice.binding, kind=kind)
 
 
 def test_one_part_is_asked_to_show_itself_and_a_stranger_cannot_be() -> None:

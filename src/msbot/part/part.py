@@ -279,9 +279,8 @@ class Part(Program):
         elif change.before is JoinState.ACTIVE:
             for timed in self._timed:
                 timed.stop()
-            self._safety.enter()
             # Whoever takes the part back says STOP again if it still holds.
-            self._safety.go()
+            self._safety.leave()
         if change.after is JoinState.STOPPED:
             self._tell("stop")
         elif change.before is JoinState.ACTIVE:
@@ -308,26 +307,23 @@ class Part(Program):
     def _noticed(self, notice: Notice) -> None:
         match notice.kind:
             case NoticeKind.STOP:
-                self._stop_said("by the master")
+                self._stop_said("said by the master", notice.number)
             case NoticeKind.GO:
-                self._safety.go()
+                self._safety.go(notice.number)
             case NoticeKind.IDENTIFY:
                 _log.info("%s: somebody asks which part this is", self.local_name)
                 self._tell("identify")
             case NoticeKind.PARTNER_LOST:
                 self._partner_lost_at(notice)
 
-    def _stop_said(self, reason: str) -> None:
-        if self._safety.stopped:
-            return  # it is repeated for those who missed it
-        self._safety.stop(reason)
-        if self._membership is not None:
+    def _stop_said(self, reason: str, number: int | None = None) -> None:
+        if self._safety.stop(reason, number) and self._membership is not None:
             self._membership.beat_soon()
 
     def _partner_lost_at(self, notice: Notice) -> None:
         assert self._ports is not None
         port = self._ports.port_at(notice.binding)
-        if port is None or notice.configuration_version != self._joining.configuration_version:
+        if port is None or notice.number != self._joining.configuration_version:
             return
         _log.info("%s: nobody sends to port %s any more", self.local_name, port)
         self._safety.enter(port)

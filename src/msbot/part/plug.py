@@ -181,8 +181,9 @@ class NoticeKind(IntEnum):
 class Notice(Message):
     """Said to a part unasked, best effort."""
 
-    configuration_version: uint32
-    """The configuration that `binding` is about; 0 = none."""
+    number: uint32
+    """About a partner: the version of the configuration that `binding` is in. STOP, GO: which STOP, counted from 1 by
+    the master, so that the GO of an earlier one does not end it. Else 0."""
     binding: uint16
     """Which of the configuration's bindings, counted from 0; 0xFFFF = none."""
     kind: uint8

@@ -6,6 +6,10 @@ to the port's own function as if it had come in, and then calls the functions be
 
 STOP holds: no message reaches a function until GO, or until the part has joined anew (the master says STOP again then
 if it still holds). A part that is plugged out of its robot cannot be told GO, and need not be.
+
+The master numbers its STOPs, and repeats STOP and GO in case one is lost. A repeated GO of an earlier STOP may still
+be on its way when the next STOP is said on the bus, which comes before everything else and carries no number: only a
+GO that is newer than whatever was heard before ends such a STOP.
 """
 
 from __future__ import annotations
@@ -44,6 +48,12 @@ class Safety:
         self._functions = functions
         self._guard = guard
         self._messages: dict[str, Message] = {}
+        self._heard = 0
+        """The highest number of a STOP that the master has spoken of."""
+        self._over = 0
+        """The highest number of a STOP that is over."""
+        self._ends_with = 0
+        """The number that GO must have at least to end the present STOP."""
 
     def configure(self, safe: Mapping[str, str]) -> None:
         """Take the safe values of a configuration: `PORT.safe.FIELD` -> text."""
@@ -69,18 +79,39 @@ class Safety:
         for function in self._functions:
             self._guard.call(function)
 
-    def stop(self, reason: str) -> None:
-        """STOP: go to the safe state, and let nothing through from now on."""
-        if not self.stopped:
-            _log.warning("STOP: %s", reason)
+    def stop(self, reason: str, number: int | None = None) -> bool:
+        """STOP: go to the safe state, and let nothing through from now on; False: that is so already, or long over.
+
+        Args:
+            reason: why, in words.
+            number: which STOP of the master it is; None: somebody said it on the bus.
+        """
+        if number is None:
+            number = self._heard + 1
+        else:
+            if number <= self._over:
+                return False
+            self._heard = max(self._heard, number)
+        self._ends_with = max(self._ends_with, number) if self.stopped else number
+        if self.stopped:
+            return False
+        _log.warning("STOP: %s", reason)
         self.stopped = True
         self.enter()
+        return True
 
-    def go(self) -> None:
-        """STOP is over; does nothing without one."""
-        if self.stopped:
+    def go(self, number: int) -> None:
+        """The master's STOP of that number is over; does nothing when there is none, or a later one."""
+        self._heard, self._over = max(self._heard, number), max(self._over, number)
+        if self.stopped and number >= self._ends_with:
+            self.stopped = False
             _log.warning("GO: STOP is over")
+
+    def leave(self) -> None:
+        """The part is out of its robot: it goes to the safe state, and what STOP there was does not count any more."""
+        self.enter()
         self.stopped = False
+        self._heard = self._over = self._ends_with = 0
 
 
 def safe_message(message_class: type[Message], fields: Mapping[str, str]) -> Message:

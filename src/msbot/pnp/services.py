@@ -127,6 +127,8 @@ class InventoryService:
         self.desk = Desk(inventory, explain=explain, keys=keys)
         self.is_stopped = False
         """STOP was said and GO was not: parts that come in are told so."""
+        self.stop_number = 0
+        """How often STOP was said; STOP and GO carry it."""
         self.told_unasked = 0
         """What was said to parts that did not ask."""
         self._client = client
@@ -175,6 +177,8 @@ class InventoryService:
 
     def stop_all(self) -> int:
         """Say STOP to all parts, and to those that come in until `go_all`; returns how many were told."""
+        if not self.is_stopped:
+            self.stop_number += 1
         self.is_stopped = True
         self._go_again.clear()
         return self._tell_all(plug.NoticeKind.STOP)
@@ -210,9 +214,9 @@ class InventoryService:
         """Repeat STOP or GO: a single notice may be lost, and whoever comes in has not heard it."""
         if self.is_stopped:
             if asked_octets in (_BEAT_OCTETS, _CONFIGURATION_REQUEST_OCTETS):
-                self._notify(client_key, plug.NoticeKind.STOP)
+                self._notify(client_key, plug.NoticeKind.STOP, self.stop_number)
         elif asked_octets == _BEAT_OCTETS and (left := self._go_again.pop(client_key, 0)):
-            self._notify(client_key, plug.NoticeKind.GO)
+            self._notify(client_key, plug.NoticeKind.GO, self.stop_number)
             if left > 1:
                 self._go_again[client_key] = left - 1
 
@@ -255,13 +259,13 @@ class InventoryService:
         kind = plug.NoticeKind.PARTNER_BACK if is_there else plug.NoticeKind.PARTNER_LOST
         for place, binding in enumerate(configuration.bindings):
             if binding.topic == topic and not binding.publishes:
-                self._notify(client_key, kind, place, configuration.version)
+                self._notify(client_key, kind, configuration.version, place)
 
     def _tell_all(self, kind: plug.NoticeKind) -> int:
-        return sum(self._notify(client_key, kind) for client_key in list(self._askers))
+        return sum(self._notify(client_key, kind, self.stop_number) for client_key in list(self._askers))
 
-    def _notify(self, client_key: int, kind: plug.NoticeKind, binding: int = plug.NO_BINDING, version: int = 0) -> bool:
-        return self._tell(client_key, plug.Notice(configuration_version=version, binding=binding, kind=kind))
+    def _notify(self, client_key: int, kind: plug.NoticeKind, number: int = 0, binding: int = plug.NO_BINDING) -> bool:
+        return self._tell(client_key, plug.Notice(number=number & 0xFFFFFFFF, binding=binding, kind=kind))
 
     def _tell(self, client_key: int, message: plug.Reply) -> bool:
         asker = self._askers.get(client_key)
