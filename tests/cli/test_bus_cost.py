@@ -29,7 +29,7 @@ def test_json_lists_the_frames_in_their_order_as_they_were_written() -> None:
     listed = json.loads(said("cost", "--json", *texts))
     assert [entry["frame"] for entry in listed] == texts
     assert [set(entry) for entry in listed] == [{"frame", "nominal_bits", "data_bits"}] * 4
-    assert [(entry["nominal_bits"], entry["data_bits"]) for entry in listed] == [(81, 0), (86, 0), (30, 128), (47, 0)]
+    assert [(entry["nominal_bits"], entry["data_bits"]) for entry in listed] == [(81, 0), (86, 0), (29, 129), (47, 0)]
 
 
 @given(frames())
@@ -46,8 +46,8 @@ def test_the_phases_of_fd_are_told_apart_with_and_without_a_bit_rate_switch() ->
     """34 zeros of a header stuffed: 0 00000000000 0 0 1 0 B is SOF to BRS, E 0000 the start of the data phase."""
     without, with_switch = json.loads(said("cost", "--json", "000##0", "000##1"))
     # After RES: BRS, ESI and DLC are 0 as well, so five equal bits end at the third bit of the DLC.
-    assert (without["nominal_bits"], without["data_bits"]) == (17 + 2 + 13, 5 + 1 + 27)
-    assert (with_switch["nominal_bits"], with_switch["data_bits"]) == (17 + 2 + 13, 5 + 27)
+    assert (without["nominal_bits"], without["data_bits"]) == (17 + 2 + 12, 5 + 1 + 27 + 1)
+    assert (with_switch["nominal_bits"], with_switch["data_bits"]) == (17 + 2 + 12, 5 + 27 + 1)
 
 
 def test_the_table_has_times_and_a_sum() -> None:

@@ -140,9 +140,9 @@ def test_phases_are_told_apart_also_without_a_bit_rate_switch(frame: Frame) -> N
 @given(frames())
 def test_phases_and_stuffing_of_every_frame(frame: Frame) -> None:
     bits = wire_bits(frame)
-    slow_fields = {"CRC DELIMITER", "ACK", "ACK DELIMITER", "EOF", "INTERMISSION", "SOF", "ID", "FDF", "RES", "BRS"}
+    slow_fields = {"ACK", "ACK DELIMITER", "EOF", "INTERMISSION", "SOF", "ID", "FDF", "RES", "BRS"}
     for bit in bits:
-        assert bit.fast == (frame.brs and bit.field in ("ESI", "DLC", "DATA", "STUFF COUNT", "CRC"))
+        assert bit.fast == (frame.brs and bit.field in ("ESI", "DLC", "DATA", "STUFF COUNT", "CRC", "CRC DELIMITER"))
         assert not (bit.fast and bit.field in slow_fields)
     levels = "".join(str(bit.level) for bit in bits[:-13])
     assert "000000" not in levels
@@ -158,12 +158,33 @@ def test_phases_and_stuffing_of_every_frame(frame: Frame) -> None:
         # 0 00000000000 0 0 | 1 0 0 0 0000: stuff bits after 5, 10, and after RES BRS ESI DLC3 DLC2.
         (Frame(0, fd=True), 22 + 3 + 27 + 13, 0),
         # With BRS the five equal bits ESI DLC end the field: only the fixed stuff bit follows.
-        (Frame(0, fd=True, brs=True), 17 + 2 + 13, 5 + 27),
+        # The switch at the sample points of BRS and CRC delimiter leaves one of the two bits to each rate.
+        (Frame(0, fd=True, brs=True), 17 + 2 + 12, 5 + 27 + 1),
         (Frame(0x555, b"\xaa" * 8), 111 + 1, 0),
     ],
 )
 def test_hand_calculated_lengths(frame: Frame, nominal: int, data: int) -> None:
     assert frame_bits(frame) == (nominal, data)
+
+
+@pytest.mark.parametrize("sample_points", [(0.8, 0.8), (0.875, 0.6)])
+def test_a_bit_rate_switch_at_the_sample_points_takes_what_is_counted(sample_points: tuple[float, float]) -> None:
+    """The time of a frame, bit by bit, each of the two switching bits in two parts."""
+    slow, fast = 1 / 500_000, 1 / 2_000_000
+    at_slow, at_fast = sample_points
+    frame = Frame(0x123, bytes(range(20)), fd=True, brs=True)
+    seconds = 0.0
+    in_data_phase = False
+    for bit in wire_bits(frame):
+        if bit.field == "BRS" and not bit.stuff:
+            seconds += at_slow * slow + (1 - at_fast) * fast
+            in_data_phase = True
+        elif bit.field == "CRC DELIMITER":
+            seconds += at_fast * fast + (1 - at_slow) * slow
+            in_data_phase = False
+        else:
+            seconds += fast if in_data_phase else slow
+    assert frame_bits(frame).seconds(500_000, 2_000_000) == pytest.approx(seconds, rel=1e-12)
 
 
 def test_unstuffed_lengths_are_the_published_ones() -> None:

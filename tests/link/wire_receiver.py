@@ -36,7 +36,7 @@ class Received:
     frame: Frame
     nominal_bits: int
     data_bits: int
-    """From ESI to the last bit of the CRC, with or without a bit-rate switch."""
+    """From ESI to the CRC delimiter, with or without a bit-rate switch."""
     stuff_bits: int
     """Dynamic and fixed."""
 
@@ -108,7 +108,7 @@ class Receiver:
                 self._take_fixed_stuff_bit()
             crc = crc << 1 | self._level()
         assert crc == expected, f"CRC-{register.width}"
-        data_bits = self._read - before
+        data_bits = self._read - before + 1  # the CRC delimiter
         self._tail()
         frame = Frame(can_id, data, extended, True, bool(brs), esi=bool(esi))
         return Received(frame, self._read - data_bits, data_bits, self._dynamic + self._fixed)

@@ -7,13 +7,17 @@ coded, with a parity bit) and the CRC, with a fixed stuff bit before the stuff c
 a dynamic stuff bit would meet the first fixed one, there is only the fixed one (ISO 11898-1:2015 10.5), and it is not
 counted. The FD CRC covers the dynamic stuff bits and the stuff count, the classic one no stuff bits.
 
+A bit-rate switch happens at the sample point of BRS, and back at the sample point of the CRC delimiter (ISO
+11898-1:2015 11.3.2). Whatever the sample points are, these two bits together take one nominal and one data bit time;
+here BRS counts as the nominal one and the CRC delimiter as the other.
+
 `frame_bits` counts with tables, eight bits a step, because the bus simulator needs it for every frame; `wire_bits`
 is the plain, bit-by-bit description. The tests compare the two.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import NamedTuple
 
@@ -22,7 +26,7 @@ from msbot.link.can_frames import FD_LENGTHS, Frame, check_frame
 INTERMISSION = 3
 """Recessive bits between two frames."""
 TAIL = 1 + 1 + 1 + 7 + INTERMISSION
-"""CRC delimiter, ACK slot, ACK delimiter, end of frame, intermission: never stuffed, always at the nominal rate."""
+"""CRC delimiter, ACK slot, ACK delimiter, end of frame, intermission: never stuffed."""
 
 CRC15_POLYNOMIAL = 0x4599
 CRC17_POLYNOMIAL = 0x1685B
@@ -35,9 +39,9 @@ class FrameBits(NamedTuple):
     """Length of a frame in bits, stuff bits and the 3 bits of intermission included."""
 
     nominal_bits: int
-    """Bits at the nominal bit rate; with a bit-rate switch: up to and including BRS, and from the CRC delimiter."""
+    """Bits at the nominal bit rate; with a bit-rate switch: up to and including BRS, and from the ACK slot."""
     data_bits: int
-    """Bits at the data bit rate: from ESI to the last bit of the CRC; 0 without a bit-rate switch."""
+    """Bits at the data bit rate: from ESI to the CRC delimiter; 0 without a bit-rate switch."""
 
     def seconds(self, bitrate: float, data_bitrate: float | None = None) -> float:
         """Time on the bus at these bit rates (bit/s)."""
@@ -100,7 +104,8 @@ def wire_bits(frame: Frame, *, acknowledged: bool = True) -> list[WireBit]:
         writer.put_number(writer.crc, 15, "CRC")
     levels = (1, 0 if acknowledged else 1, 1, *(1,) * 7, *(1,) * INTERMISSION)
     names = ("CRC DELIMITER", "ACK", "ACK DELIMITER", *("EOF",) * 7, *("INTERMISSION",) * INTERMISSION)
-    return writer.bits + [WireBit(level, name) for level, name in zip(levels, names, strict=True)]
+    delimiter, *tail = [WireBit(level, name) for level, name in zip(levels, names, strict=True)]
+    return [*writer.bits, replace(delimiter, fast=frame.brs), *tail]
 
 
 def arbitration_rank(frame: Frame) -> int:
@@ -227,8 +232,8 @@ def _fd_phase_bits(frame: Frame) -> FrameBits:
     last = frame.data[-1] & 1 if frame.data else data_length_code(frame) & 1
     if state >> 2 != last:
         stuffed -= 1  # the level changed after the last bit: a stuff bit whose place the first fixed one takes
-    nominal = header.bits - 5 + header.nominal_stuffed + TAIL
-    data = 5 + 8 * len(frame.data) + stuffed + (4 + 17 + 6 if len(frame.data) <= 16 else 4 + 21 + 7)
+    nominal = header.bits - 5 + header.nominal_stuffed + TAIL - 1
+    data = 5 + 8 * len(frame.data) + stuffed + (4 + 17 + 6 if len(frame.data) <= 16 else 4 + 21 + 7) + 1
     return FrameBits(nominal, data)
 
 

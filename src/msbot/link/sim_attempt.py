@@ -5,9 +5,9 @@ something goes wrong, the bits of the frame are looked at: each group of nodes n
 its error flag from the next; the flags overlap, and the bus is free again 8 + 3 bits after the last of them. All
 times are worked out when the attempt begins; nothing is simulated bit by bit while time passes.
 
-Simplified: bits change their rate at bit borders (not at the sample point), a node's error flag begins at the end of
-the bit in which it noticed, and a disturbance of the third bit of the intermission, which would be taken for an SOF,
-is left out.
+Simplified: bits change their rate at bit borders (not at the sample point, which leaves the length of a frame as it
+is), a node's error flag begins at the end of the bit in which it noticed, and a disturbance of the third bit of the
+intermission, which would be taken for an SOF, is left out.
 """
 
 from __future__ import annotations
