@@ -225,8 +225,11 @@ def test_a_wire_of_the_blueprint_is_taken_away_and_stays_away(
     edit = registry.unbind(robot, "brightness", Endpoint("leg", "goal"), "Ann")
     assert (edit.words, edit.slots) == ("leg.goal is taken off topic brightness", ("leg",))
     assert (_topics(store, "left"), _topics(store, "leg")) == ([("light", "brightness")], [])
+    versions = [store.configuration(slot).version for slot in ("left", "leg")]
     registry.apply_blueprint(ROBOT, LIBRARY)
     assert _topics(store, "leg") == []
+    assert [store.configuration(slot).version for slot in ("left", "leg")] == versions
+    assert [edit.kind for edit in registry.edits(robot)] == ["bind"]
     registry.undo(robot, edit.id, "Ann")
     assert _topics(store, "leg") == [("goal", "brightness")]
 

@@ -1,11 +1,14 @@
 """kill -9 of a process that writes: the database opens, nothing committed is lost, nothing is half there."""
 
+import json
 import sqlite3
 import subprocess
 import sys
 from contextlib import closing
 from pathlib import Path
 from random import Random
+
+import pytest
 
 from msbot.config import Blueprint, Library
 from msbot.registry import open_registry
@@ -68,3 +71,13 @@ def test_nothing_committed_is_lost_when_the_process_is_killed(
             assert all(parts[number.to_bytes(8, "big")] == "AA" for number in numbers)
             store = registry.store_for(registry.apply_blueprint(blueprint, library))
             assert [len(store.configuration(slot.name).bindings) for slot in store.slots()] == [2, 2, 2]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_masters_are_killed_200_times_during_swaps_and_edits(tmp_path: Path, seed: int) -> None:
+    """50 times for each seed; see `killing.py`."""
+    command = [sys.executable, "-W", "error", "-m", "tests.registry.killing", str(tmp_path), str(seed), "50"]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    found = json.loads(done.stdout)
+    assert (found["kills"], found["faults"]) == (50, [])
+    assert found["edits"] >= 50

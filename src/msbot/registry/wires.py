@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sqlalchemy import Connection, delete, insert, select, update
+from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
 
 from msbot.config import Direction, Endpoint, Library, PartType, Port, Slot, binding_faults
 from msbot.errors import ConfigError
@@ -41,15 +41,36 @@ def write_topic(connection: Connection, robot_id: int, topic: str, ends: Sequenc
         ConfigError: a slot is no more.
     """
     before = read_topic(connection, robot_id, topic)
-    connection.execute(delete(bindings).where(bindings.c.robot_id == robot_id, bindings.c.topic == topic))
-    for slot, port, type_name, publishes, reliable, origin, in_use in ends:
-        slot_id, _ = find_slot(connection, robot_id, str(slot))
-        row = {"robot_id": robot_id, "topic": topic, "slot_id": slot_id, "port": port, "type_name": type_name}
-        row |= {"publishes": publishes, "reliable": reliable, "origin": origin, "in_use": in_use}
-        connection.execute(insert(bindings).values(row))
+    here = (bindings.c.robot_id == robot_id, bindings.c.topic == topic)
+    kept = [_place_of(end) for end in ends]
+    # Rows that stay keep their place: the order of wires is that of the blueprint, then that in which they were made.
+    for end in before:
+        if _place_of(end) not in kept:
+            connection.execute(delete(bindings).where(*here, *_is_at(connection, robot_id, end)))
+    for end in ends:
+        values = dict(zip(_CHANGING, (end[2], *end[4:]), strict=True))
+        if _place_of(end) in map(_place_of, before):
+            connection.execute(update(bindings).where(*here, *_is_at(connection, robot_id, end)).values(values))
+        else:
+            slot_id, _ = find_slot(connection, robot_id, str(end[0]))
+            key = {"robot_id": robot_id, "topic": topic, "slot_id": slot_id, "port": end[1], "publishes": end[3]}
+            connection.execute(insert(bindings).values({**key, **values}))
     changed = sorted({str(end[0]) for end in (*before, *ends) if end not in before or end not in ends})
     bump_versions(connection, robot_id, changed)
     return changed
+
+
+_CHANGING = ("type_name", "reliable", "origin", "in_use")
+
+
+def _place_of(end: End) -> End:
+    """Slot, port and direction: what makes it the same end."""
+    return [end[0], end[1], end[3]]
+
+
+def _is_at(connection: Connection, robot_id: int, end: End) -> tuple[ColumnElement[bool], ...]:
+    slot_id, _ = find_slot(connection, robot_id, str(end[0]))
+    return (bindings.c.slot_id == slot_id, bindings.c.port == end[1], bindings.c.publishes == end[3])
 
 
 def join(
@@ -141,10 +162,3 @@ def _check(connection: Connection, robot_id: int, topic: str) -> None:
     )
     if faults:
         raise ConfigError(f'topic "{topic}": {faults[0]}')
-
-
-def forget_unused(connection: Connection, robot_id: int) -> None:
-    """Take the blueprint's word for every wire: what was made by hand goes, what was taken away comes back."""
-    here = bindings.c.robot_id == robot_id
-    connection.execute(delete(bindings).where(here, bindings.c.origin == "hand"))
-    connection.execute(update(bindings).where(here).values(in_use=True))

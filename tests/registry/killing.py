@@ -1,0 +1,172 @@
+"""Run by `test_kill.py` in a process of its own: masters that are killed with SIGKILL at random moments.
+
+Each child is forked from this process, which has everything imported, and is a whole robot in virtual time: master,
+inventory, parts on a wire, and the operations that people use: swap, release, adopt, set, reset, bind, unbind, block,
+undo. After each change that has returned, it tells so by a pipe. After its death the database is looked at.
+"""
+
+import asyncio
+import json
+import logging
+import os
+import signal
+import sys
+import time
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from random import Random
+
+from sqlalchemy import select as select_rows
+
+from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
+from msbot.errors import ConfigError
+from msbot.link import InprocHub, LinkInfo, run_virtual
+from msbot.master import Master
+from msbot.operations import Operations
+from msbot.registry import open_registry, upkeep
+from msbot.registry.edits import Author, Cells, read_cells
+from msbot.registry.tables import edits
+from tests.operations.stage import AA_IS_A_DIAL, DIAL, Stage
+
+MOST_EDITS = 3
+LONGER_S = 0.01
+"""A child is killed after a random number of edits and then a random time: in the middle of something."""
+PARTS = {"one": "DIAL", "two": "DIAL"}
+"""Local name -> part number; there is one slot for the two."""
+TOPIC = "HelloWorldTopic_1_to_2"
+
+
+def robot_in(folder: Path) -> tuple[Blueprint, Library]:
+    """The sample robot with a part type that has a parameter."""
+    write_sample(folder / "robot.toml")
+    text = (folder / "robot.toml").read_text()
+    (folder / "robot.toml").write_text(text.replace(*AA_IS_A_DIAL))
+    (folder / "DIAL.toml").write_text(DIAL)
+    library = load_library(folder / "DIAL.toml")
+    return load_blueprint(folder / "robot.toml", library), library
+
+
+def change(operations: Operations, dice: Random) -> int | None:
+    """Do one thing; gives the number of the edit."""
+    deeds = (
+        lambda: operations.set_value("AA", "period_s", f"{dice.randint(1, 90) / 10}", who="Ann"),
+        lambda: operations.reset_value("AA", "period_s", who="Ann"),
+        lambda: operations.swap("AA", dice.choice(("one", "two")), who="Ann"),
+        lambda: operations.swap("AA", dice.choice(("one", "two")), who="Ann"),
+        lambda: operations.unbind(TOPIC, "BB.in", who="Ann"),
+        lambda: operations.bind(TOPIC, "HelloWorld", "AA.out", ["BB.in"], who="Ann"),
+        lambda: operations.block("ABCD", "why not", who="Ann"),
+        lambda: operations.unblock("ABCD", who="Ann"),
+        lambda: operations.undo(who="Ann"),
+    )
+    return dice.choice(deeds)().edit_id
+
+
+def live(folder: Path, blueprint: Blueprint, library: Library, seed: int, told: int) -> None:
+    """One child: change the robot until somebody kills us."""
+    logging.disable()  # that a port is not bound is known
+    dice = Random(seed)
+
+    async def main() -> None:
+        with open_registry(folder / "robot.db") as registry:
+            known = registry.find_robot(blueprint)
+            # Applying the blueprint takes half of the start; once in a while is enough.
+            robot = registry.apply_blueprint(blueprint, library) if known is None or dice.random() < 0.2 else known
+            master = Master(blueprint, registry.store_for(robot), random=dice, epoch_ns=time.time_ns)
+            hub = InprocHub()
+            hub.server.info = LinkInfo("wire", 65535)
+            master.add_link(hub.server)
+            stage = Stage(master, Operations(master, registry, robot, library=library), registry, hub)
+            async with asyncio.TaskGroup() as tasks:
+                stage.tasks = tasks
+                tasks.create_task(master.run())
+                await master.ready.wait()
+                for name, number in PARTS.items():
+                    stage.plug(name, number)
+                await asyncio.sleep(1.0)
+                os.write(told, b"ready\n")
+                while True:
+                    with suppress(ConfigError):
+                        os.write(told, f"{change(stage.do, dice) or 0}\n".encode())
+                    await asyncio.sleep(0.05)
+
+    run_virtual(main())
+
+
+def one_life(folder: Path, blueprint: Blueprint, library: Library, dice: Random) -> int:
+    """Fork a child, kill it at a random moment, and give the number of the last edit it has told of."""
+    seed, edits_first, longer_s = dice.getrandbits(32), dice.randint(0, MOST_EDITS), dice.uniform(0, LONGER_S)
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        try:
+            live(folder, blueprint, library, seed, writing)
+        finally:
+            os._exit(3)
+    os.close(writing)
+    with os.fdopen(reading) as stream:
+        assert stream.readline() == "ready\n", "the child ended before it was ready"
+        lines = [stream.readline() for _ in range(edits_first)]
+        time.sleep(longer_s)
+        os.kill(child, signal.SIGKILL)
+        lines += [line for line in stream.read().splitlines(keepends=True) if line.endswith("\n")]
+    _, status = os.waitpid(child, 0)
+    assert os.WIFSIGNALED(status), "the child ended by itself"
+    return max(map(int, lines), default=0)
+
+
+def faults_of(folder: Path, told: int, before: int) -> tuple[list[str], int]:
+    """What is wrong in the database of a dead master, and the number of its newest edit."""
+    path = folder / "robot.db"
+    faults = upkeep.check(str(path))
+    with open_registry(path, read_only=True) as registry:
+        (robot,) = registry.robots()
+        if [value.name for value in registry.values(robot, "AA")] != ["period_s"]:
+            faults.append("slot AA has lost its settings")
+        rows = registry._read(lambda connection: connection.execute(select_rows(edits).order_by(edits.c.id)).all())
+        numbers = [row.id for row in rows]
+        if len(numbers) < max(told, before):
+            faults.append(f"edit {max(told, before)} was told and is not there; the newest is {len(numbers)}")
+        if numbers != list(range(1, len(numbers) + 1)):
+            faults.append("the numbers of the edits have a gap")
+        held = {json.dumps([_key(row.after, name) for name in KEYS]): row for row in rows if row.after}
+        for row in held.values():
+            author = Author(robot.id, "", 0)
+            present = registry._read(partial(read_cells, author=author, like=row.after))
+            if _of_people(present) != _of_people(row.after):
+                faults.append(f"edit {row.id} left {row.after}, and it is {present}")
+    return faults, len(numbers)
+
+
+KEYS = ("of", "slot", "name", "topic", "key", "parts")
+"""What says which thing an edit is about; the newest edit of a thing must say how that thing is."""
+
+
+def _key(cells: Cells, name: str) -> object:
+    value = cells.get(name)
+    return sorted(value) if isinstance(value, dict) else value
+
+
+def _of_people(cells: Cells) -> Cells:
+    """Without what the inventory changes as well: the slot that a part was in last."""
+    parts = cells.get("parts")
+    return {**cells, "parts": [place[1] for place in parts.values()]} if isinstance(parts, dict) else cells
+
+
+def main() -> None:
+    """Arguments: folder, seed, lives. Prints a JSON object: kills, edits, faults."""
+    folder, seed, lives = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    blueprint, library = robot_in(folder)
+    dice = Random(seed)
+    newest, faults = 0, []
+    for life in range(lives):
+        told = one_life(folder, blueprint, library, dice)
+        found, newest = faults_of(folder, told, newest)
+        faults += [f"life {life}: {fault}" for fault in found]
+    print(json.dumps({"kills": lives, "edits": newest, "faults": faults}))
+
+
+if __name__ == "__main__":
+    main()
