@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from functools import cache
 from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.errors import MsbotError
@@ -37,8 +39,22 @@ min = 0.1
 max = 10
 """
 """A part type with a parameter; the thesis' three have none."""
-
 AA_IS_A_DIAL = ('part = "ABCD"', 'part = "DIAL"')
+"""A change of the sample blueprint, for `play`."""
+
+
+@cache
+def _empty_database() -> bytes:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.db"
+        open_registry(path).close()
+        return path.read_bytes()
+
+
+def put_database(path: Path) -> None:
+    """A database with tables and no rows, if there is none: copying it is quicker than making it."""
+    if not path.exists():
+        path.write_bytes(_empty_database())
 
 
 class Stage:
@@ -118,6 +134,7 @@ def play(
         (folder / "library" / "DIAL.toml").write_text(DIAL)
         library = load_library(folder / "library")
         blueprint = load_blueprint(path, library)
+        put_database(folder / "robot.db")
         with open_registry(folder / "robot.db") as registry:
             robot = registry.apply_blueprint(blueprint, library)
             master = Master(blueprint, registry.store_for(robot), random=Random(1), epoch_ns=lambda: 0)

@@ -326,8 +326,9 @@ class Operations:
         return Outcome(f"{info.part} shows itself")
 
     def why(self, part: str) -> list[str]:
-        """In sentences: how a part stands and which rules led there."""
-        return self._inventory.why(part, self._running.now())
+        """In sentences: how a part stands and which rules led there; nothing when no part is known by that word."""
+        now = self._running.now()
+        return self._inventory.why(part, now) if self._inventory.find(part, now) else []
 
     # Helpers
 
