@@ -172,10 +172,8 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
         deeds = _deeds(robot, operations, notes)
         beside: list[Coroutine[object, object, None]] = [_answering(robot, operations, address).run()]
         if not options.page.off:
-            database = (registry, record, address)
-            beside.append(
-                serve_page(options.page, robot.master.ready, _page_of(robot, operations, library, database), notes.add)
-            )
+            room = _make_page(robot, operations, library, (registry, record, address), options.page)
+            beside.append(serve_page(room, robot.master.ready, options.page, notes.add))
         with _logging(robot, options.log):
             if options.bus is None or robot.bus_driver is None:
                 await _run_beside(_run(robot, options, notes, deeds), beside)
@@ -216,20 +214,18 @@ class _Notes:
             self.say(line)
 
 
-def _page_of(
-    robot: DemoRobot, operations: Operations, library: Library, database: tuple[Registry, RobotRecord, str]
-) -> Callable[[PageWishes], WebRoom]:
-    def make(wishes: PageWishes) -> WebRoom:
-        from msbot.web.compose import Database, WebRoom
-        from msbot.web.demonstration import seen_of
+def _make_page(
+    robot: DemoRobot, operations: Operations, library: Library, database: tuple[Registry, RobotRecord, str],
+    wishes: PageWishes,
+) -> WebRoom:  # fmt: skip
+    from msbot.web.compose import Database, WebRoom
+    from msbot.web.demonstration import seen_of
 
-        seen = seen_of(robot, asyncio.get_running_loop().time)
-        return WebRoom(
-            robot.master, operations, library, database=Database(*database), seen=seen, settings=wishes.settings(),
-            entry_link=True,
-        )  # fmt: skip
-
-    return make
+    seen = seen_of(robot, asyncio.get_running_loop().time)
+    return WebRoom(
+        robot.master, operations, library, database=Database(*database), seen=seen, settings=wishes.settings(),
+        entry_link=True,
+    )  # fmt: skip
 
 
 async def _run_beside(work: Coroutine[object, object, None], beside: Iterable[Coroutine[object, object, None]]) -> None:

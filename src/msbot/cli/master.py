@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -25,9 +24,6 @@ from msbot.operations import Operations, perform
 from msbot.pnp import PartEvent
 from msbot.registry import held, open_registry
 from msbot.xrce import compress, decompress, is_whole
-
-if TYPE_CHECKING:
-    from msbot.web.compose import WebRoom
 
 CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 
@@ -89,22 +85,14 @@ async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str]
         )
         beside = [status.run()]
         if not page.off:
+            from msbot.web.compose import Database, WebRoom
+            from msbot.web.real_buses import seen_of_links
 
-            def room(wishes: PageWishes) -> WebRoom:
-                from msbot.web.compose import Database, WebRoom
-                from msbot.web.real_buses import seen_of_links
-
-                database = Database(registry, robot, db)
-                return WebRoom(
-                    master,
-                    operations,
-                    library,
-                    database=database,
-                    seen=seen_of_links(links),
-                    settings=wishes.settings(),
-                )
-
-            beside.append(serve_page(page, master.ready, room, click.echo))
+            database = Database(registry, robot, db)
+            room = WebRoom(
+                master, operations, library, database=database, seen=seen_of_links(links), settings=page.settings()
+            )
+            beside.append(serve_page(room, master.ready, page, click.echo))
         await run_until_signal(master.run(), beside=beside, ready=master.ready, say=greet)
 
 

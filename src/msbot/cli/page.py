@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,27 +76,19 @@ def page_wishes(
     )
 
 
-async def serve_page(
-    wishes: PageWishes, ready: asyncio.Event, make: Callable[[PageWishes], WebRoom], say: Callable[[str], None]
-) -> None:
-    """Make the page once the robot is up, say where it is, and serve it until cancelled.
+async def serve_page(room: WebRoom, ready: asyncio.Event, wishes: PageWishes, say: Callable[[str], None]) -> None:
+    """Serve the page until cancelled; say where it is as soon as the robot is up.
 
     Args:
-        wishes: the options.
+        room: the page. It is made before the robot runs: what that takes would be time in which nothing beats.
         ready: set when the robot is up.
-        make: puts the page onto the robot.
+        wishes: the options.
         say: takes the lines for the person at the terminal.
-
-    Raises:
-        ConfigError: the port cannot be had, or the certificate cannot be used.
     """
-    await ready.wait()
-    # In a thread: it takes half a second, in which no part may be lost.
-    await asyncio.to_thread(importlib.import_module, "msbot.web.compose")
-    room = make(wishes)
     async with asyncio.TaskGroup() as tasks:
         serving = tasks.create_task(room.run())
         await room.server.ready.wait()
+        await ready.wait()
         say(f"The page is at {room.server.link}")
         if wishes.host not in ("127.0.0.1", "localhost", "::1"):
             say("Everybody in this computer's networks can reach it; a password protects it"
