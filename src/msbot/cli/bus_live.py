@@ -126,14 +126,8 @@ async def _main(
             second = Second()
             await asyncio.sleep(started_at + number * WINDOW_S - loop.time())
             tell(number * WINDOW_S, second, bitrate)
-        listening.finish()
 
-    reporting = asyncio.get_running_loop().create_task(report())
-    try:
-        await listening.run()
-    finally:
-        reporting.cancel()
-        await asyncio.gather(reporting, return_exceptions=True)
+    await listening.run_with(report())
 
 
 def _as_text(at_s: float, second: Second, bitrate: int) -> str:

@@ -47,16 +47,7 @@ async def _main(
         if frame.fd and not bus.info.fd:
             raise ConfigError(f"{format_frame(frame)} is a CAN FD frame, and {bus.info.name} is classic CAN: add ?fd=1")
     listening = Listening(bus, complain)
-    sending = asyncio.get_running_loop().create_task(_send(listening, frames, repeat, period_s))
-    sending.add_done_callback(lambda _: listening.finish())
-    try:
-        await listening.run()
-    finally:
-        if not sending.done():
-            sending.cancel()
-        await asyncio.gather(sending, return_exceptions=True)
-    if not sending.cancelled():
-        sending.result()
+    await listening.run_with(_send(listening, frames, repeat, period_s))
 
 
 async def _send(listening: Listening, frames: Sequence[Frame], repeat: int, period_s: float) -> None:

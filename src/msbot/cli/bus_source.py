@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 
 from msbot.cli.frame_log import FOREIGN_FORMATS, OWN_FORMAT
@@ -69,11 +69,22 @@ class Listening:
         self._ended = asyncio.Event()
         self._complain = complain
         self._epoch_s = 0.0
+        self._failure: Exception | None = None
         bus.on_state(self._state)
 
     def on_frame(self, handler: Callable[[Frame, float], None]) -> None:
-        """Set the handler for frames; the times are seconds since 1970."""
-        self.bus.on_frame(lambda frame, now: handler(frame, now + self._epoch_s))
+        """Set the handler for frames; the times are seconds since 1970. What it raises ends `run`, which raises it."""
+
+        def heard(frame: Frame, now: float) -> None:
+            if self._failure is not None:
+                return
+            try:
+                handler(frame, now + self._epoch_s)
+            except Exception as error:  # of the handler, not of the bus: a controller must not be hit by it
+                self._failure = error
+                self.finish()
+
+        self.bus.on_frame(heard)
 
     def finish(self) -> None:
         """End `run`."""
@@ -100,8 +111,27 @@ class Listening:
             listening.cancel()
             ended.cancel()
             await asyncio.gather(listening, ended, return_exceptions=True)
+        if self._failure is not None:
+            raise self._failure
         for reason, count in self.bus.dropped.items():
             self._complain(f"{self.bus.info.name}: {reason} ({count} times)")
+
+    async def run_with(self, work: Coroutine[object, object, None]) -> None:
+        """Listen as long as something else works.
+
+        Raises:
+            LinkDown: the bus cannot be opened.
+            Exception: what the work raises.
+        """
+        working = asyncio.get_running_loop().create_task(work)
+        working.add_done_callback(lambda _: self.finish())
+        try:
+            await self.run()
+        finally:
+            working.cancel()
+            await asyncio.wait((working,))
+        if not working.cancelled():
+            working.result()
 
     def _state(self, state: BusState, words: str, _now: float) -> None:
         self.state = state
