@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,14 @@ def test_the_table_says_who_is_there_and_what_went_wrong() -> None:
     assert "gone: port unplugged" in text
     assert "packets of nobody: 4 x packet without a session" in text
     assert "serial:auto: 3 x wrong check sum" in text
+
+
+def test_a_master_says_what_is_wrong_with_its_database() -> None:
+    master = replace(
+        STATUS, what="master", details={"trouble": "the database robot.db has no room"}, dropped={}, links=()
+    )
+    assert clients_view.footlines(master) == ["The robot goes on from memory: the database robot.db has no room"]
+    assert clients_view.footlines(replace(master, details={})) == []
 
 
 def test_one_client_is_said_in_the_singular() -> None:

@@ -36,8 +36,9 @@ def headline(status: AgentStatus) -> str:
 
 
 def footlines(status: AgentStatus) -> list[str]:
-    """What was dropped outside of any session."""
-    lines = []
+    """What is wrong with a master's database, and what was dropped outside of any session."""
+    trouble = status.details.get("trouble")
+    lines = [f"The robot goes on from memory: {trouble}"] if trouble else []
     if status.dropped:
         lines.append(f"packets of nobody: {counts(status.dropped)}")
     lines += [f"{link.name}: {counts(link.dropped)}" for link in status.links if link.dropped]

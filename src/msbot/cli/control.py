@@ -25,9 +25,10 @@ def robot_options(function: _C) -> _C:
     return db_option(robot(function))
 
 
-def details_of(robot: str, db: str) -> dict[str, str]:
-    """What a master says of itself, so that `perform` finds it."""
-    return {"robot": robot, "database": database_identity(db)}
+def details_of(robot: str, db: str, trouble: str | None = None) -> dict[str, str]:
+    """What a master says of itself, so that `perform` finds it, and what is wrong with its database."""
+    known = {"robot": robot, "database": database_identity(db)}
+    return known | {"trouble": trouble} if trouble else known
 
 
 def database_identity(db: str) -> str:

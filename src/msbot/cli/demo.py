@@ -170,7 +170,9 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
         operations = Operations(robot.master, registry, record, library=library)
         notes = _Notes()
         deeds = _deeds(robot, operations, notes)
-        beside: list[Coroutine[object, object, None]] = [_answering(robot, operations, address).run()]
+        beside: list[Coroutine[object, object, None]] = [
+            _answering(robot, operations, address, lambda: registry.trouble).run()
+        ]
         if not options.page.off:
             room = _make_page(robot, operations, library, (registry, record, address), options.page)
             beside.append(serve_page(room, robot.master.ready, options.page, notes.add))
@@ -188,14 +190,16 @@ def _spares(blueprint: Blueprint) -> dict[str, str]:
     return {"DD" if blueprint.slot("DD") is None else "spare": of}
 
 
-def _answering(robot: DemoRobot, operations: Operations, address: str) -> StatusServer:
+def _answering(
+    robot: DemoRobot, operations: Operations, address: str, trouble: Callable[[], str | None]
+) -> StatusServer:
     """What lets the other commands see the robot and change it."""
     profile = robot.master.profile
     return StatusServer(
         robot.master.agent,
         what=MASTER,
         name=f"{profile.name} {profile.version}",
-        details=lambda: details_of(profile.name, address),
+        details=lambda: details_of(profile.name, address, trouble()),
         control=partial(perform, operations),
     )
 

@@ -80,7 +80,7 @@ async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str]
             master.agent,
             what=MASTER,
             name=f"{profile.name} {profile.version}",
-            details=lambda: details_of(profile.name, db),
+            details=lambda: details_of(profile.name, db, registry.trouble),
             control=partial(perform, operations),
         )
         beside = [status.run()]
