@@ -240,7 +240,7 @@ def test_a_killed_agent_is_not_listed(tmp_path: Path, place: dict[str, str]) -> 
 
 def test_a_master_shows_its_clients_too(tmp_path: Path, place: dict[str, str]) -> None:
     assert run("init", cwd=tmp_path).returncode == 0
-    with running("master", "--link", f"pty:{tmp_path / 'robot.tty'}", cwd=tmp_path, env=place) as master:
+    with running("master", "--no-page", "--link", f"pty:{tmp_path / 'robot.tty'}", cwd=tmp_path, env=place) as master:
         master.wait_for("is up on", "robot.tty")
         (status,) = json.loads(run("clients", "--json", env=place).stdout)
         assert status["what"] == "master"

@@ -30,7 +30,7 @@ class Robot:
         assert run("init", cwd=folder).returncode == 0
 
     def master(self) -> Process:
-        process = self.stack.enter_context(running("master", "--link", self.link, cwd=self.folder))
+        process = self.stack.enter_context(running("master", "--no-page", "--link", self.link, cwd=self.folder))
         process.wait_for("is up on", self.link)
         return process
 
@@ -91,7 +91,7 @@ def test_a_port_in_use_is_one_sentence_with_the_remedy(robot: Robot) -> None:
     (robot.folder / "other").mkdir()
     second = run("init", cwd=robot.folder / "other")
     assert second.returncode == 0
-    done = run("master", "--link", robot.link, cwd=robot.folder / "other")
+    done = run("master", "--no-page", "--link", robot.link, cwd=robot.folder / "other")
     assert done.returncode == 2
     assert "another program listens there" in done.stderr
     assert "Traceback" not in done.stderr

@@ -24,7 +24,7 @@ def test_a_robot_in_processes_of_its_own_survives_the_death_of_its_bus(tmp_path:
         part.wait_for("waiting for the simulated bus 'bench1'")
         bus = stack.enter_context(running("bus", "serve", "bench1", "--bitrate", "125000", cwd=tmp_path, env=env))
         bus.wait_for("simulated bus bench1 (CAN, 125 kbit/s) is up")
-        master = stack.enter_context(running("master", "--link", "sim:bench1", cwd=tmp_path, env=env))
+        master = stack.enter_context(running("master", "--no-page", "--link", "sim:bench1", cwd=tmp_path, env=env))
         master.wait_for("is up on sim:bench1")
         part.wait_for("active")
 

@@ -1,0 +1,77 @@
+"""A real browser in front of a real robot: Debian's Chromium, driven by Playwright, and `msbot` in its own process."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from tests.e2e.processes import Process, running
+
+ARGUMENTS = [
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+PATIENCE_MS = 20_000
+
+
+def chromium() -> str | None:
+    """Where the browser is."""
+    return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """The browser; every test gets a context of its own from it."""
+    path = chromium()
+    if path is None:
+        pytest.skip("no Chromium on this machine: apt-get install chromium")
+    with sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield found
+        found.close()
+
+
+def new_page(browser: Browser, *, width: int = 1280, height: int = 900) -> Page:
+    """A fresh visitor, without cookies."""
+    context = browser.new_context(viewport={"width": width, "height": height}, locale="en-GB")
+    context.set_default_timeout(PATIENCE_MS)
+    return context.new_page()
+
+
+def link_in(process: Process) -> str:
+    """The address that the robot has printed."""
+    line = process.wait_for("The page is at")
+    found = re.search(r"https?://\S+", line)
+    assert found is not None
+    return found[0]
+
+
+class Site:
+    """A robot with its page."""
+
+    def __init__(self, process: Process) -> None:
+        self.process = process
+        self.link = link_in(process)
+        self.base = re.sub(r"/(enter|setup)\?.*", "", self.link)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """The rover of ordinary parts, everything simulated."""
+    folder: Path = tmp_path_factory.mktemp("demo")
+    with running("demo", "--robot", "rover", "--port", "0", cwd=folder) as process:
+        yield Site(process)
+
+
+@pytest.fixture
+def page(browser: Browser, demo: Site) -> Iterator[Page]:
+    """A visitor who has followed the demo's link."""
+    visitor = new_page(browser)
+    visitor.goto(demo.link)
+    yield visitor
+    visitor.context.close()

@@ -1,0 +1,137 @@
+"""What a student sees and does on the demo's pages, in a real browser."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.web.browser.conftest import Site, new_page
+
+PAGES = {
+    "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
+    "/timeline": "Timeline", "/library": "Library", "/library/SG90": "Library", "/journal": "Journal",
+    "/class": "Class", "/admin": "Admin", "/api-docs": "API",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_every_page_opens_without_an_error_and_fits_desk_and_phone(browser: Browser, demo: Site, path: str) -> None:
+    page = new_page(browser)
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    page.goto(f"{demo.link}&next={path}")
+    expect(page.get_by_role("heading", level=1)).to_have_text(PAGES[path])
+    expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
+    for width in (1280, 390):
+        page.set_viewport_size({"width": width, "height": 844})
+        too_wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        assert too_wide <= 0
+    assert errors == []
+    page.context.close()
+
+
+def test_a_part_that_is_unplugged_is_shown_within_the_detection_time(page: Page) -> None:
+    card = page.get_by_role("button", name="Open slot bumper")
+    expect(card).to_contain_text("active")
+    page.get_by_role("button", name="Unplug bumper").click()
+    expect(card).to_contain_text("lost", timeout=7_000)
+    page.get_by_role("button", name="Plug bumper in").click()
+    expect(card).to_contain_text("active")
+
+
+def test_turning_the_knob_drives_the_fan(page: Page, demo: Site) -> None:
+    page.goto(f"{demo.base}/?slot=knob")
+    page.get_by_role("slider").first.locator("[tabindex]").focus()
+    for _ in range(30):
+        page.keyboard.press("ArrowRight")
+    expect(page.get_by_role("dialog")).to_contain_text(re.compile(r"percent\s+6[0-9]"))
+    page.goto(demo.base)
+    fan = page.get_by_role("button", name="Open slot fan")
+    expect(fan).to_contain_text(re.compile(r"percent\s+6[0-9]"))
+
+
+def test_a_changed_setting_is_obeyed_journalled_and_undone(page: Page, demo: Site) -> None:
+    page.goto(f"{demo.base}/?slot=knob")
+    field = page.get_by_label("period_s [s]")
+    field.fill("0.5")
+    field.blur()
+    expect(page.get_by_text("hand", exact=True)).to_be_visible()
+    page.goto(f"{demo.base}/journal")
+    page.get_by_role("tab", name="Changes by people").click()
+    line = page.get_by_text(re.compile("period_s of knob: 0.1 s -> 0.5 s"))
+    expect(line).to_be_visible()
+    page.get_by_role("button", name="Undo").first.click()
+    expect(page.get_by_text("undone", exact=True).first).to_be_visible()
+    page.goto(f"{demo.base}/?slot=knob")
+    expect(page.get_by_label("period_s [s]")).to_have_value("0.1")
+
+
+def test_a_setting_out_of_range_is_refused_in_words(page: Page, demo: Site) -> None:
+    page.goto(f"{demo.base}/?slot=fan")
+    field = page.get_by_label("start_at [%]")
+    field.fill("700")
+    field.blur()
+    expect(page.get_by_role("alert").filter(has_text="it must be 0 to 50 %")).to_be_visible()
+
+
+def test_escape_twice_is_stop_and_a_teacher_lets_it_go_on(page: Page) -> None:
+    expect(page.get_by_role("button", name="Open slot fan")).to_contain_text("active")
+    page.keyboard.press("Escape")
+    page.keyboard.press("Escape")
+    banner = page.get_by_role("alert").filter(has_text="STOP is in force")
+    expect(banner).to_be_visible()
+    page.get_by_role("button", name="Go on").click()
+    expect(banner).to_have_count(0)
+
+
+def test_the_bus_is_paused_and_a_frame_taken_apart(page: Page, demo: Site) -> None:
+    page.goto(f"{demo.base}/bus")
+    rows = page.locator("tr[data-number]")
+    expect(rows.nth(10)).to_be_visible()
+    page.get_by_role("switch", name="Pause").click()
+    first = rows.first.get_attribute("data-number")
+    page.get_by_label("Filter").fill("BEACON")
+    expect(rows.first).to_contain_text("BEACON")
+    page.get_by_label("Filter").fill("")
+    expect(rows.first).to_have_attribute("data-number", str(first))
+    rows.first.click()
+    expect(page.get_by_text(f"Frame {first}")).to_be_visible()
+
+
+def test_two_browsers_see_the_same_change(browser: Browser, demo: Site, page: Page) -> None:
+    other = new_page(browser)
+    other.goto(demo.link)
+    page.get_by_role("button", name="Unplug horn").click()
+    for visitor in (page, other):
+        expect(visitor.get_by_role("button", name="Plug horn in")).to_be_visible()
+    other.get_by_role("button", name="Plug horn in").click()
+    for visitor in (page, other):
+        expect(visitor.get_by_role("button", name="Unplug horn")).to_be_visible()
+    other.context.close()
+
+
+def test_a_reload_keeps_the_view(page: Page, demo: Site) -> None:
+    page.goto(f"{demo.base}/?slot=eye")
+    expect(page.get_by_role("heading", name="eye")).to_be_visible()
+    page.reload()
+    expect(page.get_by_role("heading", name="eye")).to_be_visible()
+
+
+def test_the_library_is_searched(page: Page, demo: Site) -> None:
+    page.goto(f"{demo.base}/library")
+    page.get_by_label("Search").fill("servo")
+    expect(page.get_by_text("3 part types")).to_be_visible()
+    page.get_by_role("link", name="Servo, 180 degrees").click()
+    expect(page.get_by_role("heading", name="Pins")).to_be_visible()
+
+
+def test_the_language_is_chosen_and_kept(page: Page) -> None:
+    page.get_by_role("button", name="You").click()
+    page.get_by_text("Deutsch").click()
+    expect(page.get_by_role("heading", level=1)).to_have_text("Roboter")
+    page.get_by_role("button", name="Sie").click()
+    page.get_by_text("English").click()
+    expect(page.get_by_role("heading", level=1)).to_have_text("Robot")
