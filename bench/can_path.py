@@ -16,14 +16,17 @@ import cProfile
 import io
 import pstats
 import socket
+import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from random import Random
 
 from bench.machine import describe_machine
+from bench.path import Client, Wire
 from msbot.agent import Agent
-from msbot.link import CanBusInfo, CanIds, CanMasterLink, Codec, Frame, LinkCounters
+from msbot.link import CanBusInfo, CanIds, CanMasterLink, Codec, Frame, LinkCounters, Peer
 from msbot.link.can_driver import CanDriver
 from msbot.link.can_end import CanWire
 from msbot.link.can_filters import IdFilter
@@ -159,6 +162,11 @@ class Part:
         await self.settle()
         return object_id
 
+    async def leave(self) -> None:
+        """Log out."""
+        self.session.close(0.0)
+        await self.settle()
+
     async def writer(self) -> int:
         """A writer of the topic."""
         publisher = await self.make(ObjectKind.PUBLISHER, publisher_variant(self.participant))
@@ -206,34 +214,120 @@ class Figures:
         return self.frames_in / self.microseconds * 1e6
 
 
+OTHERS = """
+import socket, sys, threading
+bus = socket.socket(fileno=int(sys.argv[1]))
+bus.setblocking(True)
+def drain():
+    while bus.recv(72): pass
+threading.Thread(target=drain, daemon=True).start()
+frames = open(sys.argv[2], "rb").read()
+for at in range(0, len(frames), 16): bus.send(frames[at:at + 16])
+"""
+"""A program that is all other controllers: says its frames as fast as they are taken, and hears the agent's."""
+
+
+class Stand:
+    """An agent on the bus, a writer and a reader."""
+
+    def __init__(self) -> None:
+        self.bus = Bus()
+        adapter = SocketCanAdapter(Wanted("bench"), INFO, find=lambda _: INTERFACE, connect=self.bus.connect)
+        self.link = CanMasterLink(CanDriver(adapter), profile_hash=1, random=Random(1), codec=CODEC)
+        self.agent = Agent(MemorySpace())
+        self.agent.add_link(self.link)
+        self.writing, self.reading = Part(self.bus, 1), Part(self.bus, 2)
+        self.writer = 0
+
+    async def open(self, stream_id: int) -> asyncio.Task[None]:
+        """Start everything; the agent's task."""
+        serving = asyncio.ensure_future(self.agent.run())
+        await asyncio.sleep(0.01)
+        await self.writing.join()
+        await self.reading.join()
+        self.writer = await self.writing.writer()
+        await self.reading.reader(stream_id)
+        return serving
+
+
+class Listener(Wire):
+    """A link in memory to a reader in the agent's own process; counts what it is sent."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.samples = 0
+        self.count = 0
+        self.first, self.last = asyncio.Event(), asyncio.Event()
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        """Count it, once `samples` is set."""
+        if not self.samples:
+            super().send(packet, peer)
+            return
+        self.count += 1
+        if self.count == 1:
+            self.first.set()
+        elif self.count == self.samples:
+            self.last.set()
+
+
+async def flood(samples: int) -> tuple[float, float]:
+    """Samples of 4 octets, one frame each, as fast as another program can say them, for a reader in this process.
+
+    Returns:
+        Samples a second of processor time, and of the clock; all are delivered.
+    """
+    stand, listener = Stand(), Listener()
+    stand.agent.add_link(listener)
+    serving = await stand.open(STREAM_BEST_EFFORT)
+    reading = Client(listener, 3)
+    reading.read(reading.reader(), STREAM_BEST_EFFORT)
+    reading.session.ping(0.0)
+    for packet in reading.session.packets_to_send(0.0):  # alive now, not only at the beginning of time
+        listener.receive(packet, reading.key, asyncio.get_running_loop().time())
+    await stand.reading.leave()
+    frames: list[bytes] = []
+    for number in range(samples):
+        stand.writing.session.write(stand.writer, number.to_bytes(4), STREAM_BEST_EFFORT)
+        frames += stand.writing.frames()
+    listener.samples = samples
+    with tempfile.NamedTemporaryFile() as file:
+        file.write(b"".join(frames))
+        file.flush()
+        wire = stand.bus.wire.fileno()
+        others = await asyncio.create_subprocess_exec(
+            sys.executable, "-c", OTHERS, str(wire), file.name, pass_fds=[wire]
+        )
+        await listener.first.wait()
+        cpu, wall = time.thread_time(), time.perf_counter()
+        await listener.last.wait()
+        cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
+        await others.wait()
+    serving.cancel()
+    await asyncio.wait([serving])
+    stand.bus.wire.close()
+    return samples / cpu, samples / wall
+
+
 async def measure(load: Load, samples: int, repeats: int, profile: cProfile.Profile | None) -> list[Figures]:
     """The figures, once for each repeat."""
-    bus = Bus()
-    adapter = SocketCanAdapter(Wanted("bench"), INFO, find=lambda _: INTERFACE, connect=bus.connect)
-    link = CanMasterLink(CanDriver(adapter), profile_hash=1, random=Random(1), codec=CODEC)
-    agent = Agent(MemorySpace())
-    agent.add_link(link)
-    serving = asyncio.ensure_future(agent.run())
-    await asyncio.sleep(0.01)
-    writing, reading = Part(bus, 1), Part(bus, 2)
-    await writing.join()
-    await reading.join()
-    writer = await writing.writer()
-    await reading.reader(load.stream_id)
+    stand = Stand()
+    bus, writing, reading = stand.bus, stand.writing, stand.reading
+    serving = await stand.open(load.stream_id)
     payload = bytes(range(load.payload))
 
     async def run(count: int) -> Figures:
         bus.seconds, bus.frames_in, bus.frames_out, reading.samples = 0.0, 0, 0, 0
         for _ in range(0, count, load.burst):
             for _ in range(load.burst):
-                writing.session.write(writer, payload, load.stream_id)
+                writing.session.write(stand.writer, payload, load.stream_id)
             raw = writing.frames()
             while raw:
                 out = await bus.exchange(raw)
                 writing.hear(out)
                 reading.hear(out)
                 raw = writing.frames() + reading.frames()
-        assert reading.samples == count, (reading.samples, count, link.counters.dropped)
+        assert reading.samples == count, (reading.samples, count, stand.link.counters.dropped)
         return Figures(bus.seconds / count * 1e6, bus.frames_in / count, bus.frames_out / count)
 
     await run(samples // 4)
@@ -272,6 +366,10 @@ def table(samples: int, repeats: int) -> Iterator[str]:
             f"| {middle.microseconds:.1f} | {runs[0].microseconds:.1f} | {runs[-1].microseconds:.1f} "
             f"| {middle.frames_per_s:,.0f} | {middle.frames_per_s / BUS_FRAMES:.1f} |"
         )
+    cpu, wall = sorted(asyncio.run(flood(5 * samples)) for _ in range(repeats))[repeats // 2]
+    yield "\nAs fast as another program says them (4 octets, best effort, a frame each), to a reader in the agent's"
+    yield f"own process: {cpu:,.0f} frames in a second of processor time, {cpu / BUS_FRAMES:.1f} times a full bus;"
+    yield f"{wall:,.0f} in a second of the clock."
     yield f"\nA full bus: {BUS_FRAMES:,} frames of 8 octets in a second, the most that 1 Mbit/s carries."
 
 
