@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
-from msbot.pnp import THESIS_TIMING, Matcher, PartEvent, PartState
+from msbot.pnp import THESIS_TIMING, Matcher, PartEvent, PartState, Refusal
 from msbot.pnp.book import Book, Session
 from msbot.pnp.ledger import Ledger
 from tests.pnp.robot import sample_store
@@ -73,3 +73,25 @@ def test_what_a_handler_does_is_told_after_what_it_was_told() -> None:
     scene.ledger.appear(scene.session, 0.0)
     scene.ledger.publish()
     assert scene.told == ["new", "checking"]
+
+
+def test_what_is_told_later_comes_after_rights_and_events() -> None:
+    scene = Scene()
+    scene.ledger.later(lambda: scene.told.append("later"))
+    record = scene.ledger.appear(scene.session, 0.0)
+    scene.ledger.move(record, PartState.CHECKING, 1.0, "claims")
+    scene.ledger.seat(record, scene.store.configuration("AA"), 2.0, "found")
+    scene.ledger.publish()
+    assert scene.told == ["rights of 1", "new", "checking", "active", "later"]
+    assert record.life.status == 3
+
+
+def test_a_part_that_is_turned_away_has_no_slot_and_no_life() -> None:
+    scene = Scene()
+    record = scene.ledger.appear(scene.session, 0.0)
+    scene.ledger.move(record, PartState.CHECKING, 1.0, "claims")
+    scene.ledger.seat(record, scene.store.configuration("AA"), 2.0, "found")
+    scene.ledger.vacate(record)
+    assert scene.ledger.freed == {"AA": record}
+    scene.ledger.turn_away(record, Refusal.NO_SLOT, 3.0, "a person took it out")
+    assert (record.state, record.slot, record.life.status, record.lease) == (PartState.STANDBY, None, 0, 0)

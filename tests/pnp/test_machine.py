@@ -10,6 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from msbot.pnp import FAST_TIMING, THESIS_TIMING, PartState, Slot, Timing
 from msbot.pnp.life import TRANSITIONS
+from msbot.pnp.seating import PLACEABLE
 from tests.pnp.robot import Rig, sample_store
 
 keys = st.integers(1, 5)
@@ -55,7 +56,6 @@ class InventoryMachine(RuleBasedStateMachine):
         layout = "compat" if compat else "compact"
         verdict = self.rig.claim(key, number, name=name, serial=serial, nonce=nonce, layout=layout)
         if verdict.lease:
-            assert number != "NOPE"
             assert verdict.refusal is None
             assert self.rig.state(key).is_registered
             self.beaten_at[key] = self.rig.now
@@ -83,6 +83,29 @@ class InventoryMachine(RuleBasedStateMachine):
     @rule(number=st.sampled_from(["ABCD", "EFGH"]), blocked=st.booleans())
     def block(self, number: str, blocked: bool) -> None:
         self.rig.store.blocks = {number: "a person said so"} if blocked else {}
+
+    @rule(numbers=st.sets(st.sampled_from(["ABCD", "EFGH"])))
+    def block_and_put_out(self, numbers: set[str]) -> None:
+        self.rig.store.blocks = dict.fromkeys(numbers, "a person said so")
+        self.rig.inventory.blocks_changed(self.rig.now)
+
+    @rule(data=st.data())
+    def move(self, data: st.DataObject) -> None:
+        placeable = [
+            part.client_key
+            for part in self.rig.inventory.view(self.rig.now)
+            if part.client_key in self.open and part.state in PLACEABLE
+        ]
+        if not placeable:
+            return
+        slots = [slot.name for slot in self.rig.store.slot_list]
+        keys = data.draw(st.lists(st.sampled_from(placeable), min_size=1, max_size=2, unique=True), label="parts")
+        wanted = data.draw(st.permutations([*slots, None, None]), label="slots")
+        moves = dict(zip(keys, wanted, strict=False))
+        self.rig.inventory.rearrange(moves, self.rig.now, "a person moved them")
+        for key, slot in moves.items():
+            if slot is not None:
+                assert (self.rig.part(key).slot, self.rig.state(key)) == (slot, PartState.ACTIVE)
 
     @rule(there=st.booleans())
     def change_the_slots(self, there: bool) -> None:

@@ -205,3 +205,51 @@ def test_a_blocked_number_cannot_be_got_round_with_a_version() -> None:
     store.blocks["ABCD"] = "recalled"
     match = Matcher(store).match(Claim("ABCD@2", "any", uid(1)))
     assert (match.refusal, match.reason) == (Refusal.BLOCKED, "blocked: recalled")
+
+
+# What people decide
+
+
+def test_a_part_that_a_person_put_into_a_slot_gets_it_whatever_the_library_says() -> None:
+    matcher, store = matcher_of(Slot("AA", "ABCD"))
+    store.placed[uid(1)] = "AA"
+    match = matcher.match(Claim("NOPE", "", uid(1)))
+    assert match.slot == Slot("AA", "ABCD")
+    assert match.reason == "a person has put this part into slot AA"
+    assert matcher.match(Claim("NOPE", "", uid(2))).refusal is Refusal.UNKNOWN_PART
+
+
+@pytest.mark.parametrize(("slot", "words"), [("AA", "is held by another part"), ("ZZ", "does not have any more")])
+def test_a_place_that_cannot_be_had_is_evidence_and_the_rules_go_on(slot: str, words: str) -> None:
+    matcher, store = matcher_of(Slot("AA", "ABCD"), Slot("AB", "ABCD"))
+    matcher.take("AA")
+    store.placed[uid(1)] = slot
+    match = matcher.match(Claim("ABCD", "", uid(1)))
+    assert match.slot == Slot("AB", "ABCD")
+    assert any(rule == "put there by a person" and words in outcome for rule, outcome in match.evidence)
+
+
+def test_a_person_who_blocks_a_part_outdoes_one_who_placed_it() -> None:
+    matcher, store = matcher_of(Slot("AA", "ABCD"))
+    store.placed[uid(1)] = "AA"
+    store.blocks[uid(1)] = "broken"
+    assert matcher.match(Claim("ABCD", "", uid(1))).refusal is Refusal.BLOCKED
+
+
+def test_a_barred_slot_counts_as_taken_for_that_part_only() -> None:
+    matcher, store = matcher_of(Slot("AA", "ABCD"))
+    store.remembered[uid(1)] = "AA"
+    match = matcher.match(Claim("ABCD", "", uid(1)), barred="AA")
+    assert (match.outcome, match.slot) == (PartState.STANDBY, None)
+    assert ("same UID as before", "was in slot AA, and a person took it out of there") in match.evidence
+    assert matcher.match(Claim("ABCD", "", uid(2))).slot == Slot("AA", "ABCD")
+
+
+def test_fits_says_what_the_library_says() -> None:
+    matcher, _ = matcher_of(Slot("AA", "ABCD"))
+    slot = matcher.slot("AA")
+    assert slot is not None
+    assert [matcher.fits(number, slot) for number in ("ABCD", "ABCE", "EFGH", "NOPE")] == [True, True, False, False]
+    assert matcher.free_slot("AA") == slot
+    matcher.take("AA")
+    assert (matcher.free_slot("AA"), matcher.free_slot("ZZ"), matcher.names()) == (None, None, ("AA",))
