@@ -76,4 +76,5 @@ def thesis(packet: bytes, can_id: int) -> list[Frame]:
 
 def table(head: list[str], rows: list[list[str]]) -> list[str]:
     """A table of a page."""
-    return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)]
+    lines = [f"| {' | '.join(cells)} |" for cells in (head, *rows)]
+    return [lines[0], "|---" * len(head) + "|", *lines[1:]]

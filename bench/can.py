@@ -48,11 +48,10 @@ def switch_all_on(folder: Path) -> tuple[Runs, Runs]:
 
 def crowd_table(runs: Runs) -> list[str]:
     """From power-up to `active`."""
-    head = ["bus", "parts", "median ms", "p95 ms", "max ms", "bus time ms", "ratio", "frames", "of them JOIN",
-            "lost or late", "all at work ms"]  # fmt: skip
+    head = ["bus", "parts", "median", "p95", "max", "all at work", "ratio", "frames", "lost or late"]
     rows = []
     for (rates, size), done in runs.items():
-        times = (done.median_s, done.p95_s, done.last_s, done.busy_s)
+        times = (done.median_s, done.p95_s, done.last_s, done.served_s)
         rows.append(
             [
                 rates.name,
@@ -60,9 +59,7 @@ def crowd_table(runs: Runs) -> list[str]:
                 *(f"{1000 * seconds:,.1f}" for seconds in times),
                 f"{done.ratio:.2f}",
                 f"{sum(done.frames.values()):,}",
-                str(done.frames["JOIN"]),
                 str(done.lost + done.late),
-                f"{1000 * done.served_s:,.1f}",
             ]
         )
     return table(head, rows)

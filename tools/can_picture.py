@@ -23,29 +23,29 @@ LEASE = bytes.fromhex("a3d81173")
 NUMBER = 1000
 REQUESTER = 0x0017
 
-CELL = 20
+CELL = 22
 """Width of a bit."""
-LEFT = 74
-TOP = 92
-ROW = 228
+LEFT = 68
+TOP = 84
+ROW = 215
 """Height of a row."""
-WIDTH = 1100
+WIDTH = 820
 HIGH, MIDDLE, LOW = 0, 34, 68
 """3.5 V, 2.5 V and 1.5 V below the upper end of a trace."""
 LEVELS = ((HIGH, "3.5 V"), (MIDDLE, "2.5 V"), (LOW, "1.5 V"))
 
 STYLE = """
-text { font: 12px system-ui, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; fill: #1f2933; }
+text { font: 12.5px system-ui, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; fill: #1f2933; }
 .panel { fill: #ffffff; stroke: #d5dbe1; }
 .scope { fill: #f6f8fa; stroke: #e1e6eb; }
 .title { font-size: 20px; font-weight: 600; }
 .soft { fill: #5b6773; }
-.name { font-size: 11.5px; font-weight: 600; text-anchor: middle; }
-.side { font-size: 10.5px; font-weight: 600; }
-.mean { font-size: 11px; text-anchor: middle; }
-.bit { font: 12px ui-monospace, SFMono-Regular, Menlo, Consolas, monospace; text-anchor: middle; }
-.tick { font-size: 10px; text-anchor: middle; }
-.volt { font-size: 10.5px; text-anchor: end; }
+.name { font-size: 12.5px; font-weight: 600; text-anchor: middle; }
+.side { font-size: 11.5px; font-weight: 600; }
+.mean { font-size: 12px; text-anchor: middle; }
+.bit { font: 13.5px ui-monospace, SFMono-Regular, Menlo, Consolas, monospace; text-anchor: middle; }
+.tick { font-size: 11px; text-anchor: middle; }
+.volt { font-size: 11px; text-anchor: end; }
 .grid { stroke: #dfe4ea; stroke-width: 1; }
 .zero { stroke: #c3cbd4; stroke-width: 1; stroke-dasharray: 2 3; }
 .tock { stroke: #8b96a2; stroke-width: 1; }
@@ -107,7 +107,7 @@ def heartbeat() -> Frame:
 
 
 def rows_of(bits: list[WireBit]) -> list[list[Span]]:
-    """The frame in three rows: who speaks and how, what is said, and what makes it safe."""
+    """The frame in four rows: who speaks and how, what is said (two rows), and what makes it safe."""
     by_field: dict[str, list[WireBit]] = {}
     for bit in bits:
         by_field.setdefault(bit.field, []).append(bit)
@@ -125,13 +125,13 @@ def rows_of(bits: list[WireBit]) -> list[list[Span]]:
             span("IDE", "", "control", "IDE"),
             span("r0", "", "control", "R0"),
             span("DLC 8", "8 bytes", "control", "DLC"),
-            Span("DATA C0", "first and last frame, number 0", "data", segment),
-            Span("DATA 10", "a request to the inventory", "data", code),
+            Span("DATA C0", "first and last frame, no. 0", "data", segment),
         ],
         [
+            Span("DATA 10", "a request to the inventory", "data", code),
             Span("DATA E8 03", f"message {NUMBER}", "data", number),
-            Span("DATA A3 D8 11 73", "the part's lease: “I am alive”", "data", lease),
         ],
+        [Span("DATA A3 D8 11 73", "the part's lease: “I am alive”", "data", lease)],
         [
             span(f"CRC {int(crc, 2):04X}", "check sum of all bits so far", "check", "CRC"),
             span("CRC end", "", "check", "CRC DELIMITER"),
@@ -256,22 +256,29 @@ def _draw_stuffing(canvas: Canvas, before: list[WireBit], bits: list[WireBit], s
         canvas.path([f"M {start + 3:g} {y - 4:g}", f"V {y:g}", f"H {x - 3:g}", f"V {y - 4:g}"], "run")
 
 
-def legend(canvas: Canvas, left: float, top: float) -> None:
+def legend(canvas: Canvas, top: float) -> None:
     """What the signs mean."""
-    canvas.line(left, top, left + 26, top, "h")
-    canvas.text(left + 36, top + 4, "CAN-H", "h-text")
-    canvas.line(left + 100, top, left + 126, top, "l")
-    canvas.text(left + 136, top + 4, "CAN-L", "l-text")
-    canvas.text(left + 36, top + 22, "apart: dominant, a 0; together: recessive, a 1", "soft")
-    top += 22
-    canvas.box(left, top + 20, CELL, 20, "stuff")
-    canvas.text(left + 6, top + 34, "1", "stuff-text")
-    canvas.text(left + 36, top + 30, "A stuff bit. After five equal bits the sender puts in one", "")
-    canvas.text(left + 36, top + 46, "of the other level, so that receivers keep in step with it;", "")
-    canvas.text(left + 36, top + 62, "they take it out again.", "")
-    canvas.box(left, top + 80, CELL, 20, "others")
-    canvas.text(left + 36, top + 90, "The sender lets go here. Whoever got the frame right", "")
-    canvas.text(left + 36, top + 106, "makes this bit dominant: the frame has arrived.", "")
+    left, middle, right = 24, 262, 556
+    canvas.line(left, top - 4, left + 24, top - 4, "h")
+    canvas.text(left + 32, top, "CAN-H", "h-text")
+    canvas.line(left + 94, top - 4, left + 118, top - 4, "l")
+    canvas.text(left + 126, top, "CAN-L", "l-text")
+    for line, words in enumerate(("apart: dominant, a 0", "together: recessive, a 1")):
+        canvas.text(left + 32, top + 18 * (line + 1), words, "soft")
+    canvas.box(middle, top - 14, CELL, 20, "stuff")
+    canvas.text(middle + 7, top + 1, "1", "stuff-text")
+    stuffing = (
+        "A stuff bit: after five equal bits the",
+        "sender puts in one of the other level,",
+        "so that receivers keep in step.",
+    )
+    for line, words in enumerate(stuffing):
+        canvas.text(middle + 32, top + 18 * line, words, "soft")
+    canvas.box(right, top - 14, CELL, 20, "others")
+    for line, words in enumerate(
+        ("Here the sender lets go. Whoever", "got the frame right makes the bit", "dominant: it has arrived.")
+    ):
+        canvas.text(right + 32, top + 18 * line, words, "soft")
 
 
 def picture() -> str:
@@ -279,19 +286,19 @@ def picture() -> str:
     bits = wire_bits(heartbeat())
     rows = rows_of(bits)
     stuffed = sum(bit.stuff for bit in bits)
-    height = TOP + len(rows) * ROW - 12
+    height = TOP + len(rows) * ROW + 70
     canvas = Canvas()
     canvas.box(0.5, 0.5, WIDTH - 1, height - 1, "panel", radius=8)
-    canvas.text(24, 38, "One heartbeat of a part on the wire", "title")
+    canvas.text(24, 36, "One heartbeat of a part on the wire", "title")
     microseconds = len(bits) * 1_000_000 / BITRATE
     rate = f"{BITRATE // 1000} kbit/s"
     words = f"one classic CAN frame at {rate}: {len(bits)} bits, {stuffed} of them stuff bits, {microseconds:g} µs"
-    canvas.text(24, 60, words, "soft")
+    canvas.text(24, 58, words, "soft")
     first = 0
     for number, spans in enumerate(rows):
         draw_row(canvas, spans, TOP + number * ROW, first, bits[:first])
         first += sum(len(span.bits) for span in spans)
-    legend(canvas, LEFT + (sum(len(span.bits) for span in rows[-1]) + 3) * CELL, TOP + 2 * ROW + 44)
+    legend(canvas, TOP + len(rows) * ROW + 16)
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" role="img">'
     title = f"<title>{escape('A heartbeat on the CAN bus: ' + words)}</title>"
     return "\n".join([head, title, f"<style>{STYLE}</style>", *canvas.lines, "</svg>", ""])

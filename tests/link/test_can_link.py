@@ -108,7 +108,7 @@ def test_120_parts_switched_on_together_all_join_and_the_next_is_refused(caplog:
         parts = [robot.part(number) for number in range(120)]
         await asyncio.sleep(1.0)
         assert sorted(node_of(part) for part in parts) == list(range(1, 121))
-        assert max(part.told_at(Signal.LINK_UP)[0] for part in parts) < 0.4
+        assert max(part.told_at(Signal.LINK_UP)[0] for part in parts) < 0.17, "one JOIN and one ASSIGN each: 66 ms"
         for part in parts:
             part.link.send(node_of(part).to_bytes(2, "big") * 50, MASTER)
             master.link.send(bytes([node_of(part)]), node_of(part))
