@@ -8,15 +8,17 @@ from random import Random
 from fuzz.bounds import REASONS, hold
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
-from msbot.part import plug
+from msbot.part import plug, prove
 from msbot.pnp import FAST_TIMING, PartState, Slot, compat
 from msbot.pnp.desk import Desk
+from msbot.pnp.keys import Keys
 from tests.pnp.robot import Rig, sample_store, uid
 
 KEYS = 6
 KEEP_ENDED = 4
 """Parts that the rig keeps after they have gone."""
 HONEST = 99
+KEY = bytes(range(16))
 
 
 class DeskTarget:
@@ -33,7 +35,9 @@ class DeskTarget:
     def run(self, case: Case) -> Iterable[str]:
         """Ask."""
         rig = Rig(sample_store(Slot("AA2", "ABCD")), timing=FAST_TIMING)
-        desk = Desk(rig.inventory, explain=len(case) % 2 == 0)
+        keys = Keys(rig.store, Random(len(case))) if len(case) % 3 == 0 else None
+        rig.store.keys = {uid(number): KEY for number in (0, 1, 2, HONEST)}
+        desk = Desk(rig.inventory, explain=len(case) % 2 == 0, keys=keys)
         seen: set[str] = set()
         leases: dict[int, int] = {}
         for step in case:
@@ -68,6 +72,8 @@ def _do(rig: Rig, desk: Desk, step: Step, key: int, leases: dict[int, int]) -> s
                 leases[key] = verdict.lease
                 return f"lease, refused {verdict.reason}"
             return _answered(answer, is_open=is_open)
+        case "prove":
+            return _prove(desk, step, key, rig.now)
         case "why":
             rig.inventory.why(f"{key:08x}", rig.now)
         case "slots":
@@ -75,6 +81,23 @@ def _do(rig: Rig, desk: Desk, step: Step, key: int, leases: dict[int, int]) -> s
             rig.store.slot_list = [*slots, Slot("AA2", "ABCD")] if step.whole(1) else slots
             rig.inventory.reload(rig.now)
     return step.verb
+
+
+def _prove(desk: Desk, step: Step, key: int, now: float) -> str:
+    """Claim, and prove it if asked, with the right key or another one; the answer may come much later."""
+    asker = key.to_bytes(16, "big")
+    claim = plug.Claim(part_number="ABCD", local_name="", uid=uid(step.whole(1) % 4), session_nonce=1)
+    asked = desk.compact(claim.encode(), key, now, asker)
+    if asked is None or len(asked) != plug.NONCE_OCTETS:
+        return "not asked"
+    secret = KEY if step.whole(2) % 2 else bytes(16)
+    names = {"part_number": claim.part_number, "local_name": claim.local_name}
+    proof = prove(secret, asked, claim.uid, **names, session_key=key)
+    answer = desk.compact(plug.Proof(proof=proof).encode(), key, now + abs(step.whole(3)) % 15, asker)
+    is_in = answer is not None and len(answer) == 12 and plug.Verdict.decode(answer).lease
+    if is_in and secret is not KEY:
+        raise Violation("a part with another key is let in")
+    return f"proved, answered {None if answer is None else len(answer)}"
 
 
 def _answered(answer: bytes | None, *, is_open: bool) -> str:
@@ -106,13 +129,16 @@ def _check_honest(rig: Rig, desk: Desk) -> None:
     rig.join(HONEST)
     claim = plug.Claim(part_number="ABCD", local_name="AA", uid=uid(HONEST), session_nonce=1).encode()
     answer = desk.compact(claim, HONEST, rig.now)
+    if answer is not None and len(answer) == plug.NONCE_OCTETS:
+        proof = prove(KEY, answer, uid(HONEST), part_number="ABCD", local_name="AA", session_key=HONEST)
+        answer = desk.compact(plug.Proof(proof=proof).encode(), HONEST, rig.now)
     if answer is None or not plug.Verdict.decode(answer).lease or rig.state(HONEST) is not PartState.ACTIVE:
         raise Violation(f"an honest part is answered {answer!r}")
 
 
 def _step(random: Random) -> Step:
     key = random.randrange(KEYS)
-    match random.randrange(14):
+    match random.randrange(16):
         case 0:
             return Step("join", b"", (key, random.randrange(2)))
         case 1:
@@ -128,6 +154,8 @@ def _step(random: Random) -> Step:
         case 8 | 9:
             request = compat.encode_request(_number(random), random.choice(("", "left", "ä" * 20)))
             return Step("compat", mutate_octets(random, request) if random.random() < 0.5 else request, (key,))
+        case 10 | 11:
+            return Step("prove", b"", (key, random.randrange(4), random.randrange(2), random.choice((0, 0, 0, 12))))
     claim = plug.Claim(
         part_number=_number(random), local_name=random.choice(("", "AA", "AA2", "x" * 254)),
         uid=uid(random.randrange(5)), session_nonce=random.randrange(2),

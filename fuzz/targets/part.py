@@ -14,8 +14,10 @@ from msbot.agent import Agent
 from msbot.errors import ConfigError, LinkFull, LocalProtocolError
 from msbot.link import InprocHub
 from msbot.part import (
+    NO_BINDING,
     Beat,
     BeatReply,
+    Challenge,
     Claim,
     Client,
     Configuration,
@@ -24,9 +26,12 @@ from msbot.part import (
     HelloWorld,
     JoinState,
     Message,
+    Notice,
+    NoticeKind,
     Part,
     PortBinding,
     ProfileMessage,
+    Proof,
     Service,
     Setting,
     Verdict,
@@ -59,7 +64,7 @@ def _configuration(version: int = 1, *, out: str = "one", into: str = "two") -> 
         PortBinding(port="out", topic=out, topic_type="HelloWorld", direction=0, reliable=1),
         PortBinding(port="in", topic=into, topic_type="HelloWorld", direction=1, reliable=1),
     ]
-    settings = [Setting(name="period_s", value="1.0")]
+    settings = [Setting(name="period_s", value="1.0"), Setting(name="in.safe.message", value="safe")]
     return Configuration(version=version, slot="AA", bindings=bindings, settings=settings)
 
 
@@ -116,6 +121,8 @@ class PartWorld:
             self.heard.append(message.message)
 
         part.on("in", HelloWorld)(hear)
+        part.on_setting("period_s", float)(lambda period: self.seen.add(f"period {period}"[:20]))
+        part.on_partner_lost(lambda port: self.seen.add(f"lost {port}"[:20]))
 
     def _request(self, _object: int, _request: int, identity: bytes, body: bytes) -> None:
         self._requests.append((identity, body))
@@ -169,6 +176,10 @@ class PartWorld:
             await asyncio.sleep(1.0)
         if self.part.state is not JoinState.ACTIVE:
             raise Violation(f"{HEALED_S} s after healing the part is {self.part.state}: {self.part.reason}")
+        # A false STOP holds until the honest master's GO, whatever number it had.
+        go = Notice(number=0xFFFFFFFF, binding=NO_BINDING, kind=NoticeKind.GO)
+        self._write(self.replier, self._requests[-1][0][:16] + bytes(8) + go.encode())
+        await asyncio.sleep(0.2)
         self.heard.clear()
         for number in range(3):
             self._write(self.honest_samples, HelloWorld(index=number, message=f"m{number}").encode())
@@ -181,7 +192,7 @@ class PartWorld:
 def honest_answer(body: bytes) -> bytes:
     """What an honest inventory says."""
     match decode_request(body):
-        case Claim():
+        case Claim() | Proof():
             return Verdict(lease=7, configuration_version=HONEST_VERSION, beat_period_ms=250).encode()
         case Beat(lease=lease):
             return BeatReply(configuration_version=HONEST_VERSION if lease == 7 else 0).encode()
@@ -247,6 +258,11 @@ _ANSWERS = (
     Verdict(lease=0, configuration_version=1, beat_period_ms=1000, reason=4).encode(),
     BeatReply(configuration_version=9).encode(),
     BeatReply(configuration_version=0).encode(),
+    Challenge(nonce=bytes(16)).encode(),
+    Notice(number=9, binding=1, kind=NoticeKind.PARTNER_LOST).encode(),
+    Notice(number=1, binding=NO_BINDING, kind=NoticeKind.IDENTIFY).encode(),
+    Notice(number=1, binding=NO_BINDING, kind=NoticeKind.STOP).encode(),
+    Notice(number=1, binding=NO_BINDING, kind=NoticeKind.GO).encode(),
     _configuration(9).encode(),
     _configuration(0).encode(),
 )
@@ -294,5 +310,9 @@ def _large(random: Random) -> bytes:
         )
         for number in range(count)
     ]  # fmt: skip
-    settings = [Setting(name="a" * random.choice((0, 1, 3000)), value="")] * random.choice((0, 1, 2))
+    names = ("", "a", "a" * 3000, "period_s", "in.safe.index", "in.safe.x", ".safe.", "out.safe.message")
+    values = ("", "x", "1", "-1", "nan", "1e400", "9" * 5000)
+    settings = [
+        Setting(name=random.choice(names), value=random.choice(values)) for _ in range(random.choice((0, 1, 2, 9)))
+    ]
     return Boundless(version=random.choice((0, 9, 10)), slot="x", bindings=bindings, settings=settings).encode()

@@ -87,7 +87,7 @@ class Desk:
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
     def _answer_to(self, claim: Claim, client_key: int, asker: bytes, now: float) -> bytes | None:
-        if self._keys is None:
+        if self._keys is None or not self._inventory.has_session(client_key):
             return self._tell(self._inventory.claim(claim, client_key, now))
         asked = self._keys.ask(claim, asker, now)
         verdict = None if asked.refused is None else self._inventory.refuse(claim, client_key, asked.refused, now)

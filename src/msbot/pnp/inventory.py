@@ -123,6 +123,10 @@ class Inventory:
             return None
         return session.record.configuration
 
+    def has_session(self, client_key: int) -> bool:
+        """Whether a client with that key has a session open."""
+        return client_key in self._book.sessions
+
     def standing_of(self, client_key: int) -> Standing | None:
         """How the part behind a session stands; None: there is no such session, or no part behind it."""
         session = self._book.sessions.get(client_key)
