@@ -162,6 +162,18 @@ async def test_a_bus_that_can_be_waited_for_is_read_in_the_event_loop(made: list
         assert await node.frames.get() == Frame(0x100, b"b")
 
 
+async def test_where_the_event_loop_cannot_wait_for_it_a_thread_reads(
+    made: list[SocketBus], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise NotImplementedError  # as the usual event loop of Windows
+
+    monkeypatch.setattr(asyncio.get_running_loop(), "add_reader", refuse)
+    async with Node("made", "0") as node:
+        made[0].wire.send(b"a")
+        assert await node.frames.get() == Frame(0x100, b"a")
+
+
 async def test_reports_of_the_adapter_become_states_and_a_restart_opens_it_anew(made: list[SocketBus]) -> None:
     async with Node("made", "0") as node:
         made[0].wire.send(b"W")

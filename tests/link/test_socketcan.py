@@ -22,7 +22,7 @@ from msbot.link.can_frames import Frame
 from msbot.link.can_ids import CanIds
 from msbot.link.can_interface import Interface
 from msbot.link.can_remedies import NO_KERNEL_SUPPORT, Wanted
-from msbot.link.socketcan import KERNEL_FULL, NO_FRAME, SocketCanAdapter, pack_filters
+from msbot.link.socketcan import KERNEL_FULL, NO_FRAME, SocketCanAdapter, SocketCanChannel, pack_filters
 from msbot.link.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
 from msbot.link.virtual_time import run_virtual
 
@@ -109,6 +109,12 @@ class Bench:
     def wire(self) -> socket.socket:
         """The other end of the socket that is open."""
         return self.wires[-1]
+
+    def sock_reads(self) -> None:
+        """The event loop finds the socket readable."""
+        channel = self.driver._channel
+        assert isinstance(channel, SocketCanChannel)
+        channel._read()
 
     def hear(self, *frames: Frame) -> None:
         """Frames come in from the bus."""
@@ -207,6 +213,20 @@ def test_the_kernel_keeps_what_the_ring_cannot_take() -> None:
     run_virtual(main())
 
 
+def test_a_full_ring_leaves_everything_in_the_kernel() -> None:
+    async def main() -> None:
+        async with Bench(ring_frames=300) as bench:
+            burst = [Frame(0x100, number.to_bytes(2)) for number in range(310)]
+            bench.driver.take(burst[:300], 0.0)
+            bench.hear(*burst[300:])
+            bench.sock_reads()  # as the event loop may do before the ring has its turn
+            assert bench.frames == []
+            await asyncio.sleep(0.1)
+            assert bench.frames == burst
+
+    run_virtual(main())
+
+
 def test_what_the_kernel_lost_is_counted() -> None:
     async def test(bench: Bench) -> None:
         for total in (3, 3, 10):
@@ -258,6 +278,18 @@ def test_a_full_queue_of_the_interface_is_tried_again_after_a_moment() -> None:
         assert (bench.rooms, bench.sent()) == (1, [FRAME])
 
     with_bench(test)
+
+
+def test_a_link_that_is_closed_tries_nothing_again_and_tells_nothing() -> None:
+    async def main() -> None:
+        async with Bench() as bench:
+            bench.sock.send_error = errno.ENOBUFS
+            bench.driver.send(FRAME)
+        told = len(bench.states)
+        await asyncio.sleep(1)
+        assert (bench.rooms, len(bench.states)) == (0, told)
+
+    run_virtual(main())
 
 
 def error_frame(classes: int, data: str = "") -> Frame:
