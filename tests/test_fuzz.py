@@ -23,6 +23,7 @@ EXECUTIONS = {
     "part": 20,
     "can": 200,
     "socketcan": 150,
+    "simbus": 60,
     "codec": 4000,
     "compact": 2000,
     "serial": 400,

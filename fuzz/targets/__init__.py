@@ -12,6 +12,7 @@ from fuzz.targets.desk import DeskTarget
 from fuzz.targets.message import MessageTarget
 from fuzz.targets.part import PartTarget
 from fuzz.targets.serial import SerialTarget
+from fuzz.targets.simbus import SimBusTarget
 from fuzz.targets.socketcan import SocketCanTarget
 from fuzz.targets.toml import TomlTarget
 
@@ -25,6 +26,7 @@ TARGETS: dict[str, Target] = {
         CodecTarget(),
         CompactTarget(),
         SocketCanTarget(),
+        SimBusTarget(),
         SerialTarget(),
         DeskTarget(),
         MessageTarget(),

@@ -145,6 +145,13 @@ class Splitter:
         Raises:
             RemoteProtocolError: they make no sense; the connection is of no use any more.
         """
+        try:
+            return self._take(data)
+        except RemoteProtocolError:
+            self._buffer.clear()
+            raise
+
+    def _take(self, data: bytes) -> list[Message]:
         buffer = self._buffer
         buffer += data
         messages: list[Message] = []
