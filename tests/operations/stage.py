@@ -117,7 +117,11 @@ class Stage:
 
 
 def play(
-    folder: Path, scene: Callable[[Stage], Awaitable[None]], *changes: tuple[str, str], parts: tuple[str, ...] = ()
+    folder: Path,
+    scene: Callable[[Stage], Awaitable[None]],
+    *changes: tuple[str, str],
+    parts: tuple[str, ...] = (),
+    busy_timeout_s: float = 2.0,
 ) -> None:
     """Run a scene with the sample robot; `parts` are plugged in at the start, as `NAME=NUMBER`."""
 
@@ -135,7 +139,7 @@ def play(
         library = load_library(folder / "library")
         blueprint = load_blueprint(path, library)
         put_database(folder / "robot.db")
-        with open_registry(folder / "robot.db") as registry:
+        with open_registry(folder / "robot.db", busy_timeout_s=busy_timeout_s) as registry:
             robot = registry.apply_blueprint(blueprint, library)
             master = Master(blueprint, registry.store_for(robot), random=Random(1), epoch_ns=lambda: 0)
             hub = InprocHub()

@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
+from random import Random
 
 import pytest
 
+from msbot.config import load_blueprint, load_library, write_sample
+from msbot.errors import ConfigError
+from msbot.link import run_virtual
+from msbot.master import Master
+from msbot.operations import Operations, Outcome
+from msbot.pnp import Claim, MemoryStore, PartType, Slot
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
 RING = ("AA=ABCD", "BB=EFGH", "CC=WXYZ")
@@ -51,3 +61,182 @@ def test_a_setting_that_makes_no_sense_changes_nothing(
         assert stage.do.edits() == []
 
     play(tmp_path, scene, AA_IS_A_DIAL)
+
+
+def test_a_blocked_part_is_put_out_at_once_and_comes_back_by_itself(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        done = stage.do.block("BB", "smells of smoke", who="ann")
+        assert done.words == "BB (UID 42422e2e2e2e2e2e) is blocked: smells of smoke"
+        assert stage.state("BB") == "refused"
+        await asyncio.sleep(0.2)
+        assert stage.parts["BB"].state.value != "active"
+        assert "cannot be let in: blocked: smells of smoke: `msbot unblock" in stage.refusal(
+            lambda: stage.do.adopt("BB", "BB", who="ann")
+        )
+        stage.do.unblock("BB", who="ann")
+        await asyncio.sleep(3.0)
+        assert stage.slot("BB") == "BB"
+        assert stage.refusal(lambda: stage.do.unblock("BB", who="ann")) == ("BB (UID 42422e2e2e2e2e2e) is not blocked")
+
+    play(tmp_path, scene, parts=RING)
+
+
+def test_a_blocked_number_and_its_undo(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        assert stage.do.block("EFGH", "recalled", who="ann").words == "part number EFGH is blocked: recalled"
+        assert (stage.state("BB"), stage.state("AA")) == ("refused", "active")
+        stage.do.undo(who="ann")
+        await asyncio.sleep(3.0)
+        assert stage.slot("BB") == "BB"
+        assert "no part is known as 'XX'" in stage.refusal(lambda: stage.do.block("XX", "", who="ann"))
+        stage.do.block("0102030405060708", "", who="ann")  # one that was never here
+        stage.plug("EE", "EFGH", uid=0x0102030405060708)
+        await asyncio.sleep(1.0)
+        assert stage.info("EE").reason == "blocked: no reason given"
+
+    play(tmp_path, scene, parts=RING)
+
+
+def test_a_part_can_be_ignored(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        info = stage.info("XX")
+        assert not stage.do.is_ignored(info)
+        assert stage.do.ignore("XX", who="ann").words == "XX is not shown among the arrivals any more"
+        assert stage.do.is_ignored(stage.info("XX"))
+
+    play(tmp_path, scene, parts=("XX=NOPE",))
+
+
+def test_a_wire_is_taken_away_and_made_again_while_the_parts_run(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        topic = "HelloWorldTopic_1_to_2"
+        done = stage.do.unbind(topic, "BB.in", who="ann")
+        assert done.words == f"BB.in is taken off topic {topic}"
+        await asyncio.sleep(0.2)
+        assert not stage.parts["BB"].bound("in")
+        assert stage.parts["AA"].bound("out")
+        stage.do.bind(topic, "HelloWorld", None, ["BB.in"], who="ann")
+        await asyncio.sleep(0.2)
+        assert stage.parts["BB"].bound("in")
+        stage.do.undo(who="ann")
+        stage.do.undo(done.edit_id, who="ann")
+        await asyncio.sleep(0.2)
+        assert stage.parts["BB"].bound("in")
+        assert "no port is bound to topic 'nothing'" in stage.refusal(lambda: stage.do.unbind("nothing", who="ann"))
+        assert "'BB' is no port" in stage.refusal(lambda: stage.do.unbind(topic, "BB", who="ann"))
+
+    play(tmp_path, scene, parts=RING)
+
+
+def test_a_changed_blueprint_is_put_into_force_and_undone(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        path = tmp_path / "robot.toml"
+        library = load_library(tmp_path / "library")
+        assert stage.do.apply(load_blueprint(path, library), who="ann").words == "the blueprint changes nothing"
+        text = path.read_text()
+        path.write_text(text.replace('preset = "thesis"', 'preset = "fast"').replace(
+            'part = "WXYZ"', 'part = "EFGH"').replace('local_name = "WXYZ-local"', ""))  # fmt: skip
+        done = stage.do.apply(load_blueprint(path, library), who="ann")
+        assert "the blueprint of MSBOT_MASTER is applied" in done.words
+        assert done.words.endswith("timing and options hold from the master's next start on")
+        await asyncio.sleep(3.0)
+        assert stage.slot("DD") == "CC"
+        stage.do.undo(who="bob")
+        await asyncio.sleep(0.5)
+        path.write_text(text.replace("X100Y100Z100", "OTHER"))
+        other = load_blueprint(path, library)
+        assert "this is the blueprint of MSBOT_MASTER OTHER, and the robot that runs is MSBOT_MASTER X100" in (
+            stage.refusal(lambda: stage.do.apply(other, who="ann"))
+        )
+
+    play(tmp_path, scene, parts=("AA=ABCD", "BB=EFGH", "DD=EFGH"))
+
+
+def test_a_slot_that_the_blueprint_drops_puts_its_part_out(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        path = tmp_path / "robot.toml"
+        path.write_text(path.read_text().partition("[[slot]]")[0] + '[[slot]]\nname = "AA"\npart = "ABCD"\n')
+        stage.do.apply(load_blueprint(path, load_library()), who="ann")
+        await asyncio.sleep(0.5)
+        assert (stage.slot("AA"), stage.slot("BB"), stage.slot("CC")) == ("AA", None, None)
+        stage.do.undo(who="ann")
+        await asyncio.sleep(3.0)
+        assert [stage.slot(name) for name in ("AA", "BB", "CC")] == ["AA", "BB", "CC"]
+
+    play(tmp_path, scene, parts=RING)
+
+
+def test_undo_says_what_is_in_the_way(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        assert stage.refusal(lambda: stage.do.undo(who="ann")) == "there is nothing to undo"
+        assert "there is no edit 99 of this robot" in stage.refusal(lambda: stage.do.undo(99, who="ann"))
+        done = stage.do.block("BB", "", who="ann")
+        stage.do.undo(done.edit_id, who="ann")
+        assert "is undone already" in stage.refusal(lambda: stage.do.undo(done.edit_id, who="ann"))
+        await asyncio.sleep(0)
+
+    play(tmp_path, scene, parts=RING)
+
+
+def test_without_a_database_parts_can_be_moved_and_what_is_to_last_cannot_be_changed(tmp_path: Path) -> None:
+    write_sample(tmp_path / "robot.toml")
+    library = load_library()
+    blueprint = load_blueprint(tmp_path / "robot.toml", library)
+
+    async def main() -> None:
+        store = MemoryStore(
+            types=tuple(PartType(part.number, part.name) for part in library),
+            slots=tuple(Slot(slot.name, slot.part) for slot in blueprint.slots),
+        )
+        master = Master(blueprint, store, random=Random(1))
+        do = Operations(master)
+        for key, uid in ((1, b"EFGH-one"), (2, b"EFGH-two")):
+            master.inventory.client_joined(key, f"peer {key}", 0.0)
+            master.inventory.claim(Claim("EFGH", f"part {key}", uid), key, 0.0)
+        assert do.swap("BB", "part 2", who="ann") == Outcome("part 2 takes slot BB in place of part 1, which stands by")
+        assert do.release("BB", who="ann").edit_id is None
+        deeds: tuple[Callable[[], object], ...] = (
+            lambda: do.set_value("AA", "x", "1", who="ann"),
+            lambda: do.block("EFGH", "", who="ann"),
+            lambda: do.undo(who="ann"),
+            lambda: do.apply(blueprint, who="ann"),
+            do.edits,
+        )
+        for deed in deeds:
+            with pytest.raises(ConfigError, match="this robot runs without a database"):
+                deed()
+        assert do.why("part 2")[0].startswith("part 2 (EFGH) is standby")
+        assert do.why("nobody") == []
+
+    run_virtual(main())
+
+
+def test_a_database_that_cannot_be_written_changes_nothing_and_says_so(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await asyncio.to_thread(stage.registry.flush)
+        with closing(sqlite3.connect(tmp_path / "robot.db", isolation_level=None)) as other:
+            other.execute("BEGIN IMMEDIATE")
+            for deed in (
+                lambda: stage.do.swap("BB", "DD", who="ann"),
+                lambda: stage.do.release("BB", who="ann"),
+                lambda: stage.do.block("BB", "", who="ann"),
+            ):
+                assert "locked by another program" in stage.refusal(deed)
+            assert (stage.slot("BB"), stage.state("DD")) == ("BB", "standby")
+        stage.do.swap("BB", "DD", who="ann")
+        assert stage.slot("DD") == "BB"
+
+    play(tmp_path, scene, parts=("BB=EFGH", "DD=EFGH"), busy_timeout_s=0.05)
+
+
+def test_a_spare_takes_over_while_the_database_cannot_be_written(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await asyncio.to_thread(stage.registry.flush)
+        with closing(sqlite3.connect(tmp_path / "robot.db", isolation_level=None)) as other:
+            other.execute("BEGIN IMMEDIATE")
+            stage.pull("BB")
+            await asyncio.sleep(1.0)
+            assert stage.slot("DD") == "BB"
+            assert stage.parts["DD"].slot == "BB"
+
+    play(tmp_path, scene, parts=("BB=EFGH", "DD=EFGH"), busy_timeout_s=0.05)
