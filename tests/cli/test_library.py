@@ -98,6 +98,13 @@ def test_a_page_as_json_has_the_same() -> None:
     assert json.loads(said("show", "ABCD", "--json"))["supply"]["min_v"] == 5
 
 
+def test_a_type_about_which_little_is_said_has_a_short_page(folder: Path) -> None:
+    (folder / "lux.toml").write_text('number = "LUX-1"\nname = "lux"\n')
+    assert "Ports" not in said("show", "LUX-1", "--library", folder)
+    (folder / "lux.toml").write_text(LUX.replace("Level", "Text").replace("subscribe", "publish"))
+    assert "lamp      any text" in said("show", "LUX-1", "--library", folder)
+
+
 def test_a_picture_is_written(tmp_path: Path) -> None:
     said("show", "SG90", "--picture", tmp_path / "sg90.svg")
     assert (tmp_path / "sg90.svg").read_text().startswith("<svg")
@@ -120,6 +127,8 @@ def test_what_is_right_is_said_with_hints(folder: Path) -> None:
     text = said("check", folder)
     assert "the part has no port" in text
     assert "the driver no_such_package:Lux cannot be found on this computer" in text
+    (folder / "lux.toml").write_text('number = "LUX-1"\nname = "lux"\ndriver = "no_such_package.lux:Lux"\n')
+    assert "the driver no_such_package.lux:Lux cannot be found" in said("check", folder)
     (folder / "lux.toml").write_text('number = "LUX-1"\nname = "lux"\ndriver = "msbot.part:Lux"\n')
     assert "the driver msbot.part:Lux cannot be found" in said("check", folder)
 

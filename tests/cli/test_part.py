@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 import msbot.cli.part
 from msbot.errors import ConfigError
-from msbot.part import Part
+from msbot.part import Part, PinDirection
 
 Ran = list[tuple[Part, list[str]]]
 
@@ -43,6 +43,20 @@ def test_the_parts_of_the_sample_robot_are_those_of_the_thesis(ran: Ran) -> None
     assert arguments[-1] == "--quiet"
     with pytest.raises(ConfigError, match="run its part number instead: msbot part ABCD"):
         invoke("AA", "--set", "x=1")
+
+
+def test_the_sample_toggle_switch_says_what_its_outputs_do(ran: Ran, capsys: pytest.CaptureFixture[str]) -> None:
+    invoke("BB", "--key", "key.txt")
+    part, arguments = ran[0]
+    assert arguments[-2:] == ["--key", "key.txt"]
+    part.board.set_direction(3, PinDirection.OUTPUT)
+    part.board.set(3)
+    assert capsys.readouterr().out == "output 3 is on\n"
+
+
+def test_quiet_says_nothing(ran: Ran) -> None:
+    assert invoke("LED", "-q") == ""
+    assert ran[0][1][-1] == "--quiet"
 
 
 def test_a_type_of_ones_own_runs(ran: Ran, tmp_path: Path) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import os
+import pty
 
 import pytest
 
-from msbot.cli.part_console import PartConsole, apply_settings
+from msbot.cli.part_console import PartConsole, _is_ours, apply_settings
 from msbot.errors import ConfigError
 from msbot.sim import make_simulator
 from tests.sim.robot import LIBRARY, Bench, play
@@ -77,3 +78,37 @@ def test_what_is_typed_into_a_pipe_is_done_line_by_line_until_it_is_closed() -> 
         'control press must be true or false; it is the text "oops"',
         "'foo' sets nothing: write CONTROL=VALUE; controls: press (true, false)",
     ]
+
+
+def test_a_program_in_the_background_leaves_the_keyboard_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines: list[str] = []
+    ours, theirs = pty.openpty()
+    group = os.getpgrp()
+    foreground = [group]
+    monkeypatch.setattr(os, "tcgetpgrp", lambda _: foreground[0])
+
+    async def scene(bench: Bench) -> None:
+        with os.fdopen(theirs) as terminal:
+            console = PartConsole(bench.unit, lines.append, terminal)
+            foreground[0] = group + 1
+            console._listen()
+            assert not asyncio.get_running_loop().remove_reader(terminal)
+            foreground[0] = group
+            console._listen()
+            os.write(ours, b"press=true\n")
+            console._hear()  # as the loop does; a terminal takes its time, which virtual time does not wait for
+            foreground[0] = group + 1
+            os.write(ours, b"press=false\n")
+            console._hear()
+            assert not asyncio.get_running_loop().remove_reader(terminal)
+        os.close(ours)
+
+    play("BUTTON", scene)
+    assert lines == ["output true"]
+
+
+def test_a_terminal_of_somebody_else_is_read() -> None:
+    ours, theirs = pty.openpty()
+    with os.fdopen(theirs) as terminal:
+        assert _is_ours(terminal)
+    os.close(ours)

@@ -199,6 +199,24 @@ def test_a_parameter_says_which_values_it_takes(parameter: Parameter, value: Sca
     assert parameter.fault(value) == fault
 
 
+PARSED: list[tuple[ParameterKind, str, Scalar | None]] = [
+    (ParameterKind.BOOL, "true", True),
+    (ParameterKind.BOOL, "yes", None),
+    (ParameterKind.INT, "12", 12),
+    (ParameterKind.INT, "1.5", None),
+    (ParameterKind.FLOAT, "1.5", 1.5),
+    (ParameterKind.FLOAT, "much", None),
+    (ParameterKind.TEXT, "much", "much"),
+]
+
+
+@pytest.mark.parametrize(("kind", "text", "value"), PARSED)
+def test_a_text_stands_for_a_value_of_its_kind_or_for_none(
+    kind: ParameterKind, text: str, value: Scalar | None
+) -> None:
+    assert kind.parse(text) == value
+
+
 @pytest.mark.parametrize(("value", "text"), [(True, "true"), (False, "false"), (1, "1"), (0.5, "0.5"), ("Ab", "Ab")])
 def test_a_value_as_text(value: Scalar, text: str) -> None:
     assert scalar_text(value) == text

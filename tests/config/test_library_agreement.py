@@ -44,6 +44,12 @@ def test_ports_that_are_missing_or_other(tmp_path: Path, ports: str) -> None:
     assert 'B.toml, line 3, compatible_with[0]: cannot fill a slot for "A": that one has "p"' in text
 
 
+def test_an_empty_number_is_told_once(tmp_path: Path) -> None:
+    text = complaint(tmp_path, A=('[""]', ""))
+    assert text.count("A.toml") == 1
+    assert "compatible_with[0]: must be text in quotes" in text
+
+
 def test_what_fits_is_right(tmp_path: Path) -> None:
     for number, others in (("A", "[]"), ("B", '["A"]'), ("C", '["B", "A"]')):
         (tmp_path / f"{number}.toml").write_text(f'number = "{number}"\nname = "n"\ncompatible_with = {others}\n{PORT}')

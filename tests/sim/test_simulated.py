@@ -12,6 +12,7 @@ from msbot.config import PartType, Scalar, load_library
 from msbot.errors import ConfigError
 from msbot.link import Signal, run_virtual
 from msbot.part import JoinState, Setting
+from msbot.part.messages import Level
 from msbot.sim import make_simulator
 from tests.sim.robot import LIBRARY, Bench, play
 
@@ -165,6 +166,41 @@ def test_a_type_of_ones_own_with_a_message_of_its_own_works_without_code(tmp_pat
         assert bench.unit.readings() == {"brake": False}
 
     play(vane, scene)
+
+
+def test_only_the_port_whose_partner_is_lost_becomes_safe() -> None:
+    async def scene(bench: Bench) -> None:
+        for port in ("left", "right"):
+            bench.send(port, percent=80.0)
+        await asyncio.sleep(1)
+        left = bench.part_type.port("left")
+        assert left is not None
+        bench.unit.part._safety._messages["left"] = Level(percent=0.0)
+        bench.unit.part._safety.enter("left")
+        await asyncio.sleep(1)
+        assert bench.unit.readings() == {"left_motor": 0, "right_motor": 80}
+
+    play("L298N", scene)
+
+
+def test_a_person_may_say_how_often_something_is_said_and_fixed_values_go_out(tmp_path: Path) -> None:
+    (tmp_path / "metronome.toml").write_text(
+        'number = "TICK"\nname = "Metronome"\n'
+        '[[port]]\nname = "beat"\ndirection = "publish"\ntype = "Tone"\n'
+        '[[simulator.control]]\nname = "pace"\ntype = "number"\nstart = 1\nmin = 0.1\nmax = 2\n'
+        '[[simulator.publish]]\nport = "beat"\nevery = "pace"\nfields = { hertz = 880, seconds = 0.1 }\n'
+    )
+    metronome = load_library(tmp_path).get("TICK")
+    assert metronome is not None
+
+    async def scene(bench: Bench) -> None:
+        bench.unit.set("pace", 0.5)
+        heard = len(bench.heard["beat"])
+        await asyncio.sleep(10)
+        assert len(bench.heard["beat"]) - heard == pytest.approx(20, abs=1)
+        assert bench.last("beat") == {"hertz": 880.0, "seconds": pytest.approx(0.1)}
+
+    play(metronome, scene)
 
 
 def test_a_seeded_part_says_the_same_every_time() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import TextIO
 
@@ -98,7 +99,12 @@ class PartConsole:
 
 def _is_ours(source: TextIO) -> bool:
     """Whether this program may read: one in the background that reads from its terminal would be stopped."""
-    return not source.isatty() or os.tcgetpgrp(source.fileno()) == os.getpgrp()
+    if sys.platform == "win32" or not source.isatty():
+        return True
+    try:
+        return os.tcgetpgrp(source.fileno()) == os.getpgrp()
+    except OSError:
+        return True  # a terminal, but not the one this program was started from: nobody stops it there
 
 
 def apply_settings(simulated: SimulatedPart, settings: Iterable[str]) -> None:

@@ -10,7 +10,6 @@ from msbot.config.library_messages import MessageType
 from msbot.config.library_simulator import Simulator
 from msbot.config.library_versions import ANY_VERSION, Versions
 from msbot.config.reader import Scalar, kind_words
-from msbot.errors import ConfigError
 
 
 class Direction(Enum):
@@ -127,18 +126,6 @@ class Parameter:
             high = "any" if self.most is None else f"{self.most:g}"
             return f"is {value}; it must be {low} to {high}{unit}"
         return None
-
-    def parse(self, text: str) -> Scalar:
-        """The value that a text stands for, as a person types it or a configuration carries it.
-
-        Raises:
-            ConfigError: the text stands for no value that can be set.
-        """
-        value = self.kind.parse(text)
-        fault = self.fault(text if value is None else value)
-        if value is None or fault is not None:
-            raise ConfigError(f"{self.name} {fault}")
-        return value
 
 
 @dataclass(frozen=True, slots=True)
