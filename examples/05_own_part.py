@@ -9,7 +9,7 @@ class Light(Message):
 
 @part.every(0.5)
 def measure():
-    part.publish("light", Light(lux=42.0 * float(part.settings.get("gain", "1"))))
+    part.publish("light", Light(lux=42.0 * part.setting("gain", float, 1.0)))
 
 
 part.run()

@@ -23,6 +23,7 @@ BINDINGS = {
     "EFGH": [publishes("out", "2_to_3"), subscribes("in", "1_to_2")],
     "WXYZ": [publishes("out", "3_to_1"), subscribes("in", "1_to_2")],
     "LUX-1": [publishes("light", "light", "Light")],
+    "FAN-5V": [subscribes("power", "power", "Level")],
 }
 
 
