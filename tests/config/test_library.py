@@ -116,6 +116,21 @@ def test_the_nearest_numbers_are_known() -> None:
     assert library.get("abcd") is None
 
 
+@pytest.mark.parametrize(
+    ("number", "right"),
+    [
+        ("sg9O", 'did you mean "SG90"?'),
+        ("servo", 'did you mean "MG90S" (Servo with metal gear, 180 degrees) or '),
+        ("ultrasonic", 'did you mean "HC-SR04" (Ultrasonic range sensor)?'),
+        ("qqqqqq", "`msbot library list` shows what there is"),
+    ],
+)
+def test_a_number_that_is_not_there_is_answered_with_what_may_be_meant(number: str, right: str) -> None:
+    assert load_library().suggest(number).startswith(right)
+    assert Library([PartType("A", "a"), PartType("B", "b")]).suggest("qqqqqq") == 'known: "A", "B"'
+    assert Library().suggest("A") == "the library is empty"
+
+
 def test_a_missing_folder_is_told(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="nowhere: there is no such library folder; create it or name another one"):
         load_library(tmp_path / "nowhere")

@@ -85,8 +85,7 @@ def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], lib
         if part_type is not None:
             _check_settings(table, slot, part_type)
         elif slot.part:
-            right = suggestion(slot.part, library.numbers(), none_known="the library is empty")
-            table.problem(f'the library has no part number "{slot.part}"; {right}', "part")
+            table.problem(f'the library has no part number "{slot.part}"; {library.suggest(slot.part)}', "part")
 
 
 def _check_settings(table: Table, slot: Slot, part_type: PartType) -> None:

@@ -13,6 +13,7 @@ from msbot.config.document import Document, parse_document, read_document
 from msbot.config.library_agreement import check_agreement
 from msbot.config.library_messages import FieldKind, MessageType, standard_message_types
 from msbot.config.library_reader import LibraryFile, open_library_file, read_part_type
+from msbot.config.library_search import PartSearch
 from msbot.config.library_types import (
     Category,
     Direction,
@@ -26,7 +27,7 @@ from msbot.config.library_types import (
     scalar_text,
 )
 from msbot.config.library_versions import split_number
-from msbot.config.problems import Place, Problems, nearest, quoted
+from msbot.config.problems import MOST_LISTED, Place, Problems, nearest, quoted
 from msbot.errors import ConfigError
 
 __all__ = [
@@ -85,9 +86,7 @@ class Library:
         known = self.get(number)
         if known is not None:
             raise ConfigError(f"part {number} is known, but not in version {version!r}; known: {known.versions}")
-        near = self.nearest(number)
-        right = f"did you mean {quoted(near, ' or ')}?" if near else "`msbot library list` shows what there is"
-        raise ConfigError(f'the library has no part number "{shown}"; {right}')
+        raise ConfigError(f'the library has no part number "{shown}"; {self.suggest(number)}')
 
     def numbers(self) -> list[str]:
         """All part numbers, sorted."""
@@ -96,6 +95,17 @@ class Library:
     def nearest(self, number: str, limit: int = 3) -> list[str]:
         """The part numbers that look most like this one, best first."""
         return nearest(number, self._by_number, limit)
+
+    def suggest(self, number: str) -> str:
+        """What would be right in place of a number that is not there: numbers like it, or what it may mean."""
+        if near := self.nearest(number):
+            return f"did you mean {quoted(near, ' or ')}?"
+        if found := PartSearch(self).find(number, limit=3):
+            words = " or ".join(f'"{entry.number}" ({entry.name})' for entry in found)
+            return f"did you mean {words}?"
+        if 0 < len(self) <= MOST_LISTED:
+            return f"known: {quoted(self.numbers())}"
+        return "`msbot library list` shows what there is" if len(self) else "the library is empty"
 
 
 def load_library(*extra: Path) -> Library:
