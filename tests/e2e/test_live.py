@@ -63,8 +63,8 @@ AT_ONCE_S = 0.1
 class Robot:
     """The master on a bus of 500 kbit/s, with header compression, and parts that are plugged in by name."""
 
-    def __init__(self, folder: Path, registry: Registry, authentication: str) -> None:
-        (folder / "robot.toml").write_text(ROBOT.format(authentication=authentication))
+    def __init__(self, folder: Path, registry: Registry, text: str) -> None:
+        (folder / "robot.toml").write_text(text)
         library = load_library()
         blueprint = load_blueprint(folder / "robot.toml", library)
         self.registry = registry
@@ -107,10 +107,21 @@ class Robot:
         return [info.state for info in self.master.inventory.view(0.0) if info.local_name == name][-1]
 
 
-def play(folder: Path, scene: Callable[[Robot], Awaitable[None]], *, authentication: str = "open") -> None:
+def play(
+    folder: Path,
+    scene: Callable[[Robot], Awaitable[None]],
+    *,
+    authentication: str = "open",
+    changes: tuple[tuple[str, str], ...] = (),
+) -> None:
+    text = ROBOT.format(authentication=authentication)
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after)
+
     async def main() -> None:
         with open_registry(folder / "robot.db") as registry:
-            robot = Robot(folder, registry, authentication)
+            robot = Robot(folder, registry, text)
             serving = asyncio.get_running_loop().create_task(robot.master.run())
             await robot.master.ready.wait()
             await scene(robot)
@@ -197,6 +208,37 @@ def test_a_fan_stands_still_when_its_knob_is_pulled_out_and_turns_again_when_it_
         assert story[-1] == 50.0
 
     play(tmp_path, scene)
+
+
+def test_a_part_moves_to_another_robot_with_other_names_and_needs_no_change(tmp_path: Path) -> None:
+    story: list[float] = []
+    parts = [knob(), fan(story)]
+    slots: list[str] = []
+
+    async def scene(robot: Robot) -> None:
+        for part in parts:
+            robot.plug(part)
+        await asyncio.sleep(1.0)
+        slots.extend(part.slot for part in parts)
+        assert story[-1] == 50.0
+        story.clear()
+
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+    play(tmp_path / "first", scene)
+    play(
+        tmp_path / "second",
+        scene,
+        changes=(
+            ("FAN_ROBOT", "DRYER"),
+            ('name = "knob"\npart', 'name = "heat"\npart'),
+            ('name = "fan"', 'name = "blower"'),
+            ('"knob.level"', '"heat.level"'),
+            ('"fan.power"', '"blower.power"'),
+            ('topic = "power"', 'topic = "hot air"'),
+        ),
+    )
+    assert slots == ["knob", "fan", "heat", "blower"]
 
 
 def test_stop_makes_the_fan_stand_still_within_milliseconds_and_go_lets_it_turn(tmp_path: Path) -> None:
