@@ -8,7 +8,7 @@ from sqlalchemy import Connection, select
 
 from msbot.config import Binding, Blueprint, Endpoint, Options, RobotProfile, Scalar, Slot, Timing, preset_of
 from msbot.errors import RegistryError
-from msbot.registry.store import ORIGINS
+from msbot.registry.configurations import ORIGINS
 from msbot.registry.tables import bindings, robots, settings, slots
 
 Notes = Mapping[tuple[str, str], str]

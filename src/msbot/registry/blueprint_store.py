@@ -10,32 +10,27 @@ import hashlib
 import json
 from collections.abc import Mapping
 
-from sqlalchemy import Connection, delete, insert, select, update
+from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
 
 from msbot.config import Blueprint, Library, Parameter, PartType, Port, Scalar
-from msbot.pnp import Configuration
+from msbot.registry.configurations import read_configurations
 from msbot.registry.records import RobotRecord
-from msbot.registry.store import bump_versions, find_configuration, find_robot, upsert
+from msbot.registry.store import bump_versions, find_robot, upsert, upsert_many
 from msbot.registry.tables import bindings, library, robots, settings, slots
 
 
 def apply(connection: Connection, blueprint: Blueprint, part_types: Library, now_ns: int) -> RobotRecord:
     """Store or update a robot, its slots, bindings and settings, and the library."""
     robot = _put_robot(connection, blueprint, now_ns)
-    before = _configurations(connection, robot.id)
+    before = read_configurations(connection, robot.id)
     _put_library(connection, part_types)
     slot_ids = _put_slots(connection, robot.id, blueprint)
-    _put_settings(connection, slot_ids, blueprint, part_types, now_ns)
+    _put_settings(connection, robot.id, slot_ids, blueprint, part_types, now_ns=now_ns)
     _put_bindings(connection, robot.id, slot_ids, blueprint)
-    after = _configurations(connection, robot.id)
+    after = read_configurations(connection, robot.id)
     changed = [name for name, old in before.items() if name in after and after[name] != old]
     bump_versions(connection, robot.id, changed)
     return robot
-
-
-def _configurations(connection: Connection, robot_id: int) -> dict[str, Configuration | None]:
-    names = connection.execute(select(slots.c.name).where(slots.c.robot_id == robot_id)).scalars().all()
-    return {name: find_configuration(connection, robot_id, name) for name in names}
 
 
 def _put_robot(connection: Connection, blueprint: Blueprint, now_ns: int) -> RobotRecord:
@@ -63,46 +58,63 @@ def _put_robot(connection: Connection, blueprint: Blueprint, now_ns: int) -> Rob
 def _put_slots(connection: Connection, robot_id: int, blueprint: Blueprint) -> dict[str, int]:
     """Gives the number of each slot of the blueprint, by name."""
     connection.execute(update(slots).where(slots.c.robot_id == robot_id).values(in_blueprint=False))
-    for position, slot in enumerate(blueprint.slots):
-        key = {"robot_id": robot_id, "name": slot.name}
-        values = {
+    rows = [
+        {
+            "robot_id": robot_id,
+            "name": slot.name,
             "position": position,
             "part_number": slot.part,
             "local_name": slot.local_name,
             "description": slot.description,
             "in_blueprint": True,
+            "configuration_version": 1,
         }
-        upsert(connection, slots, key, values, configuration_version=1)
+        for position, slot in enumerate(blueprint.slots)
+    ]
+    upsert_many(connection, slots, ("robot_id", "name"), rows, first="configuration_version")
     query = select(slots.c.name, slots.c.id).where(slots.c.robot_id == robot_id, slots.c.in_blueprint)
     return {row.name: row.id for row in connection.execute(query)}
 
 
 def _put_settings(
-    connection: Connection, slot_ids: Mapping[str, int], blueprint: Blueprint, part_types: Library, now_ns: int
+    connection: Connection,
+    robot_id: int,
+    slot_ids: Mapping[str, int],
+    blueprint: Blueprint,
+    part_types: Library,
+    *,
+    now_ns: int,
 ) -> None:
+    """Write what differs; a value set by hand stays as long as the part type takes it."""
+    query = select(settings).join(slots, settings.c.slot_id == slots.c.id)
+    rows_there = connection.execute(query.where(slots.c.robot_id == robot_id, slots.c.in_blueprint))
+    present: dict[_Setting, Scalar] = {(row.slot_id, row.name, row.origin): row.value for row in rows_there}
+    wanted: dict[_Setting, Scalar] = {}
+    parameters: dict[tuple[int, str], Parameter] = {}
     for slot in blueprint.slots:
-        part_type = part_types.get(slot.part)
-        parameters = () if part_type is None else part_type.parameters
-        wanted: dict[tuple[str, str], Scalar] = {(entry.name, "library"): entry.default for entry in parameters}
-        wanted |= {(name, "blueprint"): value for name, value in slot.settings.items()}
-        _put_slot_settings(connection, slot_ids[slot.name], wanted, now_ns)
+        slot_id, part_type = slot_ids[slot.name], part_types.get(slot.part)
+        for parameter in () if part_type is None else part_type.parameters:
+            wanted[slot_id, parameter.name, "library"] = parameter.default
+            parameters[slot_id, parameter.name] = parameter
+        wanted |= {(slot_id, name, "blueprint"): value for name, value in slot.settings.items()}
+    for setting in present.keys() - wanted.keys():
+        known = parameters.get(setting[:2])
+        if setting[2] != "hand" or known is None or known.fault(present[setting]) is not None:
+            connection.execute(delete(settings).where(*_is(setting)))
+    rows = [
+        {"slot_id": slot_id, "name": name, "origin": origin, "value": value, "changed_ns": now_ns}
+        for (slot_id, name, origin), value in wanted.items()
+        if not _same(present.get((slot_id, name, origin)), value)
+    ]
+    upsert_many(connection, settings, ("slot_id", "name", "origin"), rows)
 
 
-def _put_slot_settings(
-    connection: Connection, slot_id: int, wanted: Mapping[tuple[str, str], Scalar], now_ns: int
-) -> None:
-    """Write what differs; a value set by hand stays as long as the part type has the parameter."""
-    rows = connection.execute(select(settings).where(settings.c.slot_id == slot_id)).all()
-    present = {(row.name, row.origin): row.value for row in rows}
-    known = {name for name, _ in wanted}
-    for name, origin in present:
-        if (name, origin) not in wanted and (origin != "hand" or name not in known):
-            this = (settings.c.slot_id == slot_id, settings.c.name == name, settings.c.origin == origin)
-            connection.execute(delete(settings).where(*this))
-    for (name, origin), value in wanted.items():
-        if not _same(present.get((name, origin)), value):
-            key = {"slot_id": slot_id, "name": name, "origin": origin}
-            upsert(connection, settings, key, {"value": value, "changed_ns": now_ns})
+_Setting = tuple[int, str, str]
+"""Slot, parameter, origin."""
+
+
+def _is(setting: _Setting) -> tuple[ColumnElement[bool], ...]:
+    return (settings.c.slot_id == setting[0], settings.c.name == setting[1], settings.c.origin == setting[2])
 
 
 def _same(old: Scalar | None, new: Scalar) -> bool:
@@ -157,11 +169,9 @@ def _contradicts(row: Mapping[str, object], wanted: Mapping[_End, Mapping[str, o
 def _put_library(connection: Connection, part_types: Library) -> None:
     """Write the types that are new or changed; forget those that are gone and that no other robot's slots need."""
     present = {row.number: row.digest for row in connection.execute(select(library.c.number, library.c.digest))}
-    for part_type in part_types:
-        row = _library_row(part_type)
-        if present.pop(part_type.number, None) != row["digest"]:
-            number = {"number": part_type.number}
-            upsert(connection, library, number, {name: value for name, value in row.items() if name != "number"})
+    rows = [_library_row(part_type) for part_type in part_types]
+    changed = [row for row in rows if present.pop(str(row["number"]), None) != row["digest"]]
+    upsert_many(connection, library, ("number",), changed)
     in_use = set(connection.execute(select(slots.c.part_number).distinct()).scalars())
     for number in present.keys() - in_use:
         connection.execute(delete(library).where(library.c.number == number))

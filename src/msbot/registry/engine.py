@@ -20,6 +20,9 @@ WRITE = "msbot_write"
 
 _MAGIC = b"SQLite format 3\x00"
 
+AT_ONCE = "msbot_at_once"
+"""Execution option of connections that begin no transaction: each statement sees what is stored when it runs."""
+
 
 @dataclass(frozen=True, slots=True)
 class Address:
@@ -134,8 +137,9 @@ def make_engine(address: Address, *, busy_timeout_s: float, read_only: bool) -> 
 
     @event.listens_for(engine, "begin")
     def begin(connection: Connection) -> None:
-        writes = connection.get_execution_options().get(WRITE, False)
-        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+        options = connection.get_execution_options()
+        if not options.get(AT_ONCE, False):
+            connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get(WRITE, False) else "BEGIN")
 
     return engine
 

@@ -127,6 +127,8 @@ class Registry(Editing):
             store.end_run(connection, robot.id, "the master was started anew", self._epoch_ns())
 
         self._write(begin)
+        if earlier := self._stores.pop(robot.id, None):
+            earlier.close()
         self._stores[robot.id] = RobotStore(self._engine, writer, self.database, robot, self._epoch_ns)
         return self._stores[robot.id]
 
@@ -228,6 +230,9 @@ class Registry(Editing):
         if self._writer is not None:
             self._end_runs()
             self._writer.close()
+        for store_of_run in self._stores.values():
+            store_of_run.close()
+        self._stores.clear()
         for lock in self._running.values():
             lock.release()
         self._running.clear()

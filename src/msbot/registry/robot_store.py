@@ -14,8 +14,8 @@ from sqlalchemy import Connection, Engine
 
 from msbot.errors import RegistryError
 from msbot.pnp import Claim, Configuration, PartEvent, PartType, Slot
-from msbot.registry import people, places, store
-from msbot.registry.faults import told_as_registry_error
+from msbot.registry import configurations, people, places, store
+from msbot.registry.reader import Reader
 from msbot.registry.records import RobotRecord, uid_text
 from msbot.registry.writer import Writer
 
@@ -49,7 +49,7 @@ class RobotStore:
         self, engine: Engine, writer: Writer, database: str, robot: RobotRecord, epoch_ns: Callable[[], int]
     ) -> None:
         self.robot = robot
-        self._engine = engine
+        self._reader = Reader(engine, database)
         self._writer = writer
         self._database = database
         self._epoch_ns = epoch_ns
@@ -67,8 +67,7 @@ class RobotStore:
         for uid, place in self._read(partial(places.read, robot_id=robot.id)).items():
             self._put_place(uid, place)
         self._slots = self._read(partial(store.list_slots, robot_id=robot.id))
-        for slot in self._slots:
-            self.configuration(slot.name)
+        self._configurations.update(self._read(partial(configurations.read_configurations, robot_id=robot.id)))
 
     def part_type(self, number: str) -> PartType | None:
         """See `PartStore.part_type`."""
@@ -137,7 +136,7 @@ class RobotStore:
         Raises:
             RegistryError: there is no such slot, or the database cannot be read and never could.
         """
-        read = partial(store.find_configuration, robot_id=self.robot.id, slot=slot)
+        read = partial(configurations.find_configuration, robot_id=self.robot.id, slot=slot)
         found = self._or_known(read, self._configurations.get(slot))
         if found is None:
             raise RegistryError(f"the database {self._database} has no slot {slot!r} of robot {self.robot.name}")
@@ -195,6 +194,9 @@ class RobotStore:
                 raise
             return known
 
+    def close(self) -> None:
+        """Let go of the database."""
+        self._reader.close()
+
     def _read(self, read: Callable[[Connection], _T]) -> _T:
-        with told_as_registry_error(self._database), self._engine.connect() as connection:
-            return read(connection)
+        return self._reader.read(read)

@@ -8,17 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from sqlalchemy import Connection, Row, Table, and_, case, delete, func, or_, select, update
+from sqlalchemy import Connection, Row, Table, and_, delete, func, or_, select, update
 from sqlalchemy.dialects import postgresql, sqlite
 
-from msbot.config import Scalar, parse_versions, scalar_text, split_number
-from msbot.part import safe_setting
-from msbot.pnp import Binding, Claim, Configuration, PartEvent, PartState, PartType, Slot
+from msbot.config import parse_versions, split_number
+from msbot.pnp import Claim, PartEvent, PartState, PartType, Slot
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord, uid_text
-from msbot.registry.tables import bindings, blocks, journal, library, node_ids, parts, robots, settings, slots
-
-ORIGINS = ("library", "blueprint", "hand")
-"""Where the value of a setting can come from; the later one holds."""
+from msbot.registry.tables import blocks, journal, library, node_ids, parts, robots, slots
 
 _REGISTERED = [state.value for state in PartState if state.is_registered]
 STATES = {state.value: state for state in PartState}
@@ -32,6 +28,18 @@ def upsert(
     insert = postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert
     statement = insert(table).values({**key, **values, **first})
     connection.execute(statement.on_conflict_do_update(index_elements=list(key), set_=dict(values)))
+
+
+def upsert_many(
+    connection: Connection, table: Table, key: Sequence[str], rows: Sequence[Mapping[str, object]], *, first: str = ""
+) -> None:
+    """Change or make many rows at once; all have the same columns, and `first` is one that only a new row gets."""
+    if not rows:
+        return
+    insert = postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert
+    statement = insert(table)
+    changing = {name: statement.excluded[name] for name in rows[0] if name not in (*key, first)}
+    connection.execute(statement.on_conflict_do_update(index_elements=list(key), set_=changing), list(rows))
 
 
 def list_robots(connection: Connection) -> list[RobotRecord]:
@@ -48,10 +56,10 @@ def find_robot(connection: Connection, name: str, serial_number: str) -> RobotRe
 
 def find_part_type(connection: Connection, number: str) -> PartType | None:
     """The library's entry for exactly this part number; else that of the number before its @ if the version fits."""
-    row = connection.execute(select(library).where(library.c.number == number)).one_or_none()
+    row = connection.execute(_TYPE_QUERY.where(library.c.number == number)).one_or_none()
     base, version = split_number(number)
     if row is None and version:
-        row = connection.execute(select(library).where(library.c.number == base)).one_or_none()
+        row = connection.execute(_TYPE_QUERY.where(library.c.number == base)).one_or_none()
         versions = None if row is None else parse_versions(row.versions)
         if versions is None or version not in versions:
             return None
@@ -60,53 +68,20 @@ def find_part_type(connection: Connection, number: str) -> PartType | None:
     return PartType(row.number, row.name, row.description, row.specification, tuple(row.compatible_with))
 
 
+_TYPE_QUERY = select(
+    library.c.number,
+    library.c.name,
+    library.c.description,
+    library.c.specification,
+    library.c.compatible_with,
+    library.c.versions,
+)
+
+
 def list_slots(connection: Connection, robot_id: int) -> tuple[Slot, ...]:
     """The slots of the robot's blueprint, in its order."""
     query = select(slots).where(slots.c.robot_id == robot_id, slots.c.in_blueprint).order_by(slots.c.position)
     return tuple(Slot(row.name, row.part_number, row.local_name) for row in connection.execute(query))
-
-
-def find_configuration(connection: Connection, robot_id: int, slot: str) -> Configuration | None:
-    """What the part in a slot gets to know, from one moment."""
-    query = select(slots.c.id, slots.c.configuration_version).where(slots.c.robot_id == robot_id, slots.c.name == slot)
-    row = connection.execute(query).one_or_none()
-    if row is None:
-        return None
-    bindings_of = _bindings_of(connection, row.id)
-    values = settings_of(connection, row.id) | _safe_values(connection, row.id, bindings_of)
-    return Configuration(
-        version=row.configuration_version,
-        slot=slot,
-        bindings=bindings_of,
-        settings=tuple(sorted((name, scalar_text(value)) for name, value in values.items())),
-    )
-
-
-def _safe_values(connection: Connection, slot_id: int, of: tuple[Binding, ...]) -> dict[str, Scalar]:
-    """What the slot's type applies to itself at the ports that are bound, as settings `PORT.safe.FIELD`."""
-    query = select(library.c.ports).join(slots, slots.c.part_number == library.c.number).where(slots.c.id == slot_id)
-    ports = connection.execute(query).scalar() or []
-    bound = {binding.port for binding in of if not binding.publishes}
-    return {
-        safe_setting(port["name"], field): value
-        for port in ports
-        if port["name"] in bound
-        for field, value in (port["safe"] or {}).items()
-    }
-
-
-def _bindings_of(connection: Connection, slot_id: int) -> tuple[Binding, ...]:
-    query = select(bindings).where(bindings.c.slot_id == slot_id, bindings.c.in_use).order_by(bindings.c.id)
-    return tuple(
-        Binding(row.port, row.topic, row.type_name, row.publishes, row.reliable) for row in connection.execute(query)
-    )
-
-
-def settings_of(connection: Connection, slot_id: int) -> dict[str, Scalar]:
-    """The values that hold in a slot: by hand before blueprint before library."""
-    rank = case({origin: rank for rank, origin in enumerate(ORIGINS)}, value=settings.c.origin)
-    query = select(settings.c.name, settings.c.value).where(settings.c.slot_id == slot_id).order_by(rank)
-    return {row.name: row.value for row in connection.execute(query)}
 
 
 def remember(connection: Connection, robot_id: int, claim: Claim, slot: str, now_ns: int) -> None:

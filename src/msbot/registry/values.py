@@ -6,8 +6,9 @@ from sqlalchemy import Connection, delete, select
 
 from msbot.config import Parameter, ParameterKind, Scalar, scalar_text
 from msbot.errors import ConfigError
+from msbot.registry.configurations import ORIGINS
 from msbot.registry.records import ValueRecord
-from msbot.registry.store import ORIGINS, upsert
+from msbot.registry.store import upsert
 from msbot.registry.tables import library, settings, slots
 
 HAND = "hand"
