@@ -35,6 +35,9 @@ def test_a_robot_in_processes_of_its_own_survives_the_death_of_its_bus(tmp_path:
         assert "of 125 kbit/s" in load.stdout
         taken = run("bus", "serve", "bench1", cwd=tmp_path, env=env)
         assert (taken.returncode, "serves a simulated bus 'bench1' already" in taken.stderr) == (2, True)
+        demo = run("demo", "--bus", "bench1", "--seconds", "1", cwd=tmp_path, env=env)
+        assert (demo.returncode, "serves a simulated bus 'bench1' already" in demo.stderr) == (2, True)
+        assert "Traceback" not in demo.stderr
 
         bus.end(signal.SIGKILL)
         part.wait_for("lost", "the simulated bus 'bench1' has ended")

@@ -28,6 +28,7 @@ from msbot.cli.page import PageWishes, page_options, page_wishes, serve_page
 from msbot.config import SAMPLES, Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
 from msbot.errors import ConfigError, MsbotError
+from msbot.link.sim_names import check_free
 from msbot.link.sim_server import SimBusServer
 from msbot.master import first_error
 from msbot.operations import Operations, perform
@@ -140,6 +141,8 @@ def command(
         raise click.UsageError("--log writes the frames of a CAN bus: leave --link udp out")
     if bus is not None and options.wire is Wire.UDP:
         raise click.UsageError("--bus is for a CAN bus: leave --link udp out")
+    if bus is not None:
+        check_free(bus)
     if as_json_object and seconds is None:
         raise click.UsageError("--json prints at the end: say when with --seconds N")
     with tempfile.TemporaryDirectory(prefix="msbot-demo-") as folder, contextlib.suppress(KeyboardInterrupt):

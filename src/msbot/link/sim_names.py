@@ -74,9 +74,7 @@ def publish(bus: NamedBus, folder: Path | None = None) -> Path:
     draft = folder / f".{PREFIX}{bus.pid}-{secrets.token_hex(4)}"
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        other = find_bus(bus.name, folder)
-        if other is not None:
-            raise _taken(other)
+        check_free(bus.name, folder)
         descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         try:
             with os.fdopen(descriptor, "w") as stream:
@@ -113,6 +111,21 @@ def find_bus(name: str, folder: Path | None = None) -> NamedBus | None:
         path.unlink(missing_ok=True)
         return None
     return bus
+
+
+def check_free(name: str, folder: Path | None = None) -> None:
+    """Make sure that a bus of that name can be served, before anything else is begun.
+
+    Raises:
+        LinkDown: a running process serves one.
+        ConfigError: it is no name, or the folder is not the user's own.
+    """
+    other = find_bus(name, folder)
+    if other is not None:
+        raise LinkDown(
+            f"process {other.pid} serves a simulated bus {other.name!r} already ({other.rates()}): "
+            "join it, stop that process, or take another name"
+        )
 
 
 def existing_bus(name: str, folder: Path | None = None) -> NamedBus:
@@ -172,10 +185,3 @@ def _read(path: Path) -> NamedBus | None:
         )
     except (OSError, ValueError, KeyError, TypeError):
         return None  # not there, being removed, or not ours
-
-
-def _taken(other: NamedBus) -> LinkDown:
-    return LinkDown(
-        f"process {other.pid} serves a simulated bus {other.name!r} already ({other.rates()}): "
-        "join it, stop that process, or take another name"
-    )
