@@ -4,6 +4,8 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
+CONFIGURES_ITSELF = (*range(10, 14), *range(50, 65), *range(78, 87))
+"""Plug-and-play, the inventory, and the thesis' future work: each has a line of its own."""
 
 
 def test_every_requirement_points_to_tests_that_exist() -> None:
@@ -11,7 +13,8 @@ def test_every_requirement_points_to_tests_that_exist() -> None:
     tests = set(re.findall(r"def (test_\w+)\(", source))
     page = (ROOT / "docs/reference/requirements.md").read_text()
     rows = [line for line in page.splitlines() if re.match(r"\| [RT]\d", line)]
-    assert len(rows) >= 39
+    missing = [number for number in CONFIGURES_ITSELF if not any(row.startswith(f"| R{number} |") for row in rows)]
+    assert missing == []
     for row in rows:
         names = re.findall(r"`(test_\w+)`", row)
         assert names, row
