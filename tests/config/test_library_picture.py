@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 import pytest
 
 from msbot.config import Category, PartType, Pin, PinKind, load_library
-from msbot.config.library_picture import picture_svg
+from msbot.config.library_picture import picture_fault, picture_svg
 
 LIBRARY = load_library()
 
@@ -30,3 +30,31 @@ def test_odd_names_are_written_as_they_must_be(category: Category) -> None:
 
 def test_a_picture_of_ones_own_is_taken() -> None:
     assert picture_svg(PartType("A", "a", picture="<svg/>")) == "<svg/>"
+
+
+FAULTS = [
+    ("<svg>", "is no SVG (no element found"),
+    ("<html/>", "must be an SVG that begins with <svg; it begins with <html"),
+    ("<svg><script>alert(1)</script></svg>", "must not have <script>"),
+    ("<svg><a href='x'/></svg>", "must not have <a>"),
+    ("<svg onload='alert(1)'/>", 'must not have onload="..."'),
+    ("<svg><rect style='background:url(x)'/></svg>", 'must not have style="..."'),
+    ("<!DOCTYPE svg [<!ENTITY a 'b'>]><svg/>", "must not declare anything"),
+    ("<svg xmlns:x='http://www.w3.org/1999/xlink'><path x:href='x'/></svg>", 'must not have href="..."'),
+]
+
+
+@pytest.mark.parametrize(("text", "sentence"), FAULTS)
+def test_a_picture_that_could_do_something_is_refused(text: str, sentence: str) -> None:
+    assert (picture_fault(text) or "").startswith(sentence)
+
+
+@pytest.mark.parametrize("number", LIBRARY.numbers())
+def test_what_is_drawn_is_such_a_picture(number: str) -> None:
+    part_type = LIBRARY.get(number)
+    assert part_type is not None
+    assert picture_fault(picture_svg(part_type)) is None
+
+
+def test_remarks_do_no_harm() -> None:
+    assert picture_fault("<!-- drawn by hand --><svg><g><circle r='4'/></g></svg>") is None

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from msbot.config.document import Document
 from msbot.config.library_messages import MessageType, read_message_types
+from msbot.config.library_picture import picture_fault
 from msbot.config.library_simulator_reader import SimulatorReader
 from msbot.config.library_types import (
     Category,
@@ -22,7 +23,7 @@ from msbot.config.library_types import (
 )
 from msbot.config.library_versions import ANY_VERSION, VERSION_SIGN, Versions, parse_versions
 from msbot.config.problems import Problems, suggestion
-from msbot.config.reader import Table
+from msbot.config.reader import Table, kind_words
 
 FORBIDDEN_IN_PORTS = "."
 """A port is named `SLOT.port` in a binding."""
@@ -184,10 +185,10 @@ def _read_picture(table: Table) -> str:
     picture = table.scalar("picture")
     if picture is None:
         return ""
-    if not isinstance(picture, str) or not picture.lstrip().startswith("<svg"):
-        table.problem("must be an SVG text that begins with <svg; leave it out and one is drawn", "picture")
-        return ""
-    return picture
+    fault = picture_fault(picture) if isinstance(picture, str) else f"must be an SVG text; it is {kind_words(picture)}"
+    if fault is not None:
+        table.problem(fault, "picture")
+    return str(picture)
 
 
 def _read_versions(table: Table) -> Versions:
