@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import time
 from pathlib import Path
 
@@ -73,6 +74,23 @@ def test_every_format_is_written_and_read(tmp_path: Path, ending: str) -> None:
     assert [line.frame for line in again] == [parse_frame(line.split()[2]) for line in LOG.splitlines()]
     times = [line.at or 0.0 for line in again]
     assert [round(at - times[0], 3) for at in times] == [0, 0.1, 0.2]
+
+
+def test_what_python_can_prints_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "bus.txt"
+    invoke("dump", "-", "--log", str(path), text=LOG)
+    assert [line.split()[3] for line in path.read_text().splitlines()] == ["103", "7ff", "104"]
+
+
+@pytest.mark.skipif(importlib.util.find_spec("asammdf") is not None, reason="asammdf is there")
+def test_mf4_needs_another_library(tmp_path: Path) -> None:
+    path = tmp_path / "bus.mf4"
+    with pytest.raises(ConfigError, match=r"writing .mf4 files needs asammdf: install it with"):
+        invoke("dump", "-", "--log", str(path), text=LOG)
+    assert not path.exists()
+    path.write_bytes(b"MDF")
+    with pytest.raises(ConfigError, match=r"reading .mf4 files needs asammdf"):
+        invoke("dump", str(path))
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,7 @@ def dump(
     """Show every frame of BUS, as candump does, and what it says: segment, DDS-XRCE message, sample.
 
     BUS is can0, an address (can:slcan:/dev/ttyACM0?bitrate=500000, sim:classroom), a log (.log of candump, .asc, .blf,
-    .trc, .csv, .db), or - for what candump shows. A live bus is shown until Ctrl-C.
+    .trc, .csv, .db, .mf4), or - for what candump shows. A live bus is shown until Ctrl-C.
     """
     from msbot.cli.bus_decode import complain
     from msbot.cli.bus_dump import DumpWishes, dump

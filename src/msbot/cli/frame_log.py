@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 
 OWN_FORMAT = ".log"
 """Ending of log files as `candump -l` writes them."""
-FOREIGN_FORMATS = (".asc", ".blf", ".trc", ".csv", ".db")
+FOREIGN_FORMATS = (".asc", ".blf", ".trc", ".csv", ".db", ".mf4")
 """Endings of log files that python-can reads and writes for us."""
+TEXT_FORMAT = ".txt"
+"""Ending of files with what python-can prints; they are written only."""
 
 
 class FrameLog:
@@ -94,6 +96,7 @@ class FrameReader:
             ".trc": ("r", can.TRCReader),
             ".csv": ("r", can.CSVReader),
             ".db": ("rb", lambda _: can.SqliteReader(path)),
+            ".mf4": ("rb", lambda _: can.MF4Reader(path)),
         }
         mode, reader = readers[path.suffix.lower()]
         try:
@@ -103,6 +106,8 @@ class FrameReader:
                     yield LogLine(message.timestamp, f"can{message.channel or 0}", frame_of(message))
         except OSError as error:
             raise ConfigError(f"cannot read {path}: {error.strerror or error}") from None
+        except NotImplementedError:
+            raise _needs_asammdf("reading", path) from None
         except (ValueError, LookupError, TypeError, struct.error, sqlite3.Error, BLFParseError) as error:
             raise ConfigError(f"{path} is no {path.suffix} file that python-can understands: {error}") from None
 
@@ -122,8 +127,8 @@ class FrameWriter:
             if path.suffix.lower() == OWN_FORMAT:
                 self._stream = path.open("w", encoding="utf-8")
                 return
-            if path.suffix.lower() not in FOREIGN_FORMATS:
-                known = ", ".join((OWN_FORMAT, *FOREIGN_FORMATS))
+            if path.suffix.lower() not in (*FOREIGN_FORMATS, TEXT_FORMAT):
+                known = ", ".join((OWN_FORMAT, *FOREIGN_FORMATS, TEXT_FORMAT))
                 raise ConfigError(f"cannot write {path}: its ending names no format; there are {known}")
             try:
                 import can
@@ -133,6 +138,9 @@ class FrameWriter:
             self._logger = can.Logger(path)
         except OSError as error:
             raise ConfigError(f"cannot write {path}: {error.strerror}") from None
+        except NotImplementedError:
+            path.unlink()
+            raise _needs_asammdf("writing", path) from None
 
     def write(self, line: LogLine) -> None:
         """One frame."""
@@ -158,3 +166,7 @@ def _needs_python_can(what: str, path: Path) -> ConfigError:
         f"{what} {path.suffix} files needs python-can: install it with `pip install 'msbot[can]'`, "
         f"or use candump's format, {OWN_FORMAT}"
     )
+
+
+def _needs_asammdf(what: str, path: Path) -> ConfigError:
+    return ConfigError(f"{what} {path.suffix} files needs asammdf: install it with `pip install 'python-can[mf4]'`")
