@@ -104,6 +104,11 @@ class Master:
         )
 
     @property
+    def is_serving(self) -> bool:
+        """Whether parts are served: `run` has begun and does not end yet."""
+        return self._serving
+
+    @property
     def inventory_service(self) -> InventoryService:
         """What answers the parts, and speaks to them unasked."""
         return self._inventory

@@ -155,7 +155,8 @@ def play(
                     stage.plug(name, number)
                 await asyncio.sleep(1.0)
                 await scene(stage)
-                stage.pull_all()
                 running.cancel()
+                await asyncio.wait([running])
+                stage.pull_all()
 
     run_virtual(main())

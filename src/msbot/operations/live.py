@@ -348,8 +348,8 @@ class Operations:
             return "number", word, f"part number {word}"
         if (uid := uid_of(word)) is not None:
             return "uid", uid.hex(), f"the part with UID {uid.hex()}"
-        gone_too = self._inventory.find(word, self._running.now())
-        info = gone_too[-1] if gone_too else self._running.part(word)
+        found = self._inventory.find(word, self._running.now())
+        info = found[0] if len(found) == 1 else self._running.part(word)  # also one that is gone
         if info.uid:
             return "uid", info.uid.hex(), f"{info.part} (UID {info.uid.hex()})"
         raise ConfigError(f"{info.part} has no UID by which it could be blocked: block its number, {info.part_number}")

@@ -180,6 +180,8 @@ class Places:
 
     def _store(self, uid: bytes, slot: str, who: str, words: str, *, by_hand: bool) -> None:
         registry = self._running.registry
+        if not self._running.master.is_serving:
+            return  # what the end of the master itself brings about is no change
         try:
             if registry is not None and (trouble := registry.trouble):
                 raise RegistryError(trouble)
