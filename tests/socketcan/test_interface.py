@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from dataclasses import replace
 from pathlib import Path
@@ -106,5 +107,18 @@ async def test_more_frames_than_a_socket_takes_at_once_arrive_in_order() -> None
         for frame in frames:
             await mouth.send(frame)
         assert await ear.heard(3000) == frames
+        assert mouth.states[-1][0] is BusState.ACTIVE
+        assert ear.bus.dropped == mouth.bus.dropped == {}
+
+
+async def test_a_queue_of_the_interface_that_is_full_delays_frames_and_loses_none() -> None:
+    """A slow bus with a queue of three frames: Linux refuses more (ENOBUFS), and tells nobody when there is room."""
+    async with listening("can:vcan0") as ear, listening("can:vcan0") as mouth:
+        tool = await asyncio.create_subprocess_shell("tc qdisc replace dev vcan0 root netem rate 500kbit limit 3")
+        assert await tool.wait() == 0
+        frames = [Frame(0x123, number.to_bytes(4, "big")) for number in range(300)]
+        for frame in frames:
+            await mouth.send(frame)
+        assert await ear.heard(300) == frames
         assert mouth.states[-1][0] is BusState.ACTIVE
         assert ear.bus.dropped == mouth.bus.dropped == {}
