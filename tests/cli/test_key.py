@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import stat
+import sys
 from pathlib import Path
 
 import pytest
@@ -113,3 +114,30 @@ def test_a_removed_key_is_gone(folder: Path) -> None:
 def test_what_is_wrong_is_said_in_words(folder: Path, words: tuple[str, ...], says: str) -> None:
     result = CliRunner().invoke(command, list(words))
     assert says in str(result.exception)
+
+
+def test_a_name_that_two_parts_have_is_not_guessed(folder: Path) -> None:
+    library = load_library()
+    other = bytes.fromhex("8877665544332211")
+    with open_registry(folder / "robot.db") as registry:
+        store = registry.store_for(registry.apply_blueprint(load_blueprint(folder / "robot.toml", library), library))
+        store.remember(other, "BB", Claim("EFGH", "eye", other))
+    result = CliRunner().invoke(command, ["new", "eye"])
+    assert str(result.exception) == f"'eye' may be eye ({UID}), eye ({other.hex()}): give the UID"
+
+
+def test_without_the_library_for_qr_codes_the_key_holds_all_the_same(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "segno", None)
+    result = CliRunner().invoke(command, ["new", "EFGH"])
+    assert "pip install 'msbot[master]'" in str(result.exception)
+    uid, key = shown(result.output)
+    with open_registry(folder / "robot.db", read_only=True) as registry:
+        assert registry.key_of(uid) == key
+
+
+def test_a_folder_that_cannot_be_written_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "state").write_text("a file where a folder should be")
+    result = CliRunner().invoke(command, ["new", "EFGH", "--uid", UID, "--here"])
+    assert "cannot keep it in" in str(result.exception)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 from dataclasses import replace
 
+import pytest
+
 from msbot.link import run_virtual
 from msbot.part import plug
 from msbot.pnp import PartState, compat
@@ -226,5 +228,46 @@ def test_nobody_but_the_part_itself_is_told_and_a_session_opened_anew_asks_first
             assert not robot.service.identify(0xA1)
 
         await with_robot(robot, first, second, play=play)
+
+    run_virtual(scene())
+
+
+def test_who_can_be_told_is_bounded_and_the_others_find_out_with_their_beats(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("msbot.pnp.services.MOST_ASKERS", 1)
+
+    async def scene() -> None:
+        store = sample_store()
+        robot = Robot(store)
+        first, second = Visitor(robot, 0xA1), Visitor(robot, 0xB1)
+
+        async def play() -> None:
+            verdict = await first.claim("ABCD", 1)
+            assert verdict is not None
+            await second.claim("EFGH", 2)
+            assert not robot.service.identify(0xA1)
+            assert robot.service.identify(0xB1)
+            store.configurations["AA"] = configuration("AA", version=2)
+            robot.inventory.configuration_changed("AA")
+            assert await told(first) == []
+            answer = await first.ask(plug.Beat(lease=verdict.lease).encode())
+            assert answer == plug.BeatReply(configuration_version=2).encode()
+
+        await with_robot(robot, first, second, play=play)
+
+    run_virtual(scene())
+
+
+def test_a_stranger_is_neither_answered_nor_told_anything() -> None:
+    async def scene() -> None:
+        robot = Robot(sample_store())
+        stranger = Visitor(robot, 0xA1)
+
+        async def play() -> None:
+            assert await stranger.claim("NOPE", 1) is None
+            stranger.replies.clear()
+            robot.service._partner_changed(0xA1, "HelloWorldTopic_3_to_1", is_there=False)
+            assert await told(stranger) == []
+
+        await with_robot(robot, stranger, play=play)
 
     run_virtual(scene())

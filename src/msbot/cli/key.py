@@ -46,14 +46,13 @@ def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no
         octets = _uid(uid, known, number, local_name, here=here)
         key = secrets.token_bytes(KEY_OCTETS)
         edit = registry.keep_key(octets, key, WHO)
-    if here:
-        _keep(kept_file("uid", number, local_name), octets.hex())
-        _keep(kept_file("key", number, local_name), key_text(key))
     click.echo(f"{edit.words}; it is not shown again.\n")
     click.echo(f"  part number   {number}")
     click.echo(f"  UID           {octets.hex()}")
     click.echo(f"  key           {key_text(key)}\n")
     if here:
+        _keep(kept_file("uid", number, local_name), octets.hex())
+        _keep(kept_file("key", number, local_name), key_text(key))
         click.echo(f"Kept on this computer for part {number} with the local name {local_name}: nothing else to do.")
     else:
         click.echo(f"A part on a computer:  --uid {octets.hex()} --key FILE, with the key in FILE; or $MSBOT_KEY.")
@@ -151,4 +150,4 @@ def _keep(path: Path, text: str) -> None:
             stream.write(text + "\n")
         draft.replace(path)
     except OSError as error:
-        raise ConfigError(f"cannot keep it in {path} ({error}); the key below is valid all the same") from None
+        raise ConfigError(f"cannot keep it in {path} ({error}); the key above holds all the same") from None
