@@ -73,5 +73,5 @@ def test_a_database_that_is_not_there(run: Run) -> None:
     for arguments in (("check",), ("migrate",), ("backup", "x")):
         with pytest.raises(MsbotError, match=r"there is no database other\.db"):
             run(*arguments, "--db", "other.db")
-    with pytest.raises(RegistryError, match=r"there is no database nothing\.db"):
+    with pytest.raises(RegistryError, match=r"there is no backup nothing\.db"):
         run("restore", "nothing.db", "--yes")

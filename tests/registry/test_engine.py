@@ -9,7 +9,7 @@ from types import ModuleType
 import pytest
 
 from msbot.errors import RegistryError
-from msbot.registry.engine import WRITE, check_file, make_engine, parse_address, use_write_ahead_log
+from msbot.registry.engine import WRITE, check_file, make_engine, parse_address, use_write_ahead_log, without_password
 
 
 @pytest.mark.parametrize("text", ["robot.db", Path("robot.db"), "sqlite:///robot.db"])
@@ -25,6 +25,7 @@ def test_a_windows_path_or_a_strange_name_is_a_file() -> None:
 def test_a_server_is_named_without_its_password() -> None:
     address = parse_address("postgresql://teacher:secret@host/robots")
     assert address.words == "postgresql://teacher:***@host/robots"
+    assert without_password("postgresql://teacher:secret@host/robots") == address.words
     assert address.url.drivername == "postgresql+psycopg"
     assert address.path is None
 

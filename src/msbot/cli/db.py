@@ -20,14 +20,15 @@ def command() -> None:
 @db_option
 def migrate(db: str | None) -> None:
     """Bring the database of an older MsBOT up to date; a copy of it is kept. `msbot master` does it by itself."""
-    from msbot.registry import upkeep
+    from msbot.registry import upkeep, without_password
 
     address = existing_database(db)
+    words = without_password(address)
     done = upkeep.migrate(address)
     if done.before == done.after:
-        click.echo(f"{address} is up to date: schema {done.after}.")
+        click.echo(f"{words} is up to date: schema {done.after}.")
     else:
-        click.echo(f"{address} is brought from schema {done.before} to {done.after}.")
+        click.echo(f"{words} is brought from schema {done.before} to {done.after}.")
 
 
 @command.command("backup")
@@ -35,11 +36,12 @@ def migrate(db: str | None) -> None:
 @db_option
 def backup(file: Path, db: str | None) -> None:
     """Copy the database to FILE, also while a master uses it. FILE is an SQLite database, whatever --db is."""
-    from msbot.registry import upkeep
+    from msbot.registry import upkeep, without_password
 
     address = existing_database(db)
+    words = without_password(address)
     rows = upkeep.back_up(address, file)
-    click.echo(f"{file} is written: {rows} rows of {address}.")
+    click.echo(f"{file} is written: {rows} rows of {words}.")
 
 
 @command.command("restore")
@@ -52,13 +54,14 @@ def restore(file: Path, db: str | None, *, yes: bool) -> None:
     What it had is kept in a copy. No master may run a robot of it meanwhile.
     """
     from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside
-    from msbot.registry import upkeep
+    from msbot.registry import upkeep, without_password
 
     address = db or database_beside(DEFAULT_BLUEPRINT)
+    words = without_password(address)
     if not yes:
-        click.confirm(f"Put the content of {file} in place of all that {address} has?", abort=True)
+        click.confirm(f"Put the content of {file} in place of all that {words} has?", abort=True)
     kept = upkeep.restore(file, address)
-    click.echo(f"{address} has the content of {file}.")
+    click.echo(f"{words} has the content of {file}.")
     if kept is not None:
         click.echo(f"What it had before is in {kept}.")
 
@@ -68,15 +71,16 @@ def restore(file: Path, db: str | None, *, yes: bool) -> None:
 @db_option
 def check(db: str | None, *, as_json: bool) -> None:
     """Look for damage and contradictions; status 1 when there are any."""
-    from msbot.registry import upkeep
+    from msbot.registry import upkeep, without_password
 
     address = existing_database(db)
+    words = without_password(address)
     findings = upkeep.check(address)
     if as_json:
         click.echo(json.dumps(findings))
     else:
         for sentence in findings:
             click.echo(sentence)
-        click.echo(f"{address}: {len(findings)} problems." if findings else f"{address} is in order.")
+        click.echo(f"{words}: {len(findings)} problems." if findings else f"{words} is in order.")
     if findings:
         sys.exit(1)

@@ -12,7 +12,7 @@ from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option
 from msbot.cli.plan_view import as_json as differences_json
 from msbot.cli.plan_view import empty_like, library_option, plan_lines
 from msbot.config import Blueprint, Difference, differences, load_blueprint, load_library
-from msbot.registry import open_registry
+from msbot.registry import open_registry, without_password
 
 
 @click.command("diff")
@@ -29,11 +29,12 @@ def command(blueprint: Path, folders: tuple[Path, ...], db: str | None, *, as_js
     wanted = load_blueprint(blueprint, library)
     address = db or database_beside(blueprint)
     to_apply, by_hand, is_new = _compare(wanted, address)
+    words = without_password(address)
     if as_json:
         told = {"apply": differences_json(to_apply), "by_hand": differences_json(by_hand), "new": is_new}
         click.echo(json.dumps(told))
     else:
-        for line in _words(blueprint, address, to_apply, by_hand, is_new=is_new):
+        for line in _words(blueprint, words, to_apply, by_hand, is_new=is_new):
             click.echo(line)
     if to_apply or is_new:
         sys.exit(1)

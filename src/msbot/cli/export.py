@@ -28,7 +28,8 @@ def command(file: Path | None, robot: str | None, db: str | None, *, without_han
         record = one_robot(registry, robot)
         blueprint = registry.blueprint(record, by_hand=not without_hand)
         notes = {} if without_hand else registry.made_by_hand(record)
-    text = f"# Robot {record.name}, written by `msbot export` from {address}.\n\n{blueprint_toml(blueprint, notes)}"
+        where = registry.database
+    text = f"# Robot {record.name}, written by `msbot export` from {where}.\n\n{blueprint_toml(blueprint, notes)}"
     if file is None:
         click.echo(text, nl=False)
         return

@@ -74,7 +74,9 @@ async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str]
         where = ", ".join(link.info.name for link in links)
 
         def greet() -> None:
-            click.echo(f"{profile.name} {profile.version} is up on {where}; database {db}. Ctrl-C ends it.")
+            click.echo(
+                f"{profile.name} {profile.version} is up on {where}; database {registry.database}. Ctrl-C ends it."
+            )
 
         status = StatusServer(
             master.agent,

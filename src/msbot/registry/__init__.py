@@ -3,6 +3,7 @@
 from msbot.errors import RegistryError
 
 try:
+    from msbot.registry.engine import without_password
     from msbot.registry.node_ids import StoredNodeIds
     from msbot.registry.people import ROLES
     from msbot.registry.records import (
@@ -34,4 +35,5 @@ __all__ = [
     "UserRecord",
     "ValueRecord",
     "open_registry",
+    "without_password",
 ]

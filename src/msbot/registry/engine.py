@@ -60,6 +60,15 @@ def parse_address(text: str | Path) -> Address:
     raise RegistryError(f"the database {url.render_as_string(hide_password=True)!r} is of an unknown kind; {_EXAMPLES}")
 
 
+def without_password(text: str) -> str:
+    """The address as messages show it.
+
+    Raises:
+        RegistryError: it is no address of a database.
+    """
+    return parse_address(text).words
+
+
 _EXAMPLES = "write a file name, sqlite:///robot.db or postgresql://user@host/name"
 
 

@@ -88,6 +88,8 @@ def restore(source: Path, address: str) -> Path | None:
     Raises:
         RegistryError: the backup or the database cannot be used, or a master runs one of its robots.
     """
+    if not source.exists():
+        raise RegistryError(f"there is no backup {source}: name a file that `msbot db backup` has written")
     check_file(parse_address(source), create=False, read_only=True)
     with tempfile.TemporaryDirectory(prefix="msbot-restore-") as folder:
         copy = Path(folder) / source.name
