@@ -26,7 +26,9 @@ CSRF_HEADER = "x-csrf-token"
 MAX_BODY = 1024 * 1024
 """Octets of a request's body; `restore` may have more."""
 MAX_RESTORE = 256 * 1024 * 1024
-OPEN_PATHS = ("/login", "/setup", "/enter", "/api/health", "/favicon.ico", "/web/", "/_nicegui/")
+OPEN_PATHS = (
+    "/login", "/setup", "/enter", "/api/health", "/openapi.json", "/favicon.ico", "/web/", "/_nicegui/",
+)  # fmt: skip
 """What may be had without signing in: forms to do so, and files that are the same for everybody."""
 FORM_PATHS = ("/login", "/setup")
 """Forms that are sent before there is a session; their origin is checked all the same."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from tests.e2e.processes import Process, running
 
@@ -17,6 +17,8 @@ ARGUMENTS = [
     "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
 PATIENCE_MS = 20_000
+"""How long a test waits for the page; the machine may be busy. Nothing in the product is this slow."""
+expect.set_options(timeout=PATIENCE_MS)
 
 
 def chromium() -> str | None:

@@ -14,6 +14,8 @@ from msbot.web.service import Service
 
 ROWS = 60
 """Rows that are shown; the counters beside them count every frame."""
+KEPT_ROWS = 2000
+"""Rows that are filtered."""
 COLOURS = 12
 
 
@@ -60,7 +62,7 @@ class _Table:
         self._rows: list[FrameLine] = []
         with ui.element("div").classes("panel"):
             with ui.element("div").classes("row").style("margin-bottom:.5rem"):
-                self._paused = ui.switch(page.say("Pause"))
+                self._paused = ui.switch(page.say("Pause"), on_change=self._pause)
                 self._find = ui.input(page.say("Filter"), value=find, placeholder="node 3, HEARTBEAT, 103#").props(
                     "dense clearable outlined"
                 )
@@ -72,12 +74,18 @@ class _Table:
             self._detail = ui.html("", sanitize=False).classes("w-full")
         page.every_look(self._show)
 
+    def _pause(self) -> None:
+        """Keep what the server still has of the past, for filtering at leisure."""
+        if self._paused.value:
+            self._rows = self._page.service.views.frame_lines(0, KEPT_ROWS)
+        self._show(force=True)
+
     def _show(self, *, force: bool = False) -> None:
         if self._paused.value and self._rows and not force:
             return
         words = str(self._find.value or "").casefold().split()
         if not self._paused.value:
-            self._rows = self._page.service.views.frame_lines(0, 2000 if words else ROWS)
+            self._rows = self._page.service.views.frame_lines(0, KEPT_ROWS if words else ROWS)
         rows = [row for row in self._rows if all(word in _text_of(row) for word in words)][-ROWS:]
         head = "".join(
             f"<th>{escape(self._page.say(title))}</th>" for title in ("No.", "Age", "Sender", "Frame", "What it says")
