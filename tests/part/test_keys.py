@@ -70,6 +70,8 @@ def test_a_key_is_given_by_digits_file_variable_or_its_kept_file(
     kept.write_text("11" * 16 + "\n")
     assert keys.given_key(None, "ABCD", "eye") == b"\x11" * 16
     assert keys.given_key(None, "ABCD", "ear") is None
+    monkeypatch.setenv(keys.KEY_VARIABLE, "")
+    assert keys.given_key(None, "ABCD", "eye") == b"\x11" * 16
     monkeypatch.setenv(keys.KEY_VARIABLE, "22" * 16)
     assert keys.given_key(None, "ABCD", "eye") == b"\x22" * 16
     assert keys.given_key("33" * 16, "ABCD", "eye") == b"\x33" * 16

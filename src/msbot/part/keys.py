@@ -98,7 +98,7 @@ def given_key(text: str | None, part_number: str, local_name: str) -> bytes | No
         ConfigError: there is something that is no key.
     """
     if text is None:
-        text = os.environ.get(KEY_VARIABLE)
+        text = os.environ.get(KEY_VARIABLE) or None
     if text is None:
         path = kept_file("key", part_number, local_name)
         return _read(path) if path.exists() else None
