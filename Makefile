@@ -65,6 +65,7 @@ bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/can_path.py
 	PYTHONPATH=. $(BIN)/python bench/library.py
 	PYTHONPATH=. $(BIN)/python bench/matching.py
+	PYTHONPATH=. $(BIN)/python bench/spare.py
 	PYTHONPATH=. $(BIN)/python bench/agent.py --write
 
 docs: $(VENV)/.docs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from pathlib import Path
 
 import pytest
@@ -94,3 +95,13 @@ def test_a_mistake_is_answered_with_a_sentence(request_: dict[str, object], word
         await asyncio.sleep(0)
 
     play(tmp_path, scene)
+
+
+def test_every_operation_and_its_arguments_are_in_the_reference() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "operations.md").read_text()
+    rows = {
+        name: tuple(re.findall(r"`(\w+)`", arguments))
+        for name, arguments in re.findall(r"^\| `(\w+)` \|([^|]*)\|", page, re.MULTILINE)
+    }
+    del rows["do"]  # the table's head
+    assert rows == dict(KEYS)

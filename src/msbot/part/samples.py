@@ -95,6 +95,7 @@ def _toggle_switch(part: Part, random: Random) -> None:  # noqa: ARG001 - one si
     @part.safe_state
     def all_off() -> None:
         for pin in range(PINS):
+            part.board.set_direction(pin, PinDirection.OUTPUT)  # STOP comes to parts that never were active, too
             part.board.clear(pin)
 
     @part.on("in", HelloWorld)
