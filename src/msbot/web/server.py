@@ -121,6 +121,9 @@ class WebServer:
             self._server.force_exit = True
             with contextlib.suppress(asyncio.CancelledError):
                 await serving
+                if self.ready.is_set():
+                    # `force_exit` leaves this out, and what is left of the server ends in a traceback.
+                    await self._server.lifespan.shutdown()
             self._socket.close()
 
     def _config(self, settings: WebSettings) -> uvicorn.Config:
