@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import re
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from msbot.errors import ConfigError
 from msbot.part import keys
 from msbot.part.identity import kept_file
 
+PAGE = (Path(__file__).parents[2] / "docs/reference/messages.md").read_text()
 KEY, NONCE, UID = bytes(range(16)), bytes(range(100, 116)), b"12345678"
 
 
@@ -26,6 +28,16 @@ def proof(**changes: object) -> bytes:
 def test_a_proof_is_the_first_16_octets_of_the_hmac_over_everything() -> None:
     message = b"MsBOT claim 1\0" + NONCE + UID + b"\0\4ABCD" + b"\0\3eye" + bytes.fromhex("01020304")
     assert proof() == hmac.new(KEY, message, hashlib.sha256).digest()[:16]
+
+
+def test_the_example_of_the_page_is_right() -> None:
+    section = PAGE.partition("### Proofs")[2].partition("###")[0]
+    rows = dict(re.findall(r"^\| ([^|]+) \| `([^`]+)`", section, re.MULTILINE))
+    key, nonce, part_uid = (bytes.fromhex(rows[name]) for name in ("key", "nonce", "UID"))
+    session_key = int(rows["client key"], 16)
+    assert rows["part number, local name"] == "ABCD"
+    shown = keys.prove(key, nonce, part_uid, part_number="ABCD", local_name="eye", session_key=session_key)
+    assert shown.hex() == rows["proof"]
 
 
 @pytest.mark.parametrize(
