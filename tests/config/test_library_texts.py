@@ -14,6 +14,10 @@ def test_sources_are_filled_in() -> None:
     assert format_text("no source {}", VALUES) == "no source {}"
 
 
+def test_a_value_of_another_kind_than_the_form_is_written_as_it_is() -> None:
+    assert format_text("{word:d}, {n:zz}", VALUES) == "hi, 3"
+
+
 def test_forms_that_fit_a_value() -> None:
     assert can_format(1.0, "d")
     assert can_format("a", ">3")

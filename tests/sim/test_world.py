@@ -163,6 +163,9 @@ FITTING: list[tuple[FieldKind, Scalar, Scalar]] = [
     (FieldKind.TEXT, 3.0, "3"),
     (FieldKind.TEXT, True, "true"),
     (FieldKind.INT8, "x", 0),
+    (FieldKind.FLOAT32, 1e300, 3.4028234663852886e38),
+    (FieldKind.FLOAT64, 1e300, 1e300),
+    (FieldKind.TEXT, "a\0b\ud800", "ab?"),
 ]
 
 

@@ -15,11 +15,11 @@ _WHOLE = "bcdoxX"
 
 
 def format_text(text: str, values: Mapping[str, Scalar]) -> str:
-    """The text with its sources filled in."""
+    """The text with its sources filled in; a value that has not the form's kind is written as it is."""
 
     def fill(found: re.Match[str]) -> str:
         value, form = values[found[1]], found[2]
-        if form:
+        if form and can_format(value, form):
             return format(_plain(value, form), form)
         if isinstance(value, float):
             return f"{value:g}"

@@ -48,6 +48,7 @@ from msbot.part.plug import (
 from msbot.part.run import run
 from msbot.part.samples import SAMPLE_PARTS, SamplePart, make_sample
 from msbot.part.wire_types import (
+    FLOAT32_MAX,
     AtMost,
     Octets,
     float32,
@@ -64,6 +65,7 @@ from msbot.part.wire_types import (
 
 __all__ = [
     "ENDLESS",
+    "FLOAT32_MAX",
     "IDENTITY_OCTETS",
     "INVENTORY_REPLY_TOPIC",
     "INVENTORY_REPLY_TYPE",

@@ -111,12 +111,12 @@ class Gauge:
         value = self._limited(value, values)
         if not reading.integrate:
             value = self._followed(value, values, step_s)
+        if not math.isfinite(value):
+            value = self._state or 0.0  # numbers too large to be multiplied: the last one that made sense stays
         self._state = value
         if final and (noise := number(reading.noise, values)):
             value = self._limited(value + self._random.gauss(0.0, noise), values)
-        step = number(reading.step, values)
-        # Rounded once more, because 3 x 0.1 is not 0.3.
-        return round(round(value / step) * step, 9) if step > 0 else value
+        return _stepped(value, number(reading.step, values))
 
     def _followed(self, value: float, values: Values, step_s: float) -> float:
         """The value after lag and slew; the first one holds at once."""
@@ -148,10 +148,8 @@ class Gauge:
             self._drawn_at = now
             least, most = number(self.reading.least or 0.0, values), number(self.reading.most or 0.0, values)
             step = number(self.reading.step, values)
-            if step > 0:
-                self._state = least + step * self._random.randrange(math.floor((most - least) / step) + 1)
-            else:
-                self._state = self._random.uniform(least, most)
+            drawn = self._random.uniform(0.0, most - least + step) - step / 2
+            self._state = max(least, min(most, least + _stepped(drawn, step)))
         return self._state
 
     def _shown(self, text: str) -> str:
@@ -163,6 +161,13 @@ class Gauge:
         if reading.columns:
             rows = [row[: reading.columns] for row in rows]
         return "\n".join(rows[: reading.rows] if reading.rows else rows)
+
+
+def _stepped(value: float, step: float) -> float:
+    """The multiple of the step that is nearest; a step of 0 or too small for a number changes nothing."""
+    steps = value / step if step > 0 else math.inf
+    # Rounded once more, because 3 x 0.1 is not 0.3.
+    return round(round(steps) * step, 9) if math.isfinite(steps) else value
 
 
 def number(operand: Operand, values: Values) -> float:

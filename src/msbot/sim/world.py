@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from random import Random
 
 from msbot.config import Direction, FieldKind, Output, PartType, Port, Scalar, Simulator, format_text
+from msbot.part import FLOAT32_MAX
 from msbot.sim.gauges import Gauge, as_number, number
 
 STEP_S = 0.02
@@ -177,8 +178,11 @@ def fit(kind: FieldKind, value: Scalar) -> Scalar:
         case FieldKind.BOOL:
             return bool(value)
         case FieldKind.TEXT:
-            return format_text("{value}", {"value": value})
-        case FieldKind.FLOAT32 | FieldKind.FLOAT64:
+            # Neither NUL nor half a character can travel.
+            return format_text("{value}", {"value": value}).replace("\0", "").encode(errors="replace").decode()
+        case FieldKind.FLOAT32:
+            return min(FLOAT32_MAX, max(-FLOAT32_MAX, as_number(value)))
+        case FieldKind.FLOAT64:
             return as_number(value)
         case _:
             least, most = kind.limits
