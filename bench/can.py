@@ -18,7 +18,7 @@ from bench.can_costs import THESIS_BYTES, cost_table
 from bench.can_load import rest_table, room_table
 from bench.can_setup import set_up_table
 from bench.can_thesis import AT, one_message, thesis_table
-from bench.crowd import Outcome, switch_on
+from bench.crowd import Outcome, start_anew, switch_on
 from msbot.link import run_virtual
 
 PAGE = Path(__file__).parent.parent / "docs/explain/can.md"
@@ -65,6 +65,17 @@ def crowd_table(runs: Runs) -> list[str]:
     return table(head, rows)
 
 
+def anew_table(folder: Path) -> list[str]:
+    """From the start of a new master until all parts are active again."""
+    rows = []
+    for rates in (BUSES[0], AT, BUSES[4]):
+        say(f"a new master under {SIZES[-1]} parts on {rates.name}")
+        done = run_virtual(start_anew(rates, SIZES[-1], folder, seed=2))
+        times = (f"{1000 * seconds:,.1f}" for seconds in (done.median_s, done.p95_s, done.last_s, done.served_s))
+        rows.append([rates.name, *times, f"{done.ratio:.2f}", str(done.lost + done.late)])
+    return table(["bus", "median", "p95", "max", "all at work", "ratio", "lost or late"], rows)
+
+
 def large_table() -> list[str]:
     """The message that took over a minute."""
     rows = []
@@ -79,6 +90,7 @@ def tables(folder: Path) -> Iterator[tuple[str, list[str]]]:
     runs, plain = switch_all_on(folder)
     yield "parts switched on together", crowd_table(runs)
     yield "the same without header compression", crowd_table(plain)
+    yield "a new master", anew_table(folder)
     say("messages")
     yield "messages", cost_table()
     yield f"{THESIS_BYTES} bytes", large_table()

@@ -9,24 +9,28 @@ from __future__ import annotations
 import asyncio
 import statistics
 from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 
 from bench.buses import CODEC, Rates
 from msbot.config import Blueprint, load_blueprint, load_library
-from msbot.link import CanMasterLink, CanPartLink, Frame, SimBusDriver
+from msbot.link import CanMasterLink, CanPartLink, Codec, Frame, SimBusDriver
 from msbot.link.can_ids import CanIds, read_join
 from msbot.master import Master
 from msbot.part import Part
 from msbot.pnp import PartEvent, PartState
-from msbot.registry import open_registry
+from msbot.registry import Registry, open_registry
 
 PART_NUMBER = "ABCD"
 """Of all parts: the thesis' light sensor."""
 ROBOT = "MSBOT_MASTER"
 QUIET_S = 2.1
 """How long the master has been there when the parts are switched on."""
+PAUSE_S = 0.5
+"""How long there is no master when it is started anew."""
 SETTLED_S = 3.0
 """From the last part's `active` until the load at rest is measured."""
 LONGEST_S = 120.0
@@ -114,63 +118,134 @@ async def switch_on(
         rest_s: how long the load at rest is measured afterwards.
         seed: of everything that is drawn.
     """
-    loop = asyncio.get_running_loop()
-    random = Random(seed)
+    async with _robot(rates, size, folder, compression=compression, seed=seed) as robot:
+        await robot.start_master()
+        await asyncio.sleep(QUIET_S)
+        crowd = robot.watch()
+        robot.switch_parts_on()
+        await crowd.until_complete()
+        if rest_s:
+            await asyncio.sleep(SETTLED_S)
+            before = robot.driver.counters.busy_s
+            await asyncio.sleep(rest_s)
+            crowd.outcome.load = (robot.driver.counters.busy_s - before) / rest_s
+        robot.count_drops(crowd.outcome)
+    return crowd.outcome
+
+
+async def start_anew(rates: Rates, size: int, folder: Path, *, seed: int = 1) -> Outcome:
+    """Start the master anew under parts that are all active, and see how they come in again."""
+    async with _robot(rates, size, folder, compression=True, seed=seed) as robot:
+        await robot.start_master()
+        await asyncio.sleep(QUIET_S)
+        crowd = robot.watch()
+        robot.switch_parts_on()
+        await crowd.until_complete()
+        await robot.stop_master()
+        await asyncio.sleep(PAUSE_S)
+        again = robot.watch()
+        await robot.start_master()
+        await again.until_complete()
+        robot.count_drops(again.outcome)
+    return again.outcome
+
+
+@asynccontextmanager
+async def _robot(rates: Rates, size: int, folder: Path, *, compression: bool, seed: int) -> AsyncIterator[_Robot]:
     blueprint = ring(folder, size)
     database = folder / f"{rates.nominal}-{rates.data}-{size}-{compression}-{seed}.db"
     with open_registry(database, epoch_ns=lambda: 0) as registry:
-        driver = SimBusDriver(rates.bus())
-        # A bus needs two nodes before any frame is acknowledged.
-        driver.attach("monitor")
-        master = Master(
-            blueprint,
-            registry.store_for(registry.apply_blueprint(blueprint, load_library())),
-            random=random,
-            epoch_ns=lambda: 0,
-        )
-        codec = CODEC if compression else None
-        links: list[CanMasterLink | CanPartLink] = [
-            CanMasterLink(
-                driver.attach("master"),
-                profile_hash=master.profile.profile_hash(),
-                random=random,
-                fd=rates.fd,
-                codec=codec,
-            )
-        ]
-        master.add_link(links[0])
-        crowd = _Crowd(Outcome(rates, size))
-        master.inventory.on_event(crowd.changed)
         async with asyncio.TaskGroup() as tasks:
-            running = [tasks.create_task(master.run())]
-            await master.ready.wait()
-            await asyncio.sleep(QUIET_S)
-            driver.tap = crowd.heard
-            crowd.start = loop.time()
-            for slot in blueprint.slots:
-                part = Part(
-                    PART_NUMBER,
-                    local_name=slot.name,
-                    robot=ROBOT,
-                    uid=random.randbytes(8),
-                    random=Random(random.getrandbits(64)),
-                )
-                part.on_join(crowd.served)
-                end = CanPartLink(driver.attach(slot.name), uid=part.uid or b"", random=random, codec=codec)
-                links.append(end)
-                running.append(tasks.create_task(part.run_async(end, epoch_ns=lambda: 0)))
-            async with asyncio.timeout(LONGEST_S):
-                await crowd.complete.wait()
-            if rest_s:
-                await asyncio.sleep(SETTLED_S)
-                before = driver.counters.busy_s
-                await asyncio.sleep(rest_s)
-                crowd.outcome.load = (driver.counters.busy_s - before) / rest_s
-            for link in links:
-                crowd.outcome.dropped.update(link.counters.dropped)
-            for task in running:
+            robot = _Robot(rates, blueprint, registry, tasks, codec=CODEC if compression else None, seed=seed)
+            yield robot
+            robot.end()
+
+
+class _Robot:
+    """The bus with its master, which can be started anew, and its parts."""
+
+    def __init__(
+        self, rates: Rates, blueprint: Blueprint, registry: Registry, tasks: asyncio.TaskGroup, *,
+        codec: Codec | None, seed: int,
+    ) -> None:  # fmt: skip
+        self.driver = SimBusDriver(rates.bus())
+        # A bus needs two nodes before any frame is acknowledged.
+        self.driver.attach("monitor")
+        self._rates = rates
+        self._blueprint = blueprint
+        self._store = registry.store_for(registry.apply_blueprint(blueprint, load_library()))
+        self._tasks = tasks
+        self._codec = codec
+        self._random = Random(seed)
+        self._links: list[CanMasterLink | CanPartLink] = []
+        self._running: list[asyncio.Task[None]] = []
+        self._master: asyncio.Task[None] | None = None
+        self._masters = 0
+        self._crowd = _Crowd(Outcome(rates, len(blueprint.slots)))
+
+    def watch(self) -> _Crowd:
+        """Watch the parts come in, from now on."""
+        self._crowd = _Crowd(Outcome(self._rates, len(self._blueprint.slots)))
+        self._crowd.start = asyncio.get_running_loop().time()
+        self.driver.tap = self._crowd.heard
+        return self._crowd
+
+    async def start_master(self) -> None:
+        """Start a master, and wait until it serves."""
+        self._masters += 1
+        master = Master(self._blueprint, self._store, random=self._random, epoch_ns=lambda: 0)
+        link = CanMasterLink(
+            self.driver.attach(f"master {self._masters}"),
+            profile_hash=master.profile.profile_hash(),
+            random=self._random,
+            fd=self._rates.fd,
+            codec=self._codec,
+        )
+        self._links.append(link)
+        master.add_link(link)
+        master.inventory.on_event(self._changed)
+        self._master = self._tasks.create_task(master.run())
+        await master.ready.wait()
+
+    async def stop_master(self) -> None:
+        """Take the master away without a word to anybody."""
+        assert self._master is not None
+        self._master.cancel()
+        await asyncio.gather(self._master, return_exceptions=True)
+
+    def switch_parts_on(self) -> None:
+        """All in this instant."""
+        for slot in self._blueprint.slots:
+            part = Part(
+                PART_NUMBER,
+                local_name=slot.name,
+                robot=ROBOT,
+                uid=self._random.randbytes(8),
+                random=Random(self._random.getrandbits(64)),
+            )
+            part.on_join(self._served)
+            link = CanPartLink(
+                self.driver.attach(slot.name), uid=part.uid or b"", random=self._random, codec=self._codec
+            )
+            self._links.append(link)
+            self._running.append(self._tasks.create_task(part.run_async(link, epoch_ns=lambda: 0)))
+
+    def _changed(self, event: PartEvent) -> None:
+        self._crowd.changed(event)
+
+    def _served(self) -> None:
+        self._crowd.served()
+
+    def count_drops(self, outcome: Outcome) -> None:
+        """What the links have dropped."""
+        for link in self._links:
+            outcome.dropped.update(link.counters.dropped)
+
+    def end(self) -> None:
+        """Switch everything off."""
+        for task in (*self._running, self._master):
+            if task is not None:
                 task.cancel()
-    return crowd.outcome
 
 
 class _Crowd:
@@ -184,6 +259,11 @@ class _Crowd:
         self._active: set[str] = set()
         self._served = 0
         self._window: list[Frame] = []
+
+    async def until_complete(self) -> None:
+        """Wait until the last part is at work."""
+        async with asyncio.timeout(LONGEST_S):
+            await self.complete.wait()
 
     def changed(self, event: PartEvent) -> None:
         """The inventory has changed a part's state."""

@@ -7,12 +7,15 @@ from pathlib import Path
 import pytest
 
 from bench.buses import Rates
-from bench.crowd import Outcome, switch_on
+from bench.crowd import Outcome, start_anew, switch_on
 from msbot.link import run_virtual
 
 
 def outcome(rates: Rates, size: int, folder: Path, *, rest_s: float = 0.0, seed: int = 1) -> Outcome:
-    found = run_virtual(switch_on(rates, size, folder, rest_s=rest_s, seed=seed))
+    return checked(run_virtual(switch_on(rates, size, folder, rest_s=rest_s, seed=seed)), size)
+
+
+def checked(found: Outcome, size: int) -> Outcome:
     assert len(found.active_s) == size
     assert (found.lost, found.late, found.dropped) == (0, 0, {})
     assert (found.frames["JOIN"], found.frames["ASSIGN"]) == (size, size), "everybody asks once"
@@ -37,3 +40,8 @@ def test_one_part_needs_the_time_of_its_frames(tmp_path: Path) -> None:
     found = outcome(Rates(500_000), 1, tmp_path)
     assert found.last_s < 0.008
     assert found.ratio == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_master_that_is_started_anew_gets_its_parts_back(tmp_path: Path) -> None:
+    again = checked(run_virtual(start_anew(Rates(125_000), 20, tmp_path)), 20)
+    assert again.last_s < 1.5
