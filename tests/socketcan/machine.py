@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent.parent
 RUNNER = ROOT / "tools" / "run-in-vm.sh"
 REPORT = "MSBOT_VM_REPORT"
 """Environment variable: where pytest inside a machine puts its reports."""
-PATIENCE_S = 300
+PATIENCE_S = 600
 """A machine that is not done after this time is switched off."""
 NOT_STARTED = 125
 """Exit status of the runner when the machine did not start or died."""

@@ -26,7 +26,7 @@ def test_four_processes_make_a_robot_on_a_can_bus(stack: ExitStack, tmp_path: Pa
     def start(*arguments: str) -> Process:
         return stack.enter_context(running(*arguments, "--link", "can:vcan0", cwd=tmp_path, env=state))
 
-    master = start("master")
+    master = start("master", "--no-page")
     master.wait_for("is up on", "can:vcan0")
     parts = {name: start("part", name) for name in ("AA", "BB", "CC")}
     for part in parts.values():
