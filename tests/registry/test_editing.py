@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from sqlalchemy import event
 
 from msbot.config import Endpoint, Library, Scalar, Slot
 from msbot.errors import ConfigError, RegistryError
@@ -367,6 +368,25 @@ def test_robots_have_their_own_edits(registry: Registry, robot: RobotRecord) -> 
 
 
 # When the database cannot be written
+
+
+def test_a_running_robot_does_not_wait_long_for_another_program(
+    registry: Registry, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = registry.apply_blueprint(ROBOT, LIBRARY)
+    waits: list[object] = []
+    event.listen(
+        registry._engine, "begin", lambda one: waits.append(one.exec_driver_sql("PRAGMA busy_timeout").scalar())
+    )
+    registry.set_value(robot, "left", "period_s", 2, "Ann")
+    registry.store_for(robot)
+    registry.set_value(robot, "left", "period_s", 3, "Ann")
+    assert [waits[0], waits[-1]] == [2000, 400]
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(RegistryError, match="is locked by another program"):
+            registry.set_value(robot, "left", "period_s", 4, "Ann")
+    assert _period(registry, robot)[0] == 3
 
 
 def test_nothing_changes_while_the_database_cannot_be_written(impatient: Registry, path: Path) -> None:

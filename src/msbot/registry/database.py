@@ -8,12 +8,14 @@ from typing import TypeVar
 from sqlalchemy import Connection, Engine
 
 from msbot.errors import RegistryError
-from msbot.registry.engine import WRITE, Address
+from msbot.registry.engine import WAIT_S, WRITE, Address
 from msbot.registry.faults import told_as_registry_error
 from msbot.registry.writer import Writer
 
 SLOWEST_S = 1.0
 """So long a change waits, besides the time that another program may hold the database, for those before it."""
+LOOP_PATIENCE_S = 0.4
+"""So long a change waits at most, for either, when a robot runs in this process: its parts must not be kept waiting."""
 
 _T = TypeVar("_T")
 
@@ -34,6 +36,7 @@ class Database:
         """The database in words, without a password."""
         self._address = address
         self._busy_timeout_s = busy_timeout_s
+        self._runs_a_robot = False
         self._engine = engine
         self._epoch_ns = epoch_ns
         self._writer = None if read_only else Writer(engine, address.words)
@@ -55,9 +58,11 @@ class Database:
     def _in_order(self, write: Callable[[Connection], _T]) -> _T:
         """Write after everything that was told before; a writer in trouble means that nothing can be changed."""
         writer = self._open_writer()
-        if not writer.flush(self._busy_timeout_s + SLOWEST_S):
-            raise RegistryError(f"nothing was changed: {writer.trouble or f'the database {self.database} is too slow'}")
-        return self._write(write)
+        longest_s = LOOP_PATIENCE_S if self._runs_a_robot else self._busy_timeout_s + SLOWEST_S
+        if not writer.flush(longest_s):
+            busy = f"the database {self.database} is busy: try again"
+            raise RegistryError(f"nothing was changed: {writer.trouble or busy}")
+        return self._write(write, longest_s)
 
     def _open_writer(self) -> Writer:
         if self._writer is None:
@@ -68,8 +73,10 @@ class Database:
         with told_as_registry_error(self.database), self._engine.connect() as connection:
             return read(connection)
 
-    def _write(self, write: Callable[[Connection], _T]) -> _T:
+    def _write(self, write: Callable[[Connection], _T], longest_s: float | None = None) -> _T:
+        """Write in one transaction, waiting at most that long for another program."""
         self._open_writer()
-        engine = self._engine.execution_options(**{WRITE: True})
+        wait_s = self._busy_timeout_s if longest_s is None else min(longest_s, self._busy_timeout_s)
+        engine = self._engine.execution_options(**{WRITE: True, WAIT_S: wait_s})
         with told_as_registry_error(self.database), engine.connect() as connection, connection.begin():
             return write(connection)

@@ -20,6 +20,8 @@ WRITE = "msbot_write"
 
 _MAGIC = b"SQLite format 3\x00"
 
+WAIT_S = "msbot_wait_s"
+"""Execution option of writing connections: wait only so long for another program."""
 AT_ONCE = "msbot_at_once"
 """Execution option of connections that begin no transaction: each statement sees what is stored when it runs."""
 
@@ -147,8 +149,12 @@ def make_engine(address: Address, *, busy_timeout_s: float, read_only: bool) -> 
     @event.listens_for(engine, "begin")
     def begin(connection: Connection) -> None:
         options = connection.get_execution_options()
-        if not options.get(AT_ONCE, False):
-            connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get(WRITE, False) else "BEGIN")
+        if options.get(WRITE, False):
+            wait_ms = round(1000 * options.get(WAIT_S, busy_timeout_s))
+            connection.exec_driver_sql(f"PRAGMA busy_timeout = {wait_ms}")
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+        elif not options.get(AT_ONCE, False):
+            connection.exec_driver_sql("BEGIN")
 
     return engine
 

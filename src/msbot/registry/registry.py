@@ -127,6 +127,7 @@ class Registry(Editing):
             store.end_run(connection, robot.id, "the master was started anew", self._epoch_ns())
 
         self._write(begin)
+        self._runs_a_robot = True
         if earlier := self._stores.pop(robot.id, None):
             earlier.close()
         self._stores[robot.id] = RobotStore(self._engine, writer, self.database, robot, self._epoch_ns)
