@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
+from msbot.errors import RegistryError
+from msbot.pnp import Configuration
 from tests.operations.stage import Stage, play
 
 RING = ("AA=ABCD", "BB=EFGH", "CC=WXYZ")
@@ -238,3 +240,19 @@ def test_two_parts_of_one_name_are_told_apart_by_their_uids(tmp_path: Path) -> N
         assert stage.parts["two"].slot == "BB"
 
     play(tmp_path, scene, parts=RING)
+
+
+def test_a_newcomer_whose_slot_cannot_be_read_is_turned_away_and_not_stored(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        def fail(_: str) -> Configuration:
+            raise RegistryError("the disk is gone")
+
+        stage.do.open_window(60, "CC", who="ann")
+        stage.master.inventory._store.configuration = fail  # type: ignore[method-assign, assignment]
+        stage.plug("XX", "NOPE")
+        await asyncio.sleep(0.3)
+        assert stage.state("XX") == "refused"
+        assert [edit.kind for edit in stage.do.edits()] == ["window"]
+        assert "nothing to undo" in stage.refusal(lambda: stage.do.undo(who="ann"))
+
+    play(tmp_path, scene, parts=("AA=ABCD",))

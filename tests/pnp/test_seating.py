@@ -270,14 +270,31 @@ def test_a_blocked_number_takes_all_of_its_kind_out() -> None:
 def test_what_inventory_says_of_its_slots() -> None:
     rig, _ = with_spare()
     inventory = rig.inventory
-    assert inventory.slot_names() == ("AA", "BB", "CC")
-    assert (inventory.number_of("BB"), inventory.number_of("XX")) == ("EFGH", "")
-    assert (inventory.fits("EFGH", "BB"), inventory.fits("ABCD", "BB"), inventory.fits("EFGH", "XX")) == (
-        True, False, False
-    )  # fmt: skip
+    assert inventory.slots.names() == ("AA", "BB", "CC")
+    assert (inventory.slots.number_of("BB"), inventory.slots.number_of("XX")) == ("EFGH", "")
+    asked = (("EFGH", "BB"), ("ABCD", "BB"), ("EFGH", "XX"))
+    assert [inventory.slots.fits(number, slot) for number, slot in asked] == [True, False, False]
     holder = inventory.holder("BB", rig.now)
     assert holder is not None
     assert holder.client_key == BB
     assert inventory.holder("AA", rig.now) is None
     assert [info.client_key for info in inventory.find("efgh", rig.now)] == [BB, DD]
     assert inventory.blocked(uid(1), "EFGH") is None
+
+
+def test_a_spare_of_the_thesis_own_programs_takes_over_and_learns_it_from_its_next_request() -> None:
+    rig = Rig()
+    rig.claim(BB, "EFGH", layout="compat")
+    assert rig.claim(DD, "EFGH", layout="compat").refusal is Refusal.NO_SLOT
+    rig.leave(BB)
+    assert rig.part(DD).slot == "BB"
+    assert rig.claim(DD, "EFGH", layout="compat").lease
+    assert rig.inventory.configuration_of(DD) == configuration("BB")
+
+
+def test_free_slots_are_those_that_fit_or_all() -> None:
+    rig = Rig(sample_store(Slot("BB2", "EFGH")))
+    rig.claim(BB, "EFGH", name="BB")
+    assert rig.inventory.slots.free_slots("EFGH") == ["BB2"]
+    assert rig.inventory.slots.free_slots() == ["AA", "CC", "BB2"]
+    assert rig.inventory.slots.free_slots("NOPE") == []

@@ -20,6 +20,8 @@ from msbot.operations.stopping import Stopping, StopReport
 from msbot.pnp import PartInfo
 from msbot.registry import EditRecord, Registry, RobotRecord, ValueRecord
 
+NEAR_EDITS = 50
+"""Among so many there is nearly always one that can be undone."""
 ALL_EDITS = 10_000
 """More than are kept."""
 
@@ -274,13 +276,12 @@ class Operations:
             RegistryError: it cannot be stored; nothing has changed.
         """
         registry, robot = self._running.database()
-        meant = next((edit for edit in self.edits(ALL_EDITS) if _is_meant(edit, edit_id)), None)
-        if meant is not None:
+        if (meant := self._meant(edit_id)) is not None:
             self._places.check_undo(meant)
         edit = registry.undo(robot, edit_id, who)
         self._inventory.reload(self._running.now())
         self._inventory.blocks_changed(self._running.now())
-        slots = self._inventory.slot_names()
+        slots = self._inventory.slots.names()
         self._running.configure(slot for slot in edit.slots if slot in slots)
         self._places.follow(edit, who)
         return outcome_of(edit)
@@ -337,6 +338,20 @@ class Operations:
         self._running.configure(edit.slots)
         return outcome_of(edit)
 
+    def _meant(self, number: int | None) -> EditRecord | None:
+        """The edit that an undo is about."""
+        newest = self._newest_edit()
+        if newest is None:
+            return None
+        if number is not None:  # numbers count up, so it is not farther away than that
+            near = self.edits(max(1, newest.id - number + 1))
+            return next((edit for edit in near if edit.id == number), None)
+        for limit in (NEAR_EDITS, ALL_EDITS):
+            found = next((edit for edit in self.edits(limit) if edit.can_be_undone), None)
+            if found is not None:
+                return found
+        return None
+
     def _newest_edit(self) -> EditRecord | None:
         return next(iter(self.edits(1)), None)
 
@@ -353,10 +368,6 @@ class Operations:
         if info.uid:
             return "uid", info.uid.hex(), f"{info.part} (UID {info.uid.hex()})"
         raise ConfigError(f"{info.part} has no UID by which it could be blocked: block its number, {info.part_number}")
-
-
-def _is_meant(edit: EditRecord, number: int | None) -> bool:
-    return edit.id == number if number is not None else edit.can_be_undone
 
 
 def _identity(info: PartInfo) -> bytes:

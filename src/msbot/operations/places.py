@@ -119,6 +119,8 @@ class Places:
                 f"slot {target} is held by {describe(holder)}: release it first, `msbot release {target}`"
             )
         self._window.open(seconds, target, who, self._running.now())
+        where = "" if target is None else f" for slot {target}"
+        self._running.note("window", f"{who} opened the adoption window for {seconds:g} s{where}", who)
         if target is None:
             return Outcome(f"for {seconds:g} s parts of any kind can be adopted: `msbot adopt PART --slot SLOT`")
         return Outcome(f"the next newcomer within {seconds:g} s gets slot {target}: plug it in now")
@@ -164,8 +166,10 @@ class Places:
         return slot
 
     def _part_changed(self, event: PartEvent) -> None:
-        if event.to_state is PartState.ACTIVE and event.uid in self._newcomers:
-            slot, who = self._newcomers.pop(event.uid)
+        if event.uid not in self._newcomers or event.to_state is PartState.CHECKING:
+            return
+        slot, who = self._newcomers.pop(event.uid)
+        if event.to_state is PartState.ACTIVE:
             words = f"{event.part} ({event.part_number}) is adopted into slot {slot}, as the next newcomer"
             self._soon(event.uid, slot, who, words, by_hand=True)
 
@@ -196,16 +200,15 @@ class Places:
     # Checks
 
     def _check_fits(self, info: PartInfo, slot: str) -> None:
-        if self._inventory.fits(info.part_number, slot) or self.window_s > 0:
+        if self._inventory.slots.fits(info.part_number, slot) or self.window_s > 0:
             return
         raise ConfigError(
-            f"{info.part} is a part {info.part_number}, and slot {slot} takes {self._inventory.number_of(slot)}: "
+            f"{info.part} is a part {info.part_number}, and slot {slot} takes {self._inventory.slots.number_of(slot)}: "
             "to let it in all the same, open the adoption window first, `msbot adopt --window 60`"
         )
 
     def _empty_slot_for(self, info: PartInfo) -> str:
-        empty = [name for name in self._inventory.slot_names() if self._running.holder(name) is None]
-        fitting = [name for name in empty if self._inventory.fits(info.part_number, name)] or empty
+        fitting = self._inventory.slots.free_slots(info.part_number) or self._inventory.slots.free_slots()
         if len(fitting) == 1:
             return fitting[0]
         if not fitting:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable, Iterable
 
 from msbot.config import Endpoint, Library
-from msbot.errors import ConfigError
+from msbot.errors import ConfigError, RegistryError
 from msbot.master import Master
 from msbot.operations.naming import one_part, one_slot, uid_of
 from msbot.pnp import PartInfo
 from msbot.registry import EditRecord, Registry, RobotRecord, ValueRecord
+
+_log = logging.getLogger(__name__)
 
 Change = Callable[[Registry, RobotRecord], EditRecord]
 """One transaction."""
@@ -69,7 +72,7 @@ class RunningRobot:
         Raises:
             ConfigError: there is none.
         """
-        return one_slot(name, self.inventory.slot_names())
+        return one_slot(name, self.inventory.slots.names())
 
     def endpoint(self, text: str) -> Endpoint:
         """The port that is written `SLOT.port`.
@@ -77,7 +80,7 @@ class RunningRobot:
         Raises:
             ConfigError: it is none, or there is no such slot.
         """
-        return read_endpoint(text, self.inventory.slot_names())
+        return read_endpoint(text, self.inventory.slots.names())
 
     def parameter(self, slot: str, name: str) -> ValueRecord:
         """A parameter of a slot.
@@ -114,6 +117,16 @@ class RunningRobot:
     def store_if_any(self, change: Change) -> EditRecord | None:
         """The same, for what can be done without a database, too."""
         return None if self.registry is None or self.robot is None else change(self.registry, self.robot)
+
+    def note(self, kind: str, words: str, who: str) -> None:
+        """Keep a line about something that changed nothing stored; soon, so that nobody waits for the database."""
+        self.loop.call_soon(self._store_note, kind, words, who)
+
+    def _store_note(self, kind: str, words: str, who: str) -> None:
+        try:
+            self.store_if_any(lambda registry, robot: registry.note(robot, kind, words, who))
+        except RegistryError as error:
+            _log.warning("%s; this was not stored: %s", words, error)
 
     def configure(self, slots: Iterable[str]) -> None:
         """Give the parts in these slots their new configurations.

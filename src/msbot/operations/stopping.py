@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, field
 
-from msbot.errors import ConfigError, RegistryError
+from msbot.errors import ConfigError
 from msbot.operations.outcome import Outcome
 from msbot.operations.running import RunningRobot
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
@@ -52,7 +49,7 @@ class Stopping:
         self._running.inventory.beat_heard = self._confirmed
         why = f": {reason}" if reason else ""
         words = f"STOP: {told} parts are told to go to their safe states{why}"
-        self._note("stop", f"STOP by {who}{why}", who)
+        self._running.note("stop", f"STOP by {who}{why}", who)
         return Outcome(words)
 
     def go_on(self, who: str) -> Outcome:
@@ -62,7 +59,7 @@ class Stopping:
         told = self._running.master.go_parts()
         self.report = None
         self._running.inventory.beat_heard = None
-        self._note("go", f"{who} ended STOP", who)
+        self._running.note("go", f"{who} ended STOP", who)
         return Outcome(f"STOP is over: {told} parts may work again")
 
     def _confirmed(self, client_key: int, now: float) -> None:
@@ -73,13 +70,3 @@ class Stopping:
         if not report.waiting:
             report.latency_ms = (now - report.at) * 1000
             self._running.inventory.beat_heard = None
-
-    def _note(self, kind: str, words: str, who: str) -> None:
-        # Later, so that no database holds up what the parts must be told.
-        self._running.loop.call_soon(self._store_note, kind, words, who)
-
-    def _store_note(self, kind: str, words: str, who: str) -> None:
-        try:
-            self._running.store_if_any(lambda registry, robot: registry.note(robot, kind, words, who))
-        except RegistryError as error:
-            _log.warning("%s; this was not stored: %s", words, error)

@@ -143,11 +143,10 @@ class StoredOperations:
         )
 
     def _check_fits(self, record: PartRecord, slot: str) -> None:
-        wanted = self._matcher.slot(slot)
-        if wanted is not None and not self._matcher.fits(record.part_number, wanted):
+        if not self._matcher.fits(record.part_number, slot):
             raise ConfigError(
-                f"{record.name} is a part {record.part_number}, and slot {slot} takes {wanted.part_number}: strangers "
-                "can be adopted while the master runs only"
+                f"{record.name} is a part {record.part_number}, and slot {slot} takes "
+                f"{self._matcher.number_of(slot)}: strangers can be adopted while the master runs only"
             )
 
     def _block_key(self, word: str) -> tuple[str, str]:

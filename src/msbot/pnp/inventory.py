@@ -287,14 +287,10 @@ class Inventory:
                     self._seating.block(record, why, now)
         self._publish(now)
 
-    def slot_names(self) -> tuple[str, ...]:
-        """The slots of the robot, in its order."""
-        return self._matcher.names()
-
-    def number_of(self, slot: str) -> str:
-        """The part number that a slot takes; empty when there is no such slot."""
-        found = self._matcher.slot(slot)
-        return "" if found is None else found.part_number
+    @property
+    def slots(self) -> Matcher:
+        """The robot's slots: their names, which fit a part number, which are free."""
+        return self._matcher
 
     def blocked(self, uid: bytes, number: str) -> str | None:
         """Why this part, or its number, is blocked.
@@ -303,15 +299,6 @@ class Inventory:
             RegistryError: the blocks cannot be read.
         """
         return self._store.blocked(uid, number)
-
-    def fits(self, number: str, slot: str) -> bool:
-        """Whether the library says that parts of this number can fill the slot.
-
-        Raises:
-            RegistryError: the library cannot be read.
-        """
-        found = self._matcher.slot(slot)
-        return found is not None and self._matcher.fits(number, found)
 
     def reload(self, now: float) -> None:
         """Read the slots again; a part whose slot is no more is delisted.

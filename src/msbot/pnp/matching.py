@@ -75,23 +75,36 @@ class Matcher:
         """The slots of the robot, in its order."""
         return tuple(self._by_name)
 
-    def slot(self, name: str) -> Slot | None:
-        """The slot of that name."""
-        return self._by_name.get(name)
-
     def free_slot(self, name: str) -> Slot | None:
         """The slot of that name, if nobody holds it."""
         slot = self._by_name.get(name)
         return slot if slot is not None and name in self._free.get(slot.part_number, {}) else None
 
-    def fits(self, number: str, slot: Slot) -> bool:
+    def free_slots(self, number: str | None = None) -> list[str]:
+        """The slots nobody holds: those that fit parts of this number, or all.
+
+        Raises:
+            RegistryError: the library cannot be read.
+        """
+        if number is None:
+            return [name for name, slot in self._by_name.items() if name in self._free.get(slot.part_number, {})]
+        part_type = self._store.part_type(number)
+        tiers = [] if part_type is None else self._tiers(part_type)
+        return [name for tier in tiers for name in self._free.get(tier, {})]
+
+    def number_of(self, slot: str) -> str:
+        """The part number that a slot takes; empty when there is no such slot."""
+        found = self._by_name.get(slot)
+        return "" if found is None else found.part_number
+
+    def fits(self, number: str, slot: str) -> bool:
         """Whether the library says that parts of this number can fill the slot.
 
         Raises:
             RegistryError: the library cannot be read.
         """
         part_type = self._store.part_type(number)
-        return part_type is not None and slot.part_number in (part_type.number, *part_type.compatible_with)
+        return part_type is not None and self.number_of(slot) in (part_type.number, *part_type.compatible_with)
 
     def take(self, slot: str) -> None:
         """Note that a slot is held from now on."""

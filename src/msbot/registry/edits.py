@@ -19,7 +19,7 @@ from msbot.registry.tables import blocks, edits
 EDITS_KEPT = 10_000
 """Edits of a robot that are kept."""
 
-NOT_UNDONE = ("undo", "stop", "go")
+NOT_UNDONE = ("undo", "stop", "go", "window")
 """Kinds that an undo without a number passes over."""
 
 Cells = Mapping[str, object]
