@@ -29,7 +29,7 @@ direction = "publish"
 type = "Pressed"
 [[type]]
 name = "LightLevel"
-fields = { level = "float32" }
+fields = { words = "text" }
 [[type]]
 name = "Pressed"
 fields = { at = "uint32" }

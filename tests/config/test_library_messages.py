@@ -89,6 +89,28 @@ def test_a_field_says_which_values_it_takes(kind: FieldKind, value: Scalar, faul
     assert kind.fault(value) == fault
 
 
+SIZES = [
+    ("Light", 4),
+    ("Switch", 1),
+    ("Distance", 5),
+    ("Stick", 9),
+    ("Place", 21),
+    ("Colour", 3),
+    ("Text", None),
+    ("HelloWorld", None),
+]
+
+
+@pytest.mark.parametrize(("name", "size"), SIZES)
+def test_the_size_of_a_message_without_texts_is_known(name: str, size: int | None) -> None:
+    assert standard_message_types()[name].size_bytes == size
+
+
+def test_numbers_stand_at_multiples_of_their_size() -> None:
+    fields = {"a": FieldKind.BOOL, "b": FieldKind.FLOAT64, "c": FieldKind.UINT8, "d": FieldKind.INT16}
+    assert MessageType("Gaps", fields).size_bytes == 1 + 7 + 8 + 1 + 1 + 2
+
+
 @pytest.mark.parametrize("kind", FieldKind)
 def test_the_zero_of_a_field_fits_it(kind: FieldKind) -> None:
     assert kind.fault(kind.zero) is None

@@ -19,3 +19,9 @@ def test_class_and_type_have_the_same_fields_in_the_same_order(name: str) -> Non
     fields = [(field.name, WORDS[field.codec.word]) for field in fields_of(message_class)]
     assert fields == list(standard_message_types()[name].fields.items())
     assert message_class.decode(message_class().encode()) == message_class()
+
+
+@pytest.mark.parametrize("name", STANDARD_MESSAGES)
+def test_the_size_the_library_tells_is_that_on_the_wire(name: str) -> None:
+    size = standard_message_types()[name].size_bytes
+    assert size in (None, len(STANDARD_MESSAGES[name]().encode()))

@@ -125,7 +125,7 @@ direction = "subscribe"
 type = "LightLevel"
 [[type]]
 name = "LightLevel"
-fields = {{ level = "float64" }}
+fields = {{ words = "text" }}
 """
 
 
@@ -171,3 +171,18 @@ def test_twice_the_bit_rate_is_half_the_load_and_more_parts_more_of_it(tmp_path:
     blueprint, library = light_robot(tmp_path, 10, parts=120)
     many = forecast(blueprint, library, Framing(compress=compress))
     assert many.load(500_000) > found.load(500_000) + 110 * 230 / 500_000
+
+
+def test_the_sizes_of_messages_without_texts_are_known_from_the_library(tmp_path: Path) -> None:
+    (tmp_path / "cart.toml").write_text(
+        '[robot]\nname = "R"\nversion = "1"\nserial_number = "2"\nreleased = "3"\nmanufacturer = "4"\n'
+        '[[slot]]\nname = "knob"\npart = "POT-10K"\n[[slot]]\nname = "motors"\npart = "L298N"\n'
+        '[[binding]]\ntopic = "power"\ntype = "Level"\nfrom = "knob.level"\nto = ["motors.left"]\n'
+    )
+    library = load_library()
+    found = forecast(load_blueprint(tmp_path / "cart.toml", library), library, Framing(compress=compress))
+    assert found.assumed == {}
+    told = forecast(
+        load_blueprint(tmp_path / "cart.toml", library), library, Framing(compress=compress), sizes={"Level": 64}
+    )
+    assert told.load(500_000) > found.load(500_000)

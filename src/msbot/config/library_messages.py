@@ -39,6 +39,15 @@ class FieldKind(Enum):
         return "int" in self.value
 
     @property
+    def size_bytes(self) -> int:
+        """Octets of such a field; for a text those of the shortest one."""
+        if self is FieldKind.BOOL:
+            return 1
+        if self is FieldKind.TEXT:
+            return 5
+        return int(self.value.lstrip("uintfloa")) // 8
+
+    @property
     def limits(self) -> tuple[int, int]:
         """Least and greatest value of a whole number."""
         bits = int(self.value.lstrip("uint"))
@@ -85,6 +94,16 @@ class MessageType:
     description: str = ""
     source: str = ""
     """The file it was read from."""
+
+    @property
+    def size_bytes(self) -> int | None:
+        """Octets of a message as CDR; None when it has a text, whose length nobody knows."""
+        size = 0
+        for kind in self.fields.values():
+            if kind is FieldKind.TEXT:
+                return None
+            size += -size % kind.size_bytes + kind.size_bytes  # each number stands at a multiple of its own size
+        return size
 
     def same_as(self, other: MessageType) -> bool:
         """Whether both have the same fields in the same order, so that they are one type on the wire."""

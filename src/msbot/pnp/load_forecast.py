@@ -87,7 +87,7 @@ def forecast(
         blueprint: the robot.
         library: its part types; their publishing ports say how often they send.
         framing: the bus.
-        sizes: bytes of a sample by type name, for types that are not known.
+        sizes: bytes of a sample by type name; else those of the library, which knows all but texts.
     """
     robot = blueprint.robot
     profile = Profile(robot.name, robot.version, robot.serial_number, robot.released, robot.manufacturer)
@@ -95,7 +95,8 @@ def forecast(
     flows = [Flow(BEACON, "the master is here", "", BEACONS_HZ, beacon_cost(profile.profile_hash(), framing))]
     for scribe in scribes.values():
         flows += scribe.beats(1 / blueprint.timing.beat_period_s)
-    samples = _Samples(sizes or {})
+    known = {name: size for name, message in library.messages.items() if (size := message.size_bytes) is not None}
+    samples = _Samples(known | dict(sizes or {}))
     on_event = []
     for binding in blueprint.bindings:
         part_type = _part_type(blueprint, library, binding)
