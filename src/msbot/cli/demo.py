@@ -173,13 +173,12 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
         operations = Operations(robot.master, registry, record, library=library)
         notes = _Notes()
         deeds = _deeds(robot, operations, notes)
-        beside: list[Coroutine[object, object, None]] = [
-            _answering(robot, operations, address, lambda: registry.trouble).run()
-        ]
-        if not options.page.off:
-            room = _make_page(robot, operations, library, (registry, record, address), options.page)
-            beside.append(serve_page(room, robot.master.ready, options.page, notes.add))
         with _logging(robot, options.log):
+            beside: list[Coroutine[object, object, None]] = []
+            if not options.page.off:
+                room = _make_page(robot, operations, library, (registry, record, address), options.page)
+                beside.append(serve_page(room, robot.master.ready, options.page, notes.add))
+            beside.append(_answering(robot, operations, address, lambda: registry.trouble).run())
             if options.bus is None or robot.bus_driver is None:
                 await _run_beside(_run(robot, options, notes, deeds), beside)
             else:

@@ -78,14 +78,7 @@ async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str]
                 f"{profile.name} {profile.version} is up on {where}; database {registry.database}. Ctrl-C ends it."
             )
 
-        status = StatusServer(
-            master.agent,
-            what=MASTER,
-            name=f"{profile.name} {profile.version}",
-            details=lambda: details_of(profile.name, db, registry.trouble),
-            control=partial(perform, operations),
-        )
-        beside = [status.run()]
+        page_beside = []
         if not page.off:
             from msbot.web.compose import Database, WebRoom
             from msbot.web.real_buses import seen_of_links
@@ -94,8 +87,15 @@ async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str]
             room = WebRoom(
                 master, operations, library, database=database, seen=seen_of_links(links), settings=page.settings()
             )
-            beside.append(serve_page(room, master.ready, page, click.echo))
-        await run_until_signal(master.run(), beside=beside, ready=master.ready, say=greet)
+            page_beside.append(serve_page(room, master.ready, page, click.echo))
+        status = StatusServer(
+            master.agent,
+            what=MASTER,
+            name=f"{profile.name} {profile.version}",
+            details=lambda: details_of(profile.name, db, registry.trouble),
+            control=partial(perform, operations),
+        )
+        await run_until_signal(master.run(), beside=[status.run(), *page_beside], ready=master.ready, say=greet)
 
 
 def _say(event: PartEvent) -> None:

@@ -227,12 +227,17 @@ class Accounts:
         session = self._sessions.get(token)
         if session is None:
             return None
-        now = self._clock()
-        if now - session.used_at > IDLE_S or now - session.began_at > LONGEST_S or not self._follow(session):
+        if not self.holds(session):
             del self._sessions[token]
             return None
-        session.used_at = now
+        session.used_at = self._clock()
         return session
+
+    def holds(self, session: Session) -> bool:
+        """Whether a session has not ended; looking at that is no use of it."""
+        now = self._clock()
+        is_fresh = now - session.used_at <= IDLE_S and now - session.began_at <= LONGEST_S
+        return self._sessions.get(session.token) is session and is_fresh and self._follow(session)
 
     def by_api_token(self, token: str) -> Session | None:
         """A passing session for whoever shows a user's API token."""

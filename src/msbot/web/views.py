@@ -29,6 +29,9 @@ from msbot.web.timeline import Timeline
 ARRIVING = ("new", "checking", "refused", "standby")
 """States of parts that hold no slot and are there: they wait in the arrivals tray."""
 
+HELD = ("active", "late")
+"""States of slots that a part holds."""
+
 
 class NotThere(ConfigError):
     """There is no slot, part, frame or type of that name."""
@@ -124,6 +127,18 @@ class Views:
         """Parts that are there and hold no slot, the newest first; those a person ignores last."""
         lines = [part for part in self.parts() if part.state in ARRIVING]
         return sorted(reversed(lines), key=lambda part: part.ignored)
+
+    def free_slots(self, part_number: str) -> list[SlotCard]:
+        """The slots that no part holds: those first that the library says parts of this number can fill."""
+        part_type = self.library.get(part_number)
+        numbers = () if part_type is None else (part_type.number, *part_type.compatible_with)
+        free = [card for card in self.slots() if card.state not in HELD]
+        return sorted(free, key=lambda card: card.part_number not in numbers)
+
+    def spares(self) -> list[str]:
+        """Simulated parts that were made for no slot of the blueprint: no card shows them."""
+        blueprint = self._blueprint()
+        return [name for name in self.bench.slots() if blueprint.slot(name) is None]
 
     def why(self, part: str) -> list[str]:
         """In sentences: how a part stands and which rules led there."""

@@ -11,6 +11,7 @@ from nicegui import ui
 from msbot.web.drawings import state_chip
 from msbot.web.models import PartLine
 from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.simulator import simulator_panel
 from msbot.web.roles import Right
 from msbot.web.service import Service
 
@@ -25,6 +26,29 @@ def register(service: Service) -> None:
         with page_frame(service, request, "/arrivals", "Arrivals") as page:
             _window(page)
             _tray(page)
+            if page.may(Right.OPERATE):
+                _spares(page)
+
+
+def _spares(page: Page) -> None:
+    """Simulated parts that no card of the robot page shows."""
+    shelf = ui.element("div").classes("grid")
+    shown: list[str] = []
+
+    def show() -> None:
+        names = page.service.views.spares()
+        if names == shown:
+            return
+        shown[:] = names
+        shelf.clear()
+        with shelf:
+            for name in names:
+                with ui.element("div"):
+                    simulator_panel(
+                        page, name, title=page.say("Simulated part {name}, without a slot of its own", name=name)
+                    )
+
+    page.every_look(show)
 
 
 def _window(page: Page) -> None:
@@ -98,7 +122,10 @@ def _deeds(page: Page, part: PartLine) -> None:
     service, name = page.service, part.uid or part.client_key
     if page.may(Right.ARRANGE):
         with ui.button(page.say("Adopt into slot …"), icon="add_link"), ui.menu():
-            for card in service.views.slots():
+            free = service.views.free_slots(part.part_number)
+            if not free:
+                ui.menu_item(page.say("No slot is free: release or swap one.")).props("disable")
+            for card in free:
                 word = f"{card.name} · {card.part_number} · {page.say(card.state)}"
                 ui.menu_item(word, partial(_adopt, page, name, card.name))
         ui.button(page.say("Ignore"), on_click=lambda: page.do(lambda session: service.ignore(session, name))).props(

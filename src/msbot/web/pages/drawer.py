@@ -13,6 +13,7 @@ from msbot.web.pages.layout import Page
 from msbot.web.pages.simulator import simulator_panel
 from msbot.web.pages.values import values_panel
 from msbot.web.roles import Right
+from msbot.web.views import NotThere
 
 
 def open_drawer(page: Page, slot: str) -> None:
@@ -34,6 +35,15 @@ def open_drawer(page: Page, slot: str) -> None:
         _rhythm(page, slot)
         _deeds(page, card)
         _why(page, card)
+
+    def look_whether_there() -> None:
+        try:
+            page.service.views.check_slot(slot)
+        except NotThere as error:  # another blueprint holds by now
+            ui.notify(str(error), type="warning")
+            dialog.close()
+
+    page.every_look(look_whether_there, dialog)
     dialog.on("hide", dialog.delete)
     dialog.open()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -19,9 +20,14 @@ from msbot.web.language import Language, language_of, languages
 from msbot.web.models import Done
 from msbot.web.roles import Right
 from msbot.web.service import Service
+from msbot.web.views import NotThere
+
+_log = logging.getLogger(__name__)
 
 LOOK_S = 0.5
 """Pages look at the robot that often."""
+CHECK_S = 3.0
+"""So long at most a page stays open whose person was signed out elsewhere, or removed."""
 TWICE_S = 0.8
 """Two presses of Escape within this time are STOP."""
 
@@ -58,6 +64,8 @@ class Page:
     session: Session
     language: Language
     refreshers: list[tuple[Callable[[], None], ui.element | None]] = field(default_factory=list)
+    trouble: str = ""
+    """What could not be shown lately."""
 
     def say(self, text: str, **values: object) -> str:
         """A text in the person's language."""
@@ -92,8 +100,33 @@ class Page:
         self.refreshers = [
             (refresh, owner) for refresh, owner in self.refreshers if owner is None or not owner.is_deleted
         ]
-        for refresh, _ in tuple(self.refreshers):
-            refresh()
+        for refresher in tuple(self.refreshers):
+            refresh, owner = refresher
+            if owner is not None and owner.is_deleted:
+                continue  # by a refresher before it
+            try:
+                refresh()
+            except NotThere:
+                self.refreshers = [one for one in self.refreshers if one is not refresher]
+            except MsbotError as error:
+                self._say_once(str(error))
+
+    def check_session(self) -> None:
+        """Leave the page when its session has ended."""
+        try:
+            is_over = bool(self.session.token) and not self.service.accounts.holds(self.session)
+        except MsbotError as error:  # the database cannot be read at present
+            self._say_once(str(error))
+            return
+        if is_over:
+            self.refreshers.clear()
+            ui.navigate.to("/login")
+
+    def _say_once(self, words: str) -> None:
+        """What cannot be shown now is tried again at the next look; the log says so when it begins."""
+        if words != self.trouble:
+            self.trouble = words
+            _log.warning("the page of %s shows what it showed before: %s", self.session.name, words)
 
 
 @contextmanager
@@ -127,8 +160,9 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         ui.button(page.say("STOP"), on_click=partial(press_stop, page), color=None).classes("ms-stop").props(
             f'unelevated aria-label="{page.say("STOP: every part goes to its safe state (press Escape twice)")}"'
         )
-    with ui.left_drawer(value=None, bordered=False).classes("ms-nav").props(
-        "width=210 breakpoint=900 role=navigation"
+    # Not value=None: NiceGUI would ask a slow browser whether it is open, and log when no answer comes in a second.
+    with ui.left_drawer(value=False, bordered=False).classes("ms-nav").props(
+        "show-if-above width=210 breakpoint=900 role=navigation"
     ) as drawer:  # fmt: skip
         _menu(page, path)
     menu.on_click(drawer.toggle)
@@ -139,6 +173,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         ui.html(f"<h1>{page.say(title)}</h1>", sanitize=False)
         yield page
     ui.timer(LOOK_S, page.refresh)
+    ui.timer(CHECK_S, page.check_session)
 
 
 def press_stop(page: Page) -> None:

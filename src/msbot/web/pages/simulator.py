@@ -13,29 +13,38 @@ from msbot.web.models import Control, Done, Scalar
 from msbot.web.pages.layout import Page
 
 
-def simulator_panel(page: Page, slot: str) -> None:
+def simulator_panel(page: Page, slot: str, *, title: str = "") -> None:
     """The controls of a simulated part and what one would see of it."""
     service = page.service
-    simulated = service.views.simulated(slot)
     with ui.element("div").classes("panel").style("background:var(--accent-soft)"):
-        ui.html(f"<h2>{escape(page.say('Simulated part'))}</h2>", sanitize=False)
-        ui.switch(
-            page.say("Plugged in"),
-            value=simulated.plugged,
-            on_change=lambda event: page.do(
-                lambda session: service.plug(session, slot, plugged=bool(event.value)), quiet=True
-            ),
-        )
-        for control in simulated.controls:
-            _control(page, slot, control)
+        ui.html(f"<h2>{escape(title or page.say('Simulated part'))}</h2>", sanitize=False)
+        plugged = ui.switch(page.say("Plugged in"), value=service.views.bench.is_plugged(slot))
+        controls = ui.element("div").classes("w-full")
         seen = ui.html("", sanitize=False)
 
-        def show() -> None:
-            content = fields_html(service.views.bench.readings(slot), limit=16)
-            if seen.content != content:
-                seen.set_content(content)
+    def plug() -> None:
+        wanted = bool(plugged.value)
+        if wanted != service.views.bench.is_plugged(slot):
+            page.do(lambda session: service.plug(session, slot, plugged=wanted), quiet=True)
 
-        page.every_look(show, seen)
+    shown: list[str] = []
+
+    def show() -> None:
+        simulated = service.views.simulated(slot)
+        plugged.value = simulated.plugged  # somebody else may have pulled it out
+        names = [control.name for control in simulated.controls]
+        if names != shown:  # a part that is not plugged in has none
+            shown[:] = names
+            controls.clear()
+            with controls:
+                for control in simulated.controls:
+                    _control(page, slot, control)
+        content = fields_html(simulated.readings, limit=16)
+        if seen.content != content:
+            seen.set_content(content)
+
+    page.every_look(show, seen)
+    plugged.on_value_change(plug)
 
 
 def _control(page: Page, slot: str, control: Control) -> None:
