@@ -406,6 +406,7 @@ def test_a_port_that_nobody_feeds_or_that_carries_another_type_is_named(caplog: 
         a.every(0.1)(lambda: a.publish("out", HelloWorld(index=0, message="x")))
         b.on("in", Light)(got.append)
         b.on("inn", HelloWorld)(got.append)
+        b.on("spare", HelloWorld, optional=True)(got.append)  # and nothing is said of this one
         room.plug(a)
         room.plug(b)
         await asyncio.sleep(0.5)

@@ -299,7 +299,8 @@ class Part(Program):
             binding = self._ports.binding(port)
             name = listener.message_class.type_name
             if binding is None:
-                self._guard.report(f"port {port!r}", f"nothing will come in; {self._ports.words}")
+                if not listener.optional:
+                    self._guard.report(f"port {port!r}", f"nothing will come in; {self._ports.words}")
             elif binding.topic_type != name:
                 self._guard.report(f"port {port!r}", f"carries {binding.topic_type}, but its function expects {name}")
         self._settings.tell()

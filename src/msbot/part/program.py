@@ -29,6 +29,8 @@ class Listener:
 
     message_class: type[Message]
     function: Callable[[Message], object]
+    optional: bool = False
+    """The robot need not use the port."""
 
 
 class Program:
@@ -65,8 +67,15 @@ class Program:
 
         return remember
 
-    def on(self, port: str, message_class: type[_M]) -> Callable[[Callable[[_M], object]], Callable[[_M], object]]:
+    def on(
+        self, port: str, message_class: type[_M], *, optional: bool = False
+    ) -> Callable[[Callable[[_M], object]], Callable[[_M], object]]:
         """Call the function below with each message that comes in at the port.
+
+        Args:
+            port: the part's own name for it.
+            message_class: what comes in.
+            optional: the robot need not use the port; otherwise it is said when it does not.
 
         Raises:
             ConfigError: not a message class, a port with two functions, or no plain function of one argument.
@@ -78,7 +87,7 @@ class Program:
 
         def remember(function: Callable[[_M], object]) -> Callable[[_M], object]:
             check_handler(function, "message")
-            self._listeners[port] = Listener(message_class, function)  # type: ignore[arg-type]  # decoded as _M
+            self._listeners[port] = Listener(message_class, function, optional)  # type: ignore[arg-type]  # decoded as _M
             return function
 
         return remember

@@ -140,7 +140,7 @@ class SimulatedPart:
             self._world.receive(port.name, fields, self._time())
             self._world.look()
 
-        self.part.on(port.name, message_type)(take)
+        self.part.on(port.name, message_type, optional=True)(take)
 
     def _begin(self) -> None:
         self._take_settings()
