@@ -1,6 +1,6 @@
 """The files people write: the blueprint of a robot (`robot.toml`) and the part library."""
 
-from msbot.config.blueprint import Blueprint, load_blueprint
+from msbot.config.blueprint import Blueprint, load_blueprint, parse_blueprint
 from msbot.config.check import RESERVED_TOPICS, binding_faults
 from msbot.config.differences import Difference, differences
 from msbot.config.library import (

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from msbot.config.check import check_bindings, check_free_topics, check_slots, check_timing
-from msbot.config.document import Document, read_document
+from msbot.config.document import Document, parse_document, read_document
 from msbot.config.library import Library
 from msbot.config.plan import AUTHENTICATIONS, PRESETS, Binding, Endpoint, Options, RobotProfile, Slot, Timing
 from msbot.config.problems import Problems
@@ -54,7 +54,22 @@ def load_blueprint(path: Path, library: Library) -> Blueprint:
     return blueprint
 
 
-def _read(document: Document, problems: Problems, library: Library, path: Path) -> Blueprint:
+def parse_blueprint(text: str, library: Library, name: str = "robot.toml") -> Blueprint:
+    """Read a blueprint from a text, as a page sends it, and check it against the part library.
+
+    Raises:
+        ConfigError: it is wrong; the text names every problem with line and remedy.
+    """
+    problems = Problems()
+    document = parse_document(text, name, problems)
+    problems.raise_if_any()
+    assert document is not None
+    blueprint = _read(document, problems, library, None)
+    problems.raise_if_any()
+    return blueprint
+
+
+def _read(document: Document, problems: Problems, library: Library, path: Path | None) -> Blueprint:
     table = Table(document, problems, document.values)
     robot = _read_robot(table.table("robot", required=True))
     timing = _read_timing(table.table("timing"))
