@@ -15,7 +15,7 @@ from msbot.demo import DemoEvent, DemoRobot, DemoSnapshot, Wire
 from msbot.link import run_virtual
 from msbot.operations import Operations
 from msbot.registry import open_registry
-from tests.e2e.processes import run
+from tests.e2e.processes import run, running
 
 Scene = Callable[[DemoRobot, Operations], Awaitable[None]]
 
@@ -104,8 +104,7 @@ def test_undo_brings_the_first_part_back(tmp_path: Path) -> None:
 
 def test_swap_on_a_can_bus_gives_settings_and_topics_to_the_spare_and_silences_the_other(tmp_path: Path) -> None:
     async def scene(robot: DemoRobot, operations: Operations) -> None:
-        dd = next(info for info in robot.master.inventory.view(0.0) if info.state.value == "standby")
-        operations.swap("BB", dd.uid.hex(), who="ann")
+        operations.swap("BB", "DD", who="ann")
         await asyncio.sleep(5.0)
 
     _, snapshot = play(tmp_path, scene, wire=Wire.FD)
@@ -150,3 +149,24 @@ def test_the_command_shows_it_in_its_events(tmp_path: Path) -> None:
     (over,) = [event["at_s"] for event in result["events"] if (event["part"], event["to"]) == ("DD", "active")]
     assert 0 <= over - lost <= 2.0
     assert {part["name"]: part["slot"] for part in result["parts"]} == {"AA": "AA", "BB": "BB", "CC": "CC", "DD": ""}
+
+
+def test_the_commands_work_on_a_demo_that_runs_in_another_process(tmp_path: Path) -> None:
+    place = {"XDG_RUNTIME_DIR": str(tmp_path)}
+    with running("demo", "--spare", "--link", "udp", "--no-page", cwd=tmp_path, env=place) as demo:
+        demo.wait_for("DD", "standby")
+
+        def command(*words: str) -> str:
+            done = run(*words, cwd=tmp_path, env=place)
+            assert done.returncode == 0, done.stderr
+            return done.stdout
+
+        assert command("swap", "BB", "--to", "DD").startswith(
+            "DD takes slot BB in place of EFGH-local, which stands by"
+        )
+        assert "now: DD (EFGH) is active since" in command("why", "DD")
+        assert command("undo").startswith("edit 1 undone")
+        assert "have confirmed it within" in command("stop", "--reason", "bell")
+        assert "STOP is over" in command("stop", "--go")
+        assert "STOP by" in command("undo", "--list")
+        assert demo.end() == 0

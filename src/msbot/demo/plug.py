@@ -44,7 +44,8 @@ class Plug:
         """A fresh part for this place."""
         sample = _SAMPLE_NAMES.get(self.part_number)
         if sample is not None:
-            self.part = make_sample(sample, uid=self.uid, random=random, board=self.board)
+            own_name = "" if self.name == self.slot else self.name
+            self.part = make_sample(sample, uid=self.uid, random=random, board=self.board, local_name=own_name)
         else:
             self.simulated = make_simulator(
                 self.part_number, uid=self.uid, local_name=self.name, random=random, library=self._library

@@ -39,8 +39,9 @@ class SamplePart:
 
 
 def make_sample(
-    name: str, *, uid: bytes | None = None, random: Random | None = None, board: UsbGpio | None = None
-) -> Part:
+    name: str, *, uid: bytes | None = None, random: Random | None = None, board: UsbGpio | None = None,
+    local_name: str = "",
+) -> Part:  # fmt: skip
     """One of the sample parts, ready to run.
 
     Args:
@@ -48,6 +49,7 @@ def make_sample(
         uid: 8 octets; drawn or kept by `run` if absent.
         random: what AA and CC say, and the part's client key.
         board: BB's GPIO board; a simulated one if absent.
+        local_name: what this one is called; that of the thesis if absent.
 
     Raises:
         ConfigError: there is no such part.
@@ -58,7 +60,7 @@ def make_sample(
     dice = random or Random()
     part = Part(
         sample.part_number,
-        local_name=f"{sample.part_number}-local",
+        local_name=local_name or f"{sample.part_number}-local",
         robot=ROBOT,
         uid=uid,
         random=dice,
