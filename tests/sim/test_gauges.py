@@ -51,6 +51,8 @@ STEPS: list[tuple[dict[str, object], Scalar, Scalar]] = [
     ({"wrap": 360.0}, -5.0, 355.0),
     ({"step": 0.5}, 1.3, 1.5),
     ({"step": 0.1}, 0.30000000000000004, 0.3),
+    ({"step": 1e-320}, 5.0, 5.0),
+    ({"scale": 1e300}, 1e300, 0.0),  # too large for a number: the last one that made sense
     ({"above": 2.0}, 2.0, False),
     ({"above": 2.0}, 2.1, True),
     ({"equals": 3.0}, 3.0, True),
@@ -151,6 +153,8 @@ def test_a_drawn_value_holds_for_its_period() -> None:
         drawn.append(first)
         dice.now += 0.2
     assert set(drawn) == {1, 2, 3, 4, 5, 6}
+    halves = Follower(Reading("r", random_every=0.0, least=0.5, most=2.0, step=0.5))
+    assert {halves.after(1.0) for _ in range(200)} == {0.5, 1.0, 1.5, 2.0}
     free = Follower(Reading("r", random_every=0.0, least=1.0, most=2.0))
     assert all(1 <= as_number(free.after(1.0)) <= 2 for _ in range(20))
 
