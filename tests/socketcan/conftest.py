@@ -103,7 +103,7 @@ def _reports(item: pytest.Item) -> list[pytest.TestReport]:
         return [hook(config=item.config, data=data) for data in found]
     not_started, words = run.failure(machine)
     if not_started:
-        return [_skipped(item, f"the virtual machine does not start here: {words.splitlines()[-1] if words else '?'}")]
+        return [_skipped(item, f"the virtual machine does not start here: {' / '.join(words.splitlines()[-2:])}")]
     text = "the virtual machine did not report this test"
     if machine not in item.config.stash[TOLD]:
         item.config.stash[TOLD].add(machine)
