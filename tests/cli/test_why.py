@@ -1,4 +1,4 @@
-"""What `msbot why` prints for every reason to turn a part away, and for what else happens to it (R83)."""
+"""What `msbot why` prints for every reason to turn a part away, and for what else happens to it (R80)."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def when(robot: DemoRobot, name: str, state: str) -> float:
 def test_the_spare_holds_the_slot_within_one_tick_and_the_ring_goes_on(
     preset: str, tick_s: float, lost_within_s: float, tmp_path: Path
 ) -> None:
-    """R62, R83: nobody touches anything."""
+    """R62: nobody touches anything."""
     heard: dict[str, int] = {}
 
     async def scene(robot: DemoRobot, _operations: Operations) -> None:

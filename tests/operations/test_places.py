@@ -256,3 +256,17 @@ def test_a_newcomer_whose_slot_cannot_be_read_is_turned_away_and_not_stored(tmp_
         assert "nothing to undo" in stage.refusal(lambda: stage.do.undo(who="ann"))
 
     play(tmp_path, scene, parts=("AA=ABCD",))
+
+
+def test_a_copied_uid_is_not_let_in_by_a_person_either(tmp_path: Path) -> None:
+    two_of_a_kind = ('part = "WXYZ"', 'part = "EFGH"')
+
+    async def scene(stage: Stage) -> None:
+        stage.plug("X1", "EFGH", uid=7)
+        stage.plug("X2", "EFGH", uid=7)
+        await asyncio.sleep(1.0)
+        stage.do.adopt("X1", "BB", who="ann")
+        words = stage.refusal(lambda: stage.do.adopt("X2", "CC", who="ann"))
+        assert words.startswith("X2 shows the UID of X1 (EFGH, UID 0000000000000007, in slot BB")
+
+    play(tmp_path, scene, two_of_a_kind, parts=("AA=ABCD",))

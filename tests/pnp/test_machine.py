@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from msbot.errors import LocalProtocolError
 from msbot.pnp import FAST_TIMING, THESIS_TIMING, PartState, Slot, Timing
 from msbot.pnp.life import TRANSITIONS
 from msbot.pnp.seating import PLACEABLE
@@ -102,11 +104,24 @@ class InventoryMachine(RuleBasedStateMachine):
         keys = data.draw(st.lists(st.sampled_from(placeable), min_size=1, max_size=2, unique=True), label="parts")
         wanted = data.draw(st.permutations([*slots, None, None]), label="slots")
         moves = dict(zip(keys, wanted, strict=False))
+        if self.has_twin(moves):
+            with pytest.raises(LocalProtocolError):
+                self.rig.inventory.rearrange(moves, self.rig.now, "a person moved them")
+            return
         self.rig.inventory.rearrange(moves, self.rig.now, "a person moved them")
         for key, slot in moves.items():
             if slot is not None:
                 assert self.rig.part(key).slot == slot
                 assert self.rig.state(key).is_registered
+
+    def has_twin(self, moves: dict[int, str | None]) -> bool:
+        """Whether one UID would be in two slots."""
+        view = [part for part in self.rig.inventory.view(self.rig.now) if not part.state.is_over]
+        there = {part.client_key: part for part in view}
+        holders = {record.client_key: slot for slot, record in self.rig.inventory._book.holders.items()}
+        after = {key: slot for key, slot in holders.items() if slot not in moves.values()} | moves
+        uids = [there[key].uid or key for key, slot in after.items() if slot is not None]
+        return len(set(uids)) < len(uids)
 
     @rule(there=st.booleans())
     def change_the_slots(self, there: bool) -> None:

@@ -1,4 +1,4 @@
-"""Slots that are given away without a claim: spares that take over, and what people move (R62, R83)."""
+"""Slots that are given away without a claim: spares that take over, and what people move (R61, R62)."""
 
 from __future__ import annotations
 
@@ -298,3 +298,14 @@ def test_free_slots_are_those_that_fit_or_all() -> None:
     assert rig.inventory.slots.free_slots("EFGH") == ["BB2"]
     assert rig.inventory.slots.free_slots() == ["AA", "CC", "BB2"]
     assert rig.inventory.slots.free_slots("NOPE") == []
+
+
+def test_one_uid_never_gets_two_slots() -> None:
+    rig = Rig(sample_store(Slot("BB2", "EFGH")))
+    for key in (AA, CC):
+        rig.claim(key, "EFGH", name="XX", serial=7)  # both stand by: two slots fit
+    rig.inventory.rearrange({AA: "BB"}, rig.now, "ann")
+    with pytest.raises(LocalProtocolError, match="the UID of XX would be in two slots"):
+        rig.inventory.rearrange({CC: "BB2"}, rig.now, "ann")
+    rig.inventory.rearrange({CC: "BB"}, rig.now, "ann")  # in its place is another matter
+    assert (rig.part(CC).slot, rig.state(AA)) == ("BB", PartState.STANDBY)

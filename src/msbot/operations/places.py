@@ -41,7 +41,7 @@ class Places:
     def adopt(self, part: str, slot: str | None, who: str) -> Outcome:
         """Put a part that is in no slot into an empty one."""
         info = self._running.part(part, prefer=lambda one: not one.state.is_registered)
-        _check_movable(info)
+        self._check_movable(info)
         target = self._empty_slot_for(info) if slot is None else self._running.slot(slot)
         holder = self._running.holder(target)
         if holder is not None and holder.client_key == info.client_key:
@@ -69,7 +69,7 @@ class Places:
         info = self._running.part(to_part, prefer=lambda one: one.client_key != holder.client_key)
         if info.client_key == holder.client_key:
             raise ConfigError(f"{info.part} is in slot {target} already: name the part that shall take its place")
-        _check_movable(info)
+        self._check_movable(info)
         self._check_fits(info, target)
         old_slot = info.slot if info.state.is_registered else None
         moves: dict[int, str | None] = {info.client_key: target}
@@ -199,6 +199,20 @@ class Places:
 
     # Checks
 
+    def _check_movable(self, info: PartInfo) -> None:
+        if reason := _NOT_YET.get(info.state):
+            raise ConfigError(f"{info.part} {reason}")
+        if info.state is PartState.REFUSED and info.refusal not in _ADOPTABLE:
+            mend = f": `msbot unblock {info.uid.hex()}`" if info.refusal is Refusal.BLOCKED else ""
+            raise ConfigError(f"{info.part} cannot be let in: {info.reason}{mend}")
+        if info.uid and not info.state.is_registered:
+            everybody = self._inventory.view(self._running.now())
+            twin = next((one for one in everybody if one.uid == info.uid and one.state.is_registered), None)
+            if twin is not None:
+                raise ConfigError(
+                    f"{info.part} shows the UID of {describe(twin)}: one of the two is a copy, pull it out"
+                )
+
     def _check_fits(self, info: PartInfo, slot: str) -> None:
         if self._inventory.slots.fits(info.part_number, slot) or self.window_s > 0:
             return
@@ -214,11 +228,3 @@ class Places:
         if not fitting:
             raise ConfigError(f"every slot is taken: `msbot swap SLOT --to {info.part}` puts it in another's place")
         raise ConfigError(f"{info.part} could go into {', '.join(fitting)}: say which one with --slot")
-
-
-def _check_movable(info: PartInfo) -> None:
-    if reason := _NOT_YET.get(info.state):
-        raise ConfigError(f"{info.part} {reason}")
-    if info.state is PartState.REFUSED and info.refusal not in _ADOPTABLE:
-        mend = f": `msbot unblock {info.uid.hex()}`" if info.refusal is Refusal.BLOCKED else ""
-        raise ConfigError(f"{info.part} cannot be let in: {info.reason}{mend}")

@@ -44,8 +44,7 @@ class Stopping:
         now = self._running.now()
         told = self._running.master.stop_parts()
         registered = {info.client_key for info in self._running.inventory.view(now) if info.state.is_registered}
-        self.report = StopReport(now, who, reason, told, registered)
-        self.report.told = len(registered)
+        self.report = StopReport(now, who, reason, len(registered), registered)
         self._running.inventory.beat_heard = self._confirmed
         why = f": {reason}" if reason else ""
         words = f"STOP: {told} parts are told to go to their safe states{why}"

@@ -257,7 +257,7 @@ class Inventory:
             reason: what a person did, in words.
 
         Raises:
-            LocalProtocolError: no such part or slot, or the part cannot be moved now.
+            LocalProtocolError: no such part or slot, the part cannot be moved now, or one UID would hold two slots.
             RegistryError: a configuration cannot be read; nothing has changed.
         """
         records: dict[Record, str | None] = {}
@@ -270,6 +270,9 @@ class Inventory:
             if slot is not None and not self._matcher.has(slot):
                 raise LocalProtocolError(f"there is no slot {slot}")
             records[record] = slot
+        twin = self._seating.twin(records)
+        if twin is not None:
+            raise LocalProtocolError(f"the UID of {twin.name} would be in two slots")
         self._seating.rearrange(records, now, reason)
         self._publish(now)
 

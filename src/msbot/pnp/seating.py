@@ -1,4 +1,4 @@
-"""Who sits where when it is not the part that asks: spares that take over, and what people move (R62, R83). Pure.
+"""Who sits where when it is not the part that asks: spares that take over, and what people move (R61, R62). Pure.
 
 A slot that falls free is given at once to a part that stands by and fits, by the same rules as a claim. The part is
 told by the inventory's service; a part that missed it gets to know by its next claim.
@@ -76,6 +76,16 @@ class Seating:
                 old_uid = b"" if old.claim is None else old.claim.uid
                 taken.append(TakeOver(now, slot, claim, record.name, old_uid, old.name))
         return taken
+
+    def twin(self, moves: Mapping[Record, str | None]) -> Record | None:
+        """A part that would be in a slot while another session with its UID is in one, too."""
+        wanted = {slot for slot in moves.values() if slot is not None}
+        staying = [record for slot, record in self._book.holders.items() if record not in moves and slot not in wanted]
+        seen: dict[bytes, Record] = {record.identity: record for record in staying}
+        for record, slot in moves.items():
+            if slot is not None and seen.setdefault(record.identity, record) is not record:
+                return record
+        return None
 
     def rearrange(self, moves: Mapping[Record, str | None], now: float, reason: str) -> None:
         """Put parts into slots, or out of theirs (None), all at once; whoever is in the way stands by.
