@@ -71,7 +71,8 @@ class Rig:
             given["cookie"] = f"{COOKIE}={session.token}"
         scope: Scope = {
             "type": kind,
-            "path": path,
+            "path": path.partition("?")[0],
+            "query_string": path.partition("?")[2].encode(),
             "headers": [(name.encode(), value.encode()) for name, value in given.items()],
         }
         if kind == "http":
@@ -107,6 +108,8 @@ async def test_without_a_session_nothing_is_answered(path: str) -> None:
 async def test_without_a_session_a_page_leads_to_the_sign_in_and_back() -> None:
     answer = await Rig().ask("/bus")
     assert (answer.status, answer.headers["location"]) == (303, "/login?next=/bus")
+    answer = await Rig().ask("/?slot=BB&x=//evil")
+    assert (answer.status, answer.headers["location"]) == (303, "/login?next=/%3Fslot%3DBB%26x%3D//evil")
 
 
 @pytest.mark.parametrize("path", ["/api/health", "/login", "/setup", "/enter", "/web/form.css", "/_nicegui/3/x.js"])
@@ -204,12 +207,19 @@ async def test_bodies_are_bounded_whether_or_not_they_say_their_length() -> None
     assert backup.json["octets"] == 5 * (MAX_BODY // 2)
 
 
+async def test_a_form_with_a_hidden_origin_is_refused() -> None:
+    answer = await Rig().ask("/login", "POST", origin="null")
+    assert answer.status == 403
+
+
 async def test_answers_may_not_be_framed_sniffed_or_kept() -> None:
     rig = Rig()
     for answer in (await rig.ask("/api/robot"), await rig.ask("/api/robot", session=rig.session())):
         assert answer.headers["x-frame-options"] == "DENY"
         assert answer.headers["x-content-type-options"] == "nosniff"
-        assert answer.headers["referrer-policy"] == "no-referrer"
+        assert (
+            answer.headers["referrer-policy"] == "same-origin"
+        )  # no-referrer would make browsers hide a form's origin
         assert answer.headers["cache-control"] == "no-store"
         assert "default-src 'self'" in answer.headers["content-security-policy"]
 

@@ -37,7 +37,7 @@ SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 HEADERS = (
     (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"),
-    (b"referrer-policy", b"no-referrer"),
+    (b"referrer-policy", b"same-origin"),  # not no-referrer: forms would then come with the origin "null"
     (b"cross-origin-opener-policy", b"same-origin"),
     (
         b"content-security-policy",
@@ -124,7 +124,8 @@ class Guard:
             return
         path: str = scope["path"]
         if status == 401 and scope["method"] in SAFE_METHODS and not path.startswith(("/api/", "/openapi")):
-            where = f"/login?next={quote(path)}" if path != "/" else "/login"
+            view = f"{path}?{query}" if (query := scope["query_string"].decode("latin-1")) else path
+            where = f"/login?next={quote(view)}" if view != "/" else "/login"
             await _answer(send, 303, b"", [(b"location", where.encode())])
             return
         body = json.dumps({"error": words}).encode()

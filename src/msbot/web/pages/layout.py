@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 
 from fastapi import Request
 from nicegui import ui
-from nicegui.events import KeyEventArguments
+from nicegui.events import KeyEventArguments, UploadEventArguments
 
 from msbot.errors import MsbotError
 from msbot.web.accounts import Session, SignedOut
@@ -80,7 +80,7 @@ class Page:
         try:
             done = deed(self.session)
         except SignedOut:
-            ui.navigate.to("/login")
+            ui.run_javascript("msbotSignIn()")
             return None
         except MsbotError as error:
             ui.notify(str(error), type="negative", multi_line=True, close_button=self.say("Close"), timeout=10_000)
@@ -120,7 +120,7 @@ class Page:
             return
         if is_over:
             self.refreshers.clear()
-            ui.navigate.to("/login")
+            ui.run_javascript("msbotSignIn()")
 
     def _say_once(self, words: str) -> None:
         """What cannot be shown now is tried again at the next look; the log says so when it begins."""
@@ -141,7 +141,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     """
     session = request.scope["state"]["session"]
     page = Page(service, session, language_of(request))
-    ui.add_head_html('<link rel="stylesheet" href="/web/msbot.css">')
+    ui.add_head_html('<link rel="stylesheet" href="/web/msbot.css"><script src="/web/session.js"></script>')
     ui.page_title(f"{page.say(title)} · {service.robot_name}")
     ui.run_javascript(f'document.documentElement.lang = "{page.language.code}"')
     dark = ui.dark_mode(_dark_of(request))
@@ -168,7 +168,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     menu.on_click(drawer.toggle)
     _escape_twice(page)
     with ui.column().classes("w-full").style("gap: 1rem").props("role=main id=content"):
-        banner = ui.column().classes("w-full").style("gap:.5rem")
+        banner = ui.column().classes("w-full ms-banners").style("gap:.5rem")
         _banner(page, banner)
         ui.html(f"<h1>{page.say(title)}</h1>", sanitize=False)
         yield page
@@ -182,6 +182,29 @@ def press_stop(page: Page) -> None:
     if done is not None:
         took = "" if done.latency_ms is None else f" ({done.latency_ms:.1f} ms)"
         ui.notify(f"{done.words}{took}", type="warning", multi_line=True, timeout=8000)
+
+
+def file_button(
+    page: Page, title: str, taken: Callable[[UploadEventArguments], Awaitable[None]], *, max_size: int, ending: str = ""
+) -> None:
+    """A button that takes a file from the person's computer.
+
+    Args:
+        page: where.
+        title: what is on it.
+        taken: what is done with the file.
+        max_size: octets that it may have.
+        ending: of the file's name.
+    """
+    upload = ui.upload(on_upload=taken, auto_upload=True, max_file_size=max_size, on_rejected=lambda: ui.notify(
+        page.say("This file is not taken: at most {size} kB{ending}.", size=f"{max_size // 1000:,}",
+                 ending=ending and f", *{ending}"), type="negative")).classes("hidden")  # fmt: skip
+    if ending:
+        upload.props(f"accept={ending}")
+    # Without a detour by the server: browsers open the dialog only in answer to a click.
+    ui.button(title, icon="upload_file").props("outline").on(
+        "click", js_handler=f"() => getElement({upload.id}).pickFiles()"
+    )
 
 
 def _menu(page: Page, path: str) -> None:
