@@ -110,6 +110,7 @@ class DemoRobot:
         Raises:
             LinkDown: the wire cannot be opened.
         """
+        self._started_at = self._loop.time()
         try:
             async with asyncio.TaskGroup() as tasks:
                 self._tasks = tasks
