@@ -83,7 +83,7 @@ class Master:
         self.access.recheck = self.agent.recheck
         self.agent.on_signal = self._link_signalled
         self.on_stop: Callable[[str], object] = lambda _reason: self.stop_parts()
-        """Called with the reason in words when somebody on a link says STOP; tells all parts on all links."""
+        """Called with the reason in words when somebody on a link says STOP and none holds; tells all parts."""
         self.ready = asyncio.Event()
         """Set when the robot's own services answer and every link is open."""
         self._serving = False
@@ -172,7 +172,9 @@ class Master:
             self._opening.discard(link.info.name)
             if not self._opening:
                 self.ready.set()
-        elif signal is Signal.STOP:
+        elif signal is Signal.STOP and not self._inventory.is_stopped:
+            # Once: whoever says it all the time need not be written down all the time, and two masters on one bus
+            # do not stir each other up.
             self.on_stop(f"{reason}, said on {link.info.name}")
         elif signal is Signal.PEER_JOINED:
             self.access.peer_joined(link.info.name, peer, now)

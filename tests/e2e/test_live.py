@@ -270,8 +270,17 @@ def test_stop_said_by_a_part_on_the_bus_stops_all_and_the_master_remembers_it(tm
         robot.plug(knob())
         part = robot.plug(fan(story))
         await asyncio.sleep(1.0)
-        robot.links["knob"].send_stop()
-        await asyncio.sleep(0.005)
+        heard: list[str] = []
+
+        def take_up(reason: str) -> None:
+            heard.append(reason)
+            robot.master.stop_parts()
+
+        robot.master.on_stop = take_up
+        for _ in range(3):
+            robot.links["knob"].send_stop()
+            await asyncio.sleep(0.5)
+        assert len(heard) == 1, "it holds already"
         assert part.stopped
         assert story[-1] == 0.0
         assert robot.master.inventory_service.is_stopped
