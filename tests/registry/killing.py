@@ -20,7 +20,7 @@ from random import Random
 from sqlalchemy import select as select_rows
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
-from msbot.errors import ConfigError
+from msbot.errors import MsbotError
 from msbot.link import InprocHub, LinkInfo, run_virtual
 from msbot.master import Master
 from msbot.operations import Operations
@@ -87,7 +87,7 @@ def live(folder: Path, blueprint: Blueprint, library: Library, seed: int, told: 
                 await asyncio.sleep(1.0)
                 os.write(told, b"ready\n")
                 while True:
-                    with suppress(ConfigError):
+                    with suppress(MsbotError):
                         os.write(told, f"{change(stage.do, dice) or 0}\n".encode())
                     await asyncio.sleep(0.05)
 

@@ -13,9 +13,9 @@ from msbot.registry.faults import told_as_registry_error
 from msbot.registry.writer import Writer
 
 SLOWEST_S = 1.0
-"""So long a change waits, besides the time that another program may hold the database, for those before it."""
+"""So long a change waits for those before it to reach the disk."""
 LOOP_PATIENCE_S = 0.4
-"""So long a change waits at most, for either, when a robot runs in this process: its parts must not be kept waiting."""
+"""So long a change waits for another program when a robot runs in this process: its parts must not be kept waiting."""
 
 _T = TypeVar("_T")
 
@@ -58,11 +58,11 @@ class Database:
     def _in_order(self, write: Callable[[Connection], _T]) -> _T:
         """Write after everything that was told before; a writer in trouble means that nothing can be changed."""
         writer = self._open_writer()
-        longest_s = LOOP_PATIENCE_S if self._runs_a_robot else self._busy_timeout_s + SLOWEST_S
-        if not writer.flush(longest_s):
+        busy_s = min(LOOP_PATIENCE_S, self._busy_timeout_s) if self._runs_a_robot else self._busy_timeout_s
+        if not writer.flush(SLOWEST_S if self._runs_a_robot else SLOWEST_S + busy_s):
             busy = f"the database {self.database} is busy: try again"
             raise RegistryError(f"nothing was changed: {writer.trouble or busy}")
-        return self._write(write, longest_s)
+        return self._write(write, busy_s)
 
     def _open_writer(self) -> Writer:
         if self._writer is None:
@@ -73,10 +73,10 @@ class Database:
         with told_as_registry_error(self.database), self._engine.connect() as connection:
             return read(connection)
 
-    def _write(self, write: Callable[[Connection], _T], longest_s: float | None = None) -> _T:
+    def _write(self, write: Callable[[Connection], _T], busy_s: float | None = None) -> _T:
         """Write in one transaction, waiting at most that long for another program."""
         self._open_writer()
-        wait_s = self._busy_timeout_s if longest_s is None else min(longest_s, self._busy_timeout_s)
+        wait_s = self._busy_timeout_s if busy_s is None else busy_s
         engine = self._engine.execution_options(**{WRITE: True, WAIT_S: wait_s})
         with told_as_registry_error(self.database), engine.connect() as connection, connection.begin():
             return write(connection)
