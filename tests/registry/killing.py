@@ -12,11 +12,14 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 from functools import partial
+from itertools import count
 from pathlib import Path
 from random import Random
 
+from sqlalchemy import Engine
 from sqlalchemy import select as select_rows
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
@@ -24,8 +27,9 @@ from msbot.errors import MsbotError
 from msbot.link import InprocHub, LinkInfo, run_virtual
 from msbot.master import Master
 from msbot.operations import Operations
-from msbot.registry import open_registry, upkeep
+from msbot.registry import open_registry, registry, upkeep
 from msbot.registry.edits import Author, Cells, read_cells
+from msbot.registry.engine import Address, make_engine
 from msbot.registry.tables import edits
 from tests.operations.stage import AA_IS_A_DIAL, DIAL, Stage
 
@@ -63,33 +67,47 @@ def change(operations: Operations, dice: Random) -> int | None:
     return dice.choice(deeds)().edit_id
 
 
-def live(folder: Path, blueprint: Blueprint, library: Library, seed: int, told: int) -> None:
-    """One child: change the robot until somebody kills us."""
+ENGINES: dict[str, Engine] = {}
+
+
+def same_engine(address: Address, *, busy_timeout_s: float, read_only: bool) -> Engine:
+    """One engine for each database, whose compiled statements every child inherits: half of its start otherwise."""
+    if address.words not in ENGINES:
+        ENGINES[address.words] = make_engine(address, busy_timeout_s=busy_timeout_s, read_only=False)
+    return ENGINES[address.words]
+
+
+def live(
+    folder: Path, blueprint: Blueprint, library: Library, seed: int, told: int, deeds: Iterable[object] = count()
+) -> None:
+    """One child: change the robot until somebody kills us, or all deeds are done."""
     logging.disable()  # that a port is not bound is known
     dice = Random(seed)
 
     async def main() -> None:
-        with open_registry(folder / "robot.db") as registry:
-            known = registry.find_robot(blueprint)
+        with open_registry(folder / "robot.db") as database:
+            known = database.find_robot(blueprint)
             # Applying the blueprint takes half of the start; once in a while is enough.
-            robot = registry.apply_blueprint(blueprint, library) if known is None or dice.random() < 0.2 else known
-            master = Master(blueprint, registry.store_for(robot), random=dice, epoch_ns=time.time_ns)
+            robot = database.apply_blueprint(blueprint, library) if known is None or dice.random() < 0.2 else known
+            master = Master(blueprint, database.store_for(robot), random=dice, epoch_ns=time.time_ns)
             hub = InprocHub()
             hub.server.info = LinkInfo("wire", 65535)
             master.add_link(hub.server)
-            stage = Stage(master, Operations(master, registry, robot, library=library), registry, hub)
+            stage = Stage(master, Operations(master, database, robot, library=library), database, hub)
             async with asyncio.TaskGroup() as tasks:
                 stage.tasks = tasks
-                tasks.create_task(master.run())
+                running = tasks.create_task(master.run())
                 await master.ready.wait()
                 for name, number in PARTS.items():
                     stage.plug(name, number)
                 await asyncio.sleep(1.0)
                 os.write(told, b"ready\n")
-                while True:
+                for _ in deeds:
                     with suppress(MsbotError):
                         os.write(told, f"{change(stage.do, dice) or 0}\n".encode())
                     await asyncio.sleep(0.05)
+                stage.pull_all()
+                running.cancel()
 
     run_virtual(main())
 
@@ -121,11 +139,11 @@ def faults_of(folder: Path, told: int, before: int) -> tuple[list[str], int]:
     """What is wrong in the database of a dead master, and the number of its newest edit."""
     path = folder / "robot.db"
     faults = upkeep.check(str(path))
-    with open_registry(path, read_only=True) as registry:
-        (robot,) = registry.robots()
-        if [value.name for value in registry.values(robot, "AA")] != ["period_s"]:
+    with open_registry(path, read_only=True) as database:
+        (robot,) = database.robots()
+        if [value.name for value in database.values(robot, "AA")] != ["period_s"]:
             faults.append("slot AA has lost its settings")
-        rows = registry._read(lambda connection: connection.execute(select_rows(edits).order_by(edits.c.id)).all())
+        rows = database._read(lambda connection: connection.execute(select_rows(edits).order_by(edits.c.id)).all())
         numbers = [row.id for row in rows]
         if len(numbers) < max(told, before):
             faults.append(f"edit {max(told, before)} was told and is not there; the newest is {len(numbers)}")
@@ -134,7 +152,7 @@ def faults_of(folder: Path, told: int, before: int) -> tuple[list[str], int]:
         held = {json.dumps([_key(row.after, name) for name in KEYS]): row for row in rows if row.after}
         for row in held.values():
             author = Author(robot.id, "", 0)
-            present = registry._read(partial(read_cells, author=author, like=row.after))
+            present = database._read(partial(read_cells, author=author, like=row.after))
             if _of_people(present) != _of_people(row.after):
                 faults.append(f"edit {row.id} left {row.after}, and it is {present}")
     return faults, len(numbers)
@@ -160,7 +178,12 @@ def main() -> None:
     folder, seed, lives = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     blueprint, library = robot_in(folder)
     dice = Random(seed)
-    newest, faults = 0, []
+    for module in (registry, upkeep):
+        setattr(module, "make_engine", same_engine)  # noqa: B010 - it is no export
+    with open(os.devnull, "wb") as nobody:
+        live(folder, blueprint, library, seed, nobody.fileno(), range(60))
+    _, newest = faults_of(folder, 0, 0)
+    faults: list[str] = []
     for life in range(lives):
         told = one_life(folder, blueprint, library, dice)
         found, newest = faults_of(folder, told, newest)
