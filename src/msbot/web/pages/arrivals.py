@@ -124,10 +124,10 @@ def _deeds(page: Page, part: PartLine) -> None:
         with ui.button(page.say("Adopt into slot …"), icon="add_link"), ui.menu():
             free = service.views.free_slots(part.part_number)
             if not free:
-                ui.menu_item(page.say("No slot is free: release or swap one.")).props("disable")
+                ui.menu_item(page.say("No slot is free: release or swap one.")).props("disable role=menuitem")
             for card in free:
                 word = f"{card.name} · {card.part_number} · {page.say(card.state)}"
-                ui.menu_item(word, partial(_adopt, page, name, card.name))
+                ui.menu_item(word, partial(_adopt, page, name, card.name)).props("role=menuitem")
         ui.button(page.say("Ignore"), on_click=lambda: page.do(lambda session: service.ignore(session, name))).props(
             "flat"
         )
