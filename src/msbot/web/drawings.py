@@ -17,7 +17,7 @@ Fields = Mapping[str, Scalar]
 SIZE = 84
 
 STATE_ICONS = {
-    "active": "●", "late": "◐", "lost": "✖", "refused": "⛔", "checking": "…", "new": "✦", "standby": "⏸", "empty": "○", "left": "↩",
+    "active": "●", "late": "◐", "lost": "✖", "refused": "⊘", "checking": "…", "new": "✦", "standby": "‖", "empty": "○", "left": "↩",
 }  # fmt: skip
 """A sign for every state besides its colour and its word."""
 

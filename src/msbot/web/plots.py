@@ -102,4 +102,4 @@ def curve_svg(curves: Mapping[str, Sequence[tuple[float, float]]], say: Say) -> 
 def _ago_words(seconds: float) -> str:
     if seconds >= 7200:
         return f"-{seconds / 3600:.1f} h"
-    return f"-{seconds / 60:.0f} min" if seconds >= 120 else f"-{seconds:.0f} s"
+    return f"-{seconds / 60:.3g} min" if seconds >= 60 else f"-{seconds:.0f} s"

@@ -10,8 +10,9 @@ from nicegui import ui
 from nicegui.events import UploadEventArguments
 
 from msbot.web.accounts import Session
+from msbot.web.guard import MAX_RESTORE
 from msbot.web.models import Done, UserLine
-from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.layout import Page, file_button, page_frame
 from msbot.web.roles import Right, Role
 from msbot.web.service import Service
 
@@ -127,6 +128,7 @@ def _tokens(page: Page) -> None:
                         on_click=partial(_remove_token, page, user.name, purpose),
                     ).props("flat dense color=negative")
         if not users:
+            ui.label(say("A token belongs to a person: add one first.")).classes("soft")
             return
         with ui.element("div").classes("row").style("margin-top:.8rem;align-items:flex-end"):
             name = ui.select(list(users), value=next(iter(users)), label=say("Name")).props("dense outlined")
@@ -172,6 +174,4 @@ def _backup(page: Page) -> None:
                 icon="download",
                 on_click=lambda: ui.download("/api/backup", "msbot-backup.db"),
             )
-            ui.upload(
-                label=say("Restore a backup"), on_upload=restore, auto_upload=True, max_file_size=256 * 1024 * 1024
-            ).props("flat bordered").style("max-width:16rem")
+            file_button(page, say("Restore a backup"), restore, max_size=MAX_RESTORE)

@@ -28,7 +28,7 @@ def register(service: Service) -> None:
                 for path, calls in _paths(request).items()
                 for method, call in calls.items()
             )
-            ui.html(f'<div class="panel scroll"><table class="ms-table">{rows}</table></div>', sanitize=False).classes(
+            ui.html(f'<div class="panel scroll"><table class="ms-table stack">{rows}</table></div>', sanitize=False).classes(
                 "w-full"
             )
 

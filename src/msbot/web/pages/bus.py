@@ -63,15 +63,19 @@ class _Table:
         with ui.element("div").classes("panel"):
             with ui.element("div").classes("row").style("margin-bottom:.5rem"):
                 self._paused = ui.switch(page.say("Pause"), on_change=self._pause)
-                self._find = ui.input(page.say("Filter"), value=find, placeholder="node 3, HEARTBEAT, 103#").props(
+                self._find = ui.input(page.say("Filter"), value=find, placeholder="node 3, BEACON, 103").props(
                     "dense clearable outlined"
                 )
                 self._find.on_value_change(lambda: self._show(force=True))
-            with ui.element("div").classes("scroll").style("max-height:52vh"):
-                self._table = ui.html("", sanitize=False).classes("w-full").on(
-                    "click", self._clicked, args=[], js_handler=_ROW_CLICKED
-                )  # fmt: skip
-            self._detail = ui.html("", sanitize=False).classes("w-full")
+            with ui.element("div").classes("ms-split"):
+                with ui.element("div").classes("scroll"):
+                    self._table = (
+                        ui.html("", sanitize=False)
+                        .classes("w-full")
+                        .on("click", self._clicked, js_handler=_ROW_CLICKED)
+                        .on("keydown.enter", self._clicked, js_handler=_ROW_CLICKED)
+                    )
+                self._detail = ui.html("", sanitize=False).classes("ms-side").props("aria-live=polite")
         page.every_look(self._show)
 
     def _pause(self) -> None:
@@ -90,8 +94,12 @@ class _Table:
         head = "".join(
             f"<th>{escape(self._page.say(title))}</th>" for title in ("No.", "Age", "Sender", "Frame", "What it says")
         )
-        body = "".join(_row_html(row) for row in reversed(rows))
-        self._table.set_content(f'<table class="ms-table"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>')
+        # Rows that stand still can be reached by the keyboard; others would lose it twice a second.
+        is_still = bool(self._paused.value)
+        body = "".join(_row_html(row, is_still=is_still) for row in reversed(rows))
+        self._table.set_content(
+            f'<table class="ms-table stack"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
+        )
 
     def _clicked(self, event: GenericEventArguments) -> None:
         number = event.args
@@ -99,12 +107,11 @@ class _Table:
         if row is None:
             return
         lines = "".join(f"<li>{escape(words)}</li>" for words in row.words)
-        identifier, _, data = row.text.partition("#")
-        octets = " ".join(data[start : start + 2] for start in range(0, len(data), 2))
+        identifier, _, data = row.text.strip().partition("  ")
         self._detail.set_content(
-            f'<div class="panel" style="margin-top:.8rem"><h2>{escape(self._page.say("Frame"))} {row.number}</h2>'
-            f'<p class="mono">{escape(self._page.say("identifier"))} <b>{escape(identifier)}</b> · '
-            f"{escape(self._page.say('data'))} <b>{escape(octets)}</b></p><ol>{lines}</ol></div>"
+            f'<div class="panel"><h2>{escape(self._page.say("Frame"))} {row.number}</h2>'
+            f'<p class="mono">{escape(self._page.say("identifier"))} <b>{escape(identifier)}</b><br>'
+            f"{escape(self._page.say('data'))} <b>{escape(data.strip())}</b></p><ol>{lines}</ol></div>"
         )
 
 
@@ -117,13 +124,13 @@ def _text_of(row: FrameLine) -> str:
     return f"node {row.node} {row.sender} {row.text} {' '.join(row.words)}".casefold()
 
 
-def _row_html(row: FrameLine) -> str:
+def _row_html(row: FrameLine, *, is_still: bool) -> str:
     hue = row.node * 360 // COLOURS % 360
     mark = f"border-left:5px solid hsl({hue} 60% 50%)" if row.node else "border-left:5px solid transparent"
     first = row.words[0] if row.words else ""
     more = f' <span class="soft">{escape(row.words[1])}</span>' if len(row.words) > 1 else ""
     return (
-        f'<tr data-number="{row.number}" style="cursor:pointer"><td class="num" style="{mark}">{row.number}</td>'
+        f'<tr data-number="{row.number}"{" tabindex=0" if is_still else ""}><td class="num" style="{mark}">{row.number}</td>'
         f'<td class="num">{row.age_s:.2f} s</td><td>{escape(row.sender)}</td><td class="mono">{escape(row.text)}</td>'
         f"<td>{escape(first)}{more}</td></tr>"
     )

@@ -31,6 +31,7 @@ def open_drawer(page: Page, slot: str) -> None:
         if card.simulated and page.may(Right.OPERATE):
             simulator_panel(page, slot)
         _ports(page, slot)
+        ui.html(f"<h2>{escape(page.say('Settings'))}</h2>", sanitize=False)
         values_panel(page, slot)
         _rhythm(page, slot)
         _deeds(page, card)

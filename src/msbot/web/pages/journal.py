@@ -59,7 +59,9 @@ def _parts(page: Page, part: str) -> None:
             + "</td></tr>"
             for line in lines
         )
-        content = f'<table class="ms-table"><tbody>{rows}</tbody></table>' if rows else escape(page.say("Nothing yet."))
+        head = "".join(f"<th>{escape(page.say(title))}</th>" for title in ("Time", "Part", "State", "Reason"))
+        table = f'<table class="ms-table stack"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
+        content = table if rows else escape(page.say("Nothing yet."))
         if shown.content != content:
             shown.set_content(content)
 

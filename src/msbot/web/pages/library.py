@@ -54,7 +54,7 @@ def _catalogue(page: Page, search: str) -> None:
             )
         count = page.say("{count} part types", count=len(cards))
         grid.set_content(
-            f'<p class="soft" aria-live="polite">{escape(count)}</p><div class="grid">{"".join(cards)}</div>'
+            f'<p class="soft" aria-live="polite" style="margin-bottom:.7rem">{escape(count)}</p><div class="grid">{"".join(cards)}</div>'
         )
 
     find.on_value_change(show)

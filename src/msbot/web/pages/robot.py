@@ -29,7 +29,7 @@ def register(service: Service) -> None:
 
 
 def _summary(page: Page) -> None:
-    line = ui.html("", sanitize=False).classes("soft")
+    line = ui.html("", sanitize=False).classes("soft w-full")
 
     def show() -> None:
         robot = page.service.robot()

@@ -10,10 +10,13 @@ from nicegui.events import UploadEventArguments
 
 from msbot.errors import MsbotError
 from msbot.web.graph import wiring_svg
-from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.layout import Page, file_button, page_frame
 from msbot.web.pages.values import values_panel
 from msbot.web.roles import Right
 from msbot.web.service import Service
+
+MAX_BLUEPRINT = 1_000_000
+"""Octets of a blueprint that is read from a file."""
 
 
 def register(service: Service) -> None:
@@ -129,6 +132,4 @@ def _blueprint(page: Page) -> None:
             ui.button(
                 say("Download"), icon="download", on_click=lambda: ui.download("/api/blueprint", "robot.toml")
             ).props("flat")
-            ui.upload(label=say("Import a file"), on_upload=upload, auto_upload=True, max_file_size=1_000_000).props(
-                "accept=.toml flat bordered"
-            ).style("max-width:16rem")
+            file_button(page, say("Import a file"), upload, max_size=MAX_BLUEPRINT, ending=".toml")

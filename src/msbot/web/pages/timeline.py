@@ -42,7 +42,7 @@ def _bars(page: Page) -> None:
                         "timeline.json",
                     ),
                 ).props("flat")
-        shown = ui.html("", sanitize=False).classes("w-full scroll")
+        shown = ui.html("", sanitize=False).classes("w-full scroll from-right")
         events = ui.html("", sanitize=False).classes("w-full scroll").style("max-height:18rem;margin-top:1rem")
 
     def draw() -> str:
@@ -69,7 +69,7 @@ def _event_rows(page: Page, lanes: list[Lane], span_s: float) -> str:
         for span, slot in spans[:100]
     )
     head = "".join(f"<th>{escape(page.say(title))}</th>" for title in ("Ago", "Slot", "State", "Reason"))
-    return f'<table class="ms-table"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
+    return f'<table class="ms-table stack"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
 
 
 def _plot(page: Page) -> None:

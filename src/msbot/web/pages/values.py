@@ -17,7 +17,6 @@ from msbot.web.roles import Right
 
 def values_panel(page: Page, slot: str) -> None:
     """The form of a slot's parameters."""
-    ui.html(f"<h2>{escape(page.say('Settings'))}</h2>", sanitize=False)
     form = ui.column().classes("w-full").style("gap:.4rem")
 
     def fill() -> None:
@@ -47,7 +46,7 @@ def _line(page: Page, slot: str, value: Value, again: Callable[[], None]) -> Non
         if page.do(lambda session: page.service.reset_value(session, slot, value.name)) is not None:
             again()
 
-    with ui.element("div").classes("row w-full").style("flex-wrap:nowrap;align-items:flex-end"):
+    with ui.element("div").classes("row w-full").style("flex-wrap:nowrap"):
         with ui.element("div").style("flex:1;min-width:0"):
             _field(page, value, set_value)
         ui.html(f'<span class="origin {escape(value.origin)}">{escape(page.say(value.origin))}</span>', sanitize=False)

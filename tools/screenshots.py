@@ -1,0 +1,150 @@
+"""Pictures of every page: starts the demo and opens its pages in a headless Chromium, wide and narrow, light and dark.
+
+    python tools/screenshots.py build/screenshots [--keep docs/pictures] [--only robot,bus]
+
+With --keep the pictures that the documentation shows are copied there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+from playwright.sync_api import Browser, Page, sync_playwright
+
+WIDTHS = {"desk": (1280, 860), "phone": (390, 844)}
+LOOKS = ("light", "dark")
+ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--hide-scrollbars"]
+SETTLE_MS = 1200
+"""So long a page is given to draw its live values."""
+PATIENCE_MS = 60_000
+SCRIPT = "1:unplug bumper"
+"""What happens in the demo before the pictures are taken: a part is lost."""
+KEPT = (
+    "robot-desk-light", "robot-phone-dark", "slot-desk-light", "arrivals-desk-light", "bus-desk-dark",
+    "wires-desk-light", "timeline-desk-light", "settings-desk-light", "passport-desk-light",
+)  # fmt: skip
+"""The pictures in the documentation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """One page to take."""
+
+    name: str
+    path: str
+    prepare: Callable[[Page], None] | None = None
+    """What is done on the page before the picture is taken."""
+    signed_in: bool = True
+
+
+def _take_apart(page: Page) -> None:
+    page.get_by_role("switch").first.click()
+    page.locator("tr[data-number]").first.dispatch_event("click")
+
+
+def _second_tab(page: Page) -> None:
+    page.get_by_role("tab").nth(1).click()
+
+
+def _third_tab(page: Page) -> None:
+    page.get_by_role("tab").nth(2).click()
+
+
+SHOTS = (
+    Shot("login", "/login", signed_in=False),
+    Shot("robot", "/"),
+    Shot("slot", "/?slot=fan"),
+    Shot("arrivals", "/arrivals"),
+    Shot("settings", "/settings"),
+    Shot("blueprint", "/settings", _third_tab),
+    Shot("bus", "/bus", _take_apart),
+    Shot("wires", "/wires"),
+    Shot("timeline", "/timeline"),
+    Shot("library", "/library"),
+    Shot("passport", "/library/SG90"),
+    Shot("journal", "/journal"),
+    Shot("changes", "/journal", _second_tab),
+    Shot("class", "/class"),
+    Shot("admin", "/admin"),
+    Shot("api", "/api-docs"),
+)
+
+
+@contextmanager
+def demo(folder: str) -> Iterator[str]:
+    """A running demo; gives the link that signs one in."""
+    command = [sys.executable, "-m", "msbot", "demo", "--robot", "rover", "--spare", "--seed", "1", "--port", "0",
+               "--script", SCRIPT]  # fmt: skip
+    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
+    try:
+        assert process.stdout is not None
+        yield next(found[0] for line in process.stdout if (found := re.search(r"https?://\S+", line)))
+    finally:
+        process.terminate()
+        process.communicate()
+
+
+def take(browser: Browser, link: str, shots: list[Shot], form: tuple[str, str], folder: Path) -> None:
+    """Take pictures of pages in one form: width and look."""
+    width, look = form
+    size = WIDTHS[width]
+    context = browser.new_context(
+        viewport={"width": size[0], "height": size[1]},
+        color_scheme="dark" if look == "dark" else "light",
+        locale="en-GB",
+        reduced_motion="reduce",
+    )
+    context.set_default_timeout(PATIENCE_MS)
+    page = context.new_page()
+    base = re.sub(r"/enter\?.*", "", link)
+    for shot in sorted(shots, key=lambda shot: shot.signed_in):
+        if shot.signed_in and not context.cookies():
+            page.goto(link)
+        page.goto(base + shot.path)
+        page.wait_for_timeout(SETTLE_MS)
+        if shot.prepare is not None:
+            shot.prepare(page)
+            page.wait_for_timeout(SETTLE_MS)
+        page.screenshot(path=folder / f"{shot.name}-{width}-{look}.png")
+    context.close()
+
+
+def main() -> None:
+    """Take all pictures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="where the pictures go")
+    parser.add_argument("--keep", type=Path, help="copy those of the documentation there")
+    parser.add_argument("--only", default="", help="names of pages, with commas between")
+    parser.add_argument("--forms", default="", help="only these of desk-light, desk-dark, phone-light, phone-dark")
+    options = parser.parse_args()
+    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if path is None:
+        sys.exit("there is no Chromium on this machine: apt-get install chromium")
+    wanted = [name for name in options.only.split(",") if name]
+    shots = [shot for shot in SHOTS if not wanted or shot.name in wanted]
+    options.folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder, demo(folder) as link, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        for form in product(WIDTHS, LOOKS):
+            if not options.forms or "-".join(form) in options.forms.split(","):
+                take(browser, link, shots, form, options.folder)
+        browser.close()
+    if options.keep is not None:
+        options.keep.mkdir(parents=True, exist_ok=True)
+        for name in KEPT:
+            if (options.folder / f"{name}.png").exists():
+                shutil.copy(options.folder / f"{name}.png", options.keep / f"{name}.png")
+
+
+if __name__ == "__main__":
+    main()
