@@ -141,7 +141,7 @@ def test_two_spares_take_over_one_after_the_other(tmp_path: Path) -> None:
 
 
 def test_the_command_shows_it_in_its_events(tmp_path: Path) -> None:
-    done = run("demo", "--spare", "--link", "udp", "--seconds", "13", "--script", "1.5:unplug BB;9:plug BB;11:undo",
+    done = run("demo", "--spare", "--link", "udp", "--seconds", "16", "--script", "4:unplug BB;12:plug BB;14:undo",
                "--json", cwd=tmp_path)  # fmt: skip
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)

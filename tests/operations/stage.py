@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.errors import MsbotError
 from msbot.link import InprocHub, LinkInfo, run_virtual
+from msbot.link.faults import LossyLink
 from msbot.master import Master
 from msbot.operations import Operations
 from msbot.part import HelloWorld, Part
@@ -71,14 +72,18 @@ class Stage:
         self._running: dict[str, asyncio.Task[None]] = {}
         master.inventory.on_event(self.events.append)
 
-    def plug(self, name: str, number: str, *, uid: int | None = None) -> Part:
-        """Plug a part in; it has that local name, and a UID made from it if none is given."""
+    def plug(self, name: str, number: str, *, uid: int | None = None, drop: float = 0.0) -> Part:
+        """Plug a part in; it has that local name, and a UID made from it if none is given.
+
+        `drop` is the probability that one of its packets is lost.
+        """
         octets = name.encode().ljust(8, b".")[:8] if uid is None else uid.to_bytes(8, "big")
         part = Part(number, local_name=name, uid=octets, random=Random(f"{name} {len(self.events)}"))
         part.on("in", HelloWorld)(lambda message: None)
         assert self.tasks is not None
         self.parts[name] = part
-        self._running[name] = self.tasks.create_task(part.run_async(self._hub.connect(), epoch_ns=lambda: 0))
+        link = LossyLink(self._hub.connect(), random=Random(name), drop=drop)
+        self._running[name] = self.tasks.create_task(part.run_async(link, epoch_ns=lambda: 0))
         return part
 
     def pull(self, name: str) -> None:

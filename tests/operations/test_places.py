@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
+import pytest
+
 from msbot.errors import RegistryError
 from msbot.pnp import Configuration
 from tests.operations.stage import Stage, play
@@ -270,3 +272,16 @@ def test_a_copied_uid_is_not_let_in_by_a_person_either(tmp_path: Path) -> None:
         assert words.startswith("X2 shows the UID of X1 (EFGH, UID 0000000000000007, in slot BB")
 
     play(tmp_path, scene, two_of_a_kind, parts=("AA=ABCD",))
+
+
+@pytest.mark.parametrize("name", ["DD", "EE", "FF", "GG"])
+def test_a_spare_on_a_bad_wire_works_within_a_tick(name: str, tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        spare = stage.plug(name, "EFGH", drop=0.3)
+        await asyncio.sleep(8.0)
+        assert stage.state(name) == "standby"
+        stage.pull("BB")
+        await asyncio.sleep(stage.master.inventory.timing.tick_s)
+        assert (spare.slot, spare.state.value) == ("BB", "active")
+
+    play(tmp_path, scene, parts=("BB=EFGH",))
