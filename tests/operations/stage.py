@@ -11,8 +11,7 @@ from tempfile import TemporaryDirectory
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.errors import MsbotError
-from msbot.link import InprocHub, LinkInfo, run_virtual
-from msbot.link.faults import LossyLink
+from msbot.link import InprocHub, LinkInfo, LossyLink, run_virtual
 from msbot.master import Master
 from msbot.operations import Operations
 from msbot.part import HelloWorld, Part
