@@ -6,7 +6,7 @@ from msbot.pnp.keys import Keys
 from msbot.pnp.life import TRANSITIONS
 from msbot.pnp.load_forecast import Flow, Forecast, forecast
 from msbot.pnp.matching import Match, Matcher
-from msbot.pnp.overhear import Overhearer
+from msbot.pnp.overhear import KNOWN_TYPES, Overhearer
 from msbot.pnp.parts import (
     FAST_TIMING,
     THESIS_TIMING,
@@ -32,6 +32,7 @@ from msbot.pnp.services import InventoryService, MasterService
 
 __all__ = [
     "FAST_TIMING",
+    "KNOWN_TYPES",
     "PROFILE_PERIOD_S",
     "PROFILE_TOPIC",
     "PROFILE_TYPE",

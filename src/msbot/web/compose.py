@@ -93,6 +93,7 @@ class WebRoom:
     ) -> None:  # fmt: skip
         self._master = master
         clock = asyncio.get_running_loop().time
+        seen.frames.know(message_class(message) for message in library.messages.values())
         timeline = Timeline()
         master.inventory.on_event(timeline.note)
         self._views = Views(

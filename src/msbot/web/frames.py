@@ -7,7 +7,7 @@ looks at. Every frame has a number that counts up, so a page asks for "what came
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import islice
 
@@ -15,7 +15,8 @@ from msbot.link import Frame
 from msbot.link.can_decoder import CanDecoder
 from msbot.link.can_ids import NODES, CanIds
 from msbot.link.can_notation import show_frame
-from msbot.pnp import Overhearer
+from msbot.part import Message
+from msbot.pnp import KNOWN_TYPES, Overhearer
 from msbot.xrce import decompress
 
 KEPT = 4000
@@ -55,6 +56,10 @@ class FrameRing:
         self._rows: deque[FrameRow] = deque(maxlen=KEPT)
         self._decoded = 0
         self._decoder = CanDecoder(Overhearer().explain, decompress=decompress, ids=self._ids)
+
+    def know(self, types: Iterable[type[Message]]) -> None:
+        """Understand samples of these types, too; to be called before the first frame is looked at."""
+        self._decoder = CanDecoder(Overhearer((*KNOWN_TYPES, *types)).explain, decompress=decompress, ids=self._ids)
 
     def tap(self, at: float, sender: str, frame: Frame) -> None:
         """Take a frame; what a bus calls."""

@@ -72,7 +72,7 @@ class _Table:
                     self._table = (
                         ui.html("", sanitize=False)
                         .classes("w-full")
-                        .on("click", self._clicked, js_handler=_ROW_CLICKED)
+                        .on("mousedown", self._clicked, js_handler=_ROW_CLICKED)
                         .on("keydown.enter", self._clicked, js_handler=_ROW_CLICKED)
                     )
                 self._detail = ui.html("", sanitize=False).classes("ms-side").props("aria-live=polite")
@@ -103,10 +103,14 @@ class _Table:
 
     def _clicked(self, event: GenericEventArguments) -> None:
         number = event.args
-        row = next((row for row in self._rows if row.number == number), None)
+        # The row may have left the table between the click and now.
+        shown = next((row for row in self._rows if row.number == number), None)
+        row = shown or self._page.service.views.frame_line(int(number))
         if row is None:
             return
-        lines = "".join(f"<li>{escape(words)}</li>" for words in row.words)
+        lines = "".join(
+            f"<li{' class=inner' if words.startswith(' ') else ''}>{escape(words.strip())}</li>" for words in row.words
+        )
         identifier, _, data = row.text.strip().partition("  ")
         self._detail.set_content(
             f'<div class="panel"><h2>{escape(self._page.say("Frame"))} {row.number}</h2>'
@@ -129,6 +133,8 @@ def _row_html(row: FrameLine, *, is_still: bool) -> str:
     mark = f"border-left:5px solid hsl({hue} 60% 50%)" if row.node else "border-left:5px solid transparent"
     first = row.words[0] if row.words else ""
     more = f' <span class="soft">{escape(row.words[1])}</span>' if len(row.words) > 1 else ""
+    if len(row.words) > 2 and row.words[-1].startswith(" "):
+        more = f' <b class="sample">{escape(row.words[-1].strip())}</b>'
     return (
         f'<tr data-number="{row.number}"{" tabindex=0" if is_still else ""}><td class="num" style="{mark}">{row.number}</td>'
         f'<td class="num">{row.age_s:.2f} s</td><td>{escape(row.sender)}</td><td class="mono">{escape(row.text)}</td>'
