@@ -28,9 +28,9 @@ def register(service: Service) -> None:
                 for path, calls in _paths(request).items()
                 for method, call in calls.items()
             )
-            ui.html(f'<div class="panel scroll"><table class="ms-table stack">{rows}</table></div>', sanitize=False).classes(
-                "w-full"
-            )
+            ui.html(
+                f'<div class="panel scroll"><table class="ms-table stack">{rows}</table></div>', sanitize=False
+            ).classes("w-full")
 
 
 def _paths(request: Request) -> dict[str, dict[str, dict[str, object]]]:
