@@ -1,0 +1,155 @@
+"""Live values: what is on a topic, how often, and its past; octets of any kind are shown and break nothing."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from msbot.part import HelloWorld, Message, float64
+from msbot.space import MemorySpace, Qos, Topic, Writer
+from msbot.web.live import HISTORY, LONGEST_TEXT, Live
+from tests.web.test_accounts import Clock
+
+
+class Place(Message):
+    x: float64
+    name: str
+
+
+class Everything(Message):
+    place: Place
+    places: list[Place]
+    numbers: list[float64]
+    raw: bytes
+    far: float64
+    on: bool
+
+
+GUID = bytes(16)
+KNOWN: dict[str, type[Message]] = {"HelloWorld": HelloWorld, "Everything": Everything}
+
+
+class Rig:
+    def __init__(self) -> None:
+        self.clock = Clock()
+        self.space = MemorySpace()
+        self.live = Live(self.space, KNOWN.get, self.clock)
+
+    def writer(self, topic: str, type_name: str = "HelloWorld") -> Writer:
+        return self.space.writer(Topic(topic, type_name), Qos(reliable=False), GUID)
+
+    def fields(self, topic: str) -> dict[str, object]:
+        watch = self.live.topic(topic)
+        assert watch is not None
+        return dict(self.live.fields(watch))
+
+
+def hello(index: int, text: str = "hi") -> bytes:
+    return HelloWorld(index=index, message=text).encode()
+
+
+def test_the_latest_value_its_count_and_its_age() -> None:
+    rig = Rig()
+    rig.live.watch({"a": "HelloWorld"})
+    assert rig.fields("a") == {}
+    writer = rig.writer("a")
+    for index in range(3):
+        rig.clock.now = float(index)
+        writer.write(hello(index))
+    watch = rig.live.topic("a")
+    assert watch is not None
+    assert (watch.count, watch.at) == (3, 2.0)
+    assert rig.fields("a") == {"index": 2, "message": "hi"}
+
+
+def test_only_the_topics_that_are_watched_are_listened_to() -> None:
+    rig = Rig()
+    rig.live.watch({"a": "HelloWorld", "b": "HelloWorld"})
+    first = rig.live.topic("a")
+    rig.live.watch({"a": "HelloWorld", "c": "HelloWorld"})
+    assert rig.live.topic("a") is first
+    assert rig.live.topic("b") is None
+    rig.live.watch({"a": "Everything"})
+    assert rig.live.topic("a") is not first
+    rig.live.close()
+    assert rig.live.topic("a") is None
+    rig.writer("a").write(hello(1))
+    assert first is not None
+    assert first.count == 0
+
+
+@pytest.mark.parametrize(("period_s", "hz"), [(0.02, 50.0), (0.5, 2.0), (1.0, 1.0)])
+def test_the_rate_is_that_of_the_last_seconds(period_s: float, hz: float) -> None:
+    rig = Rig()
+    rig.live.watch({"a": "HelloWorld"})
+    writer = rig.writer("a")
+    for index in range(int(10 / period_s)):
+        rig.clock.now = index * period_s
+        writer.write(hello(index))
+    watch = rig.live.topic("a")
+    assert watch is not None
+    assert watch.rate_hz(rig.clock.now) == pytest.approx(hz, rel=0.05)
+    assert watch.rate_hz(rig.clock.now + 2.0) < hz * 0.8
+    assert watch.rate_hz(rig.clock.now + 5.0) == 0.0
+
+
+def test_of_a_quick_topic_a_minute_is_kept_and_of_a_slow_one_every_value() -> None:
+    rig = Rig()
+    rig.live.watch({"quick": "HelloWorld", "slow": "HelloWorld"})
+    quick, slow = rig.writer("quick"), rig.writer("slow")
+    for index in range(10_000):
+        rig.clock.now = index * 0.01
+        quick.write(hello(index))
+        if index % 1000 == 0:
+            slow.write(hello(index))
+    points = rig.live.series("quick", "index")
+    assert len(points) == HISTORY
+    assert points[-1][0] - points[0][0] == pytest.approx(60, rel=0.1)
+    assert [value for _, value in rig.live.series("slow", "index")] == [1000.0 * number for number in range(10)]
+    assert rig.live.series("slow", "index", since=85.0) == [(90.0, 9000.0)]
+    assert rig.live.series("slow", "message") == rig.live.series("slow", "nothing") == rig.live.series("no", "x") == []
+
+
+def test_nested_values_lists_octets_and_what_is_no_number_are_shown() -> None:
+    rig = Rig()
+    rig.live.watch({"a": "Everything"})
+    everything = Everything(
+        place=Place(x=1.5, name="<b>here</b>"), places=[Place(x=float(number)) for number in range(40)], numbers=[0.5],
+        raw=b"\x01\xff", far=math.inf, on=True,
+    )  # fmt: skip
+    rig.writer("a", "Everything").write(everything.encode())
+    fields = rig.fields("a")
+    assert (fields["place.x"], fields["place.name"], fields["numbers[0]"]) == (1.5, "<b>here</b>", 0.5)
+    assert (fields["raw"], fields["far"], fields["on"]) == ("01 ff", "inf", True)
+    assert "places[31].x" in fields
+    assert "places[32].x" not in fields
+
+
+def test_long_texts_are_cut() -> None:
+    rig = Rig()
+    rig.live.watch({"a": "HelloWorld"})
+    rig.writer("a").write(hello(1, "x" * 250))
+    assert rig.fields("a")["message"] == "x" * LONGEST_TEXT
+
+
+def test_octets_of_an_unknown_type_are_shown_as_they_are() -> None:
+    rig = Rig()
+    rig.live.watch({"a": "Secret"})
+    rig.writer("a", "Secret").write(b"\x01\x02")
+    assert rig.fields("a") == {"octets": "01 02"}
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=300))
+def test_any_octets_on_a_topic_are_shown(octets: bytes) -> None:
+    rig = Rig()
+    rig.live.watch({"a": "Everything"})
+    rig.writer("a", "Everything").write(octets)
+    fields = rig.fields("a")
+    assert bool(fields) == bool(octets)
+    for value in fields.values():
+        assert isinstance(value, bool | int | float | str)
+        assert not isinstance(value, float) or math.isfinite(value)
