@@ -9,7 +9,7 @@ from msbot.errors import ConfigError
 from msbot.master import Master
 from msbot.pnp import PartInfo
 from msbot.web.bench import Bench
-from msbot.web.frames import FrameRing
+from msbot.web.frames import FrameRing, FrameRow
 from msbot.web.live import Live
 from msbot.web.models import (
     BusState,
@@ -208,17 +208,12 @@ class Views:
     def frame_lines(self, after: int, limit: int) -> list[FrameLine]:
         """The newest frames with a number above `after`, oldest first."""
         now = self._clock()
-        return [
-            FrameLine(
-                number=row.number,
-                age_s=max(now - row.at, 0.0),
-                sender=row.sender,
-                text=row.text,
-                node=row.node,
-                words=list(row.words),
-            )
-            for row in self.frames.rows(after, limit)
-        ]
+        return [_frame_line(row, now) for row in self.frames.rows(after, limit)]
+
+    def frame_line(self, number: int) -> FrameLine | None:
+        """One frame by its number, or None when it is no longer kept."""
+        row = self.frames.row(number)
+        return None if row is None else _frame_line(row, self._clock())
 
     def timeline(self) -> list[Lane]:
         """The states of every slot over time."""
@@ -337,3 +332,14 @@ class Views:
             duplicates=list(info.duplicates),
             ignored=self._ignored(info),
         )
+
+
+def _frame_line(row: FrameRow, now: float) -> FrameLine:
+    return FrameLine(
+        number=row.number,
+        age_s=max(now - row.at, 0.0),
+        sender=row.sender,
+        text=row.text,
+        node=row.node,
+        words=list(row.words),
+    )
