@@ -106,6 +106,9 @@ def test_the_commands_change_the_robot_that_runs(tmp_path: Path) -> None:
         assert "for 9 s parts of any kind" in await typed("adopt", "BB", "--slot", "CC", "--window", "9")
         assert stage.slot("BB") == "CC"
         assert await typed("identify", "AA") == "AA shows itself"
+        topic = "HelloWorldTopic_1_to_2"
+        assert (await typed("unbind", topic, "BB.in")).startswith(f"BB.in is taken off topic {topic}")
+        assert "topic" in await typed("bind", topic, "--type", "HelloWorld", "--to", "BB.in", "--best-effort")
         listed = (await typed("undo", "--list")).splitlines()
         assert "edit 1 undone" in "\n".join(listed)
         assert sum("(taken back)" in line for line in listed) == 1
@@ -141,6 +144,20 @@ def test_why_says_how_the_part_stands_now(tmp_path: Path) -> None:
         assert "checking -> standby: every fitting slot is taken" in said
         assert said.splitlines()[-1].startswith("now: DD (EFGH) is standby since"), said
         assert stage.state("DD") == "standby"
+
+    scene_with(tmp_path, act)
+
+
+def test_why_asks_the_master_when_the_database_cannot_be_read(tmp_path: Path) -> None:
+    async def act(stage: Stage) -> None:
+        await asyncio.to_thread(stage.registry.flush)
+        (tmp_path / "robot.db").rename(tmp_path / "away.db")
+        (tmp_path / "robot.db").write_text("this is no database, and long enough to be looked at")
+        said = await typed("why", "DD")
+        (tmp_path / "away.db").replace(tmp_path / "robot.db")
+        assert "is no database" in said
+        assert "DD (EFGH) is standby since" in said
+        assert "  - slot: every fitting slot is taken" in said
 
     scene_with(tmp_path, act)
 
@@ -184,7 +201,20 @@ def test_without_a_robot_there_is_nothing_to_change() -> None:
 
 
 def test_every_command_that_changes_a_robot_can_be_told_which() -> None:
-    for name in ("adopt", "swap", "release", "block", "unblock", "set", "undo", "identify", "stop", "why"):
+    for name in (
+        "adopt",
+        "swap",
+        "release",
+        "block",
+        "unblock",
+        "set",
+        "bind",
+        "unbind",
+        "undo",
+        "identify",
+        "stop",
+        "why",
+    ):
         found = msbot.get_command(click.Context(msbot), name)
         assert found is not None
         assert {"db", "robot"} <= {param.name for param in found.params}

@@ -24,6 +24,8 @@ COMMANDS = {
     "block": "Let a part, or all parts of a number, in no more.",
     "unblock": "Let a blocked part in again.",
     "set": "Show and set the parameters of a slot.",
+    "bind": "Join ports by a topic.",
+    "unbind": "Take a port off a topic.",
     "undo": "Take a change back, or show what was changed.",
     "identify": "Have a part show itself: blink, beep.",
     "stop": "STOP: all parts go to their safe states.",
