@@ -80,3 +80,14 @@ def _send(process: RunningProcess, line: bytes) -> bytes:
             return connection.makefile("rb").read()
         except ConnectionResetError:
             return b""
+
+
+async def test_nobody_is_known_before_there_is_a_token() -> None:
+    server = StatusServer(Agent(MemorySpace()), what="master", name="x", control=echo)
+    near, far = socket.socketpair()
+    with far:
+        reader, writer = await asyncio.open_connection(sock=near)
+        far.sendall(b"\n")
+        await server._answer(reader, writer)
+        await writer.wait_closed()
+        assert far.recv(1000) == b""

@@ -105,7 +105,8 @@ class StatusServer:
             async with asyncio.timeout(TOKEN_S):
                 shown = await reader.readline()
             token, _, request = shown.strip().partition(b" ")
-            if not hmac.compare_digest(token, self._token) or self._readers > _MAX_READERS:
+            is_known = bool(self._token) and hmac.compare_digest(token, self._token)
+            if not is_known or self._readers > _MAX_READERS:
                 return
             if request:
                 writer.write(_line(self._answer_to(request)))

@@ -5,7 +5,8 @@ profile or claims, which makes it `checking`. A claim is matched against the lib
 `matching`); if a slot is found, the part gets a lease and is `active` from the moment the verdict exists. Beats
 carry the lease and keep the life status up; silence first makes the part `late`, then `lost`. A session that is
 opened again voids the lease at once, but the slot stays held until the life status has run out, so that nobody
-slips in while a part reconnects.
+slips in while a part reconnects. A slot that falls free is given to a part that stands by within the same call
+(`seating`), and people move parts in the same way.
 
 Everything is told by values: verdicts to the asker, events to the subscribers and the journal.
 """
