@@ -53,7 +53,8 @@ def test_a_row_is_found_by_its_number_until_it_leaves() -> None:
     assert ring.row(5) is None
     assert ring.row(0) is None
     first, last = ring.row(6), ring.row(KEPT + 5)
-    assert first is not None and last is not None
+    assert first is not None
+    assert last is not None
     assert (first.number, last.number) == (6, KEPT + 5)
     assert ring.row(KEPT + 6) is None
 

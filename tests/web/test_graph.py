@@ -15,7 +15,8 @@ ends = st.builds(lambda slot, port: f"{slot}.{port}", names, names)
 
 def topic(name: str, publishers: list[str], subscribers: list[str], rate_hz: float = 0.0) -> TopicLine:
     return TopicLine(
-        topic=name, type_name="Level", publishers=publishers, subscribers=subscribers, rate_hz=rate_hz, count=7, fields={}
+        topic=name, type_name="Level", publishers=publishers, subscribers=subscribers, rate_hz=rate_hz, count=7,
+        fields={},
     )  # fmt: skip
 
 

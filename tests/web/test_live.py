@@ -117,8 +117,8 @@ def test_nested_values_lists_octets_and_what_is_no_number_are_shown() -> None:
     rig = Rig()
     rig.live.watch({"a": "Everything"})
     everything = Everything(
-        place=Place(x=1.5, name="<b>here</b>"), places=[Place(x=float(number)) for number in range(40)], numbers=[0.5],
-        raw=b"\x01\xff", far=math.inf, on=True,
+        place=Place(x=1.5, name="<b>here</b>"), places=[Place(x=float(number), name="") for number in range(40)],
+        numbers=[0.5], raw=b"\x01\xff", far=math.inf, on=True,
     )  # fmt: skip
     rig.writer("a", "Everything").write(everything.encode())
     fields = rig.fields("a")

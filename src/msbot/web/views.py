@@ -257,7 +257,7 @@ class Views:
                         name=entry.name,
                         manufacturer=entry.manufacturer,
                         description=entry.description,
-                        category=str(getattr(entry, "category", "")),
+                        category=entry.category.value,
                         ports=[port.name for port in entry.ports],
                     )
                 )
@@ -276,7 +276,7 @@ class Views:
             name=name,
             part_number=slot.part,
             type_name="" if part_type is None else part_type.name,
-            category="" if part_type is None else str(getattr(part_type, "category", "")),
+            category="" if part_type is None else part_type.category.value,
             description=slot.description,
             state="empty" if info is None else info.state.value,
             reason="nothing is plugged in" if info is None else info.reason,

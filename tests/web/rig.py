@@ -1,0 +1,137 @@
+"""What tests of the web room share: its views and its service on a robot that runs in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
+
+from msbot.config import load_library
+from msbot.errors import ConfigError, MsbotError
+from msbot.part import HelloWorld
+from msbot.web.accounts import Accounts, MemoryUsers, Session
+from msbot.web.bench import Bench
+from msbot.web.frames import FrameRing
+from msbot.web.live import Live
+from msbot.web.models import Control, Robot, Scalar
+from msbot.web.records import registry_records
+from msbot.web.roles import Role
+from msbot.web.service import Service
+from msbot.web.timeline import Timeline
+from msbot.web.views import Views
+from tests.operations.stage import Stage, play
+from tests.web.test_accounts import PlainHasher
+
+PASSWORD = "correct horse"
+
+
+class ToyBench:
+    """Simulated parts that are nothing but a switch and a knob."""
+
+    def __init__(self, *slots: str) -> None:
+        self.plugged = dict.fromkeys(slots, True)
+        self.turned: dict[str, Scalar] = dict.fromkeys(slots, 0)
+
+    def slots(self) -> tuple[str, ...]:
+        return tuple(self.plugged)
+
+    def is_plugged(self, slot: str) -> bool:
+        return self.plugged[slot]
+
+    def plug(self, slot: str) -> None:
+        self.plugged[slot] = True
+
+    def unplug(self, slot: str) -> None:
+        self.plugged[slot] = False
+
+    def controls(self, slot: str) -> tuple[Control, ...]:
+        return (Control(name="turn", kind="number", value=self.turned[slot]),)
+
+    def operate(self, slot: str, control: str, value: Scalar) -> None:
+        if control != "turn":
+            raise ConfigError(f"{slot} has no control {control!r}")
+        self.turned[slot] = value
+
+    def readings(self, slot: str) -> Mapping[str, Scalar]:
+        return {"turned": self.turned[slot]}
+
+
+class Rig:
+    """The web room around a robot on its stage, without a server."""
+
+    def __init__(self, stage: Stage, folder: Path, bench: Bench) -> None:
+        clock = asyncio.get_running_loop().time
+        self.stage = stage
+        self.frames = FrameRing()
+        timeline = Timeline()
+        stage.master.inventory.on_event(timeline.note)
+        library = load_library(folder / "library")
+        (record,) = stage.registry.robots()
+        self.views = Views(
+            stage.master,
+            blueprint=lambda: stage.registry.blueprint(record),
+            library=library,
+            live=Live(stage.master.space, {"HelloWorld": HelloWorld}.get, clock),
+            frames=self.frames,
+            timeline=timeline,
+            bench=bench,
+            clock=clock,
+            ignored=stage.do.is_ignored,
+        )
+        self.accounts = Accounts(MemoryUsers(), clock=clock, hasher=PlainHasher())
+        self.accounts.set_up(self.accounts.setup_token(), "ada", PASSWORD)
+        for role in (Role.VIEWER, Role.STUDENT, Role.TEACHER):
+            self.accounts.add_user(role.word, role, PASSWORD, who="ada")
+        self.service = Service(
+            views=self.views,
+            operations=stage.do,
+            accounts=self.accounts,
+            records=registry_records(stage.registry, record, stage.do, library, address=str(folder / "robot.db")),
+            robot=self._describe,
+            clock=clock,
+        )
+
+    def _describe(self) -> Robot:
+        return Robot(
+            name="R", version="1", serial_number="2", released="", manufacturer="", links=[], beat_s=1.0, tick_s=2.0,
+            life=3, stopped=self.stage.do.stop_report is not None, window_s=self.stage.do.window_s, trouble="",
+            slots=[], arrivals=0,
+        )  # fmt: skip
+
+    def session(self, role: Role) -> Session:
+        """Somebody who has signed in."""
+        name = "ada" if role is Role.ADMINISTRATOR else role.word
+        return self.accounts.sign_in(name, PASSWORD, "a desk")
+
+    async def look(self, seconds: float) -> None:
+        """Let time pass while the room looks at the robot."""
+        for _ in range(round(seconds / 0.25)):
+            self.views.look()
+            await asyncio.sleep(0.25)
+        self.views.look()
+
+
+def show(
+    folder: Path,
+    scene: Callable[[Rig], Awaitable[None]],
+    *changes: tuple[str, str],
+    parts: tuple[str, ...] = ("AA=ABCD", "BB=EFGH", "CC=WXYZ"),
+    bench: Bench | None = None,
+) -> None:
+    """Run a scene in the web room of the sample robot."""
+
+    async def on_stage(stage: Stage) -> None:
+        rig = Rig(stage, folder, bench or ToyBench())
+        rig.views.look()
+        await scene(rig)
+
+    play(folder, on_stage, *changes, parts=parts)
+
+
+def refusal(deed: Callable[[], object]) -> MsbotError:
+    """The error that a deed is refused with."""
+    try:
+        done = deed()
+    except MsbotError as error:
+        return error
+    raise AssertionError(f"it was done: {done}")
