@@ -275,8 +275,7 @@ class Service:
 
     def change_user(self, session: Session, name: str, role: str | None, password: str | None) -> Done:
         """Give a user another role or password; everybody may change their own password."""
-        if not (name == session.name and role is None):
-            self._need(session, Right.ADMINISTER)
+        self._need(session, Right.SEE if name == session.name and role is None else Right.ADMINISTER)
         self.accounts.change_user(name, who=session.name, role=role, password=password)
         return Done(words=f"{name} is changed")
 
@@ -314,11 +313,12 @@ class Service:
         self._seen_robot = None  # what follows changes it
 
     def _check_own(self, session: Session, edit: int | None) -> None:
-        edits = [line for line in self._operations.edits(200) if not line.undone]
-        found = edits[0] if edit is None and edits else next((line for line in edits if line.id == edit), None)
+        found = next(
+            (line for line in self._operations.edits(200) if line.can_be_undone and edit in (None, line.id)), None
+        )
         if found is None:
             raise ConfigError("there is no such change that could be undone")
-        if found.who != session.name or found.kind not in ("set", "reset"):
+        if found.who != session.name or found.kind != "value":
             self.accounts.require(session, Right.ARRANGE)
 
 
