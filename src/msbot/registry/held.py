@@ -30,7 +30,11 @@ def hold(address: str, content: bytes) -> Path:
     with tempfile.TemporaryDirectory(prefix="msbot-held-") as folder:
         copy = Path(folder) / "backup.db"
         copy.write_bytes(content)
-        faults = upkeep.check(str(copy))
+        try:
+            faults = upkeep.check(str(copy))
+        except RegistryError as error:
+            words = str(error).replace(f"the database {copy}", "it").replace(str(copy), "it").partition(":")[0]
+            raise RegistryError(f"this backup is not used: {words}") from None
     if faults:
         raise RegistryError(f"this backup is not used: {faults[0]}")
     try:

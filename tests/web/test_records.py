@@ -1,0 +1,105 @@
+"""What the pages show of the database: journal, robots, blueprint, users, backups."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+from msbot.config import blueprint_toml
+from msbot.registry import held, open_registry
+from msbot.web.accounts import User
+from msbot.web.records import RegistryUsers, robot_tiles
+from msbot.web.roles import Role
+from tests.operations.stage import AA_IS_A_DIAL
+from tests.web.rig import Rig, refusal, show
+
+
+def test_users_are_kept_with_role_and_tokens(tmp_path: Path) -> None:
+    with open_registry(tmp_path / "robot.db") as registry:
+        users = RegistryUsers(registry)
+        assert users.users() == []
+        bob = User("bob", Role.STUDENT, "salt", (("desk", "abc"),))
+        users.keep_user(bob, "ada")
+        users.keep_user(User("Zoe", Role.VIEWER, "pepper"), "ada")
+        assert users.user("bob") == bob
+        assert {user.name for user in users.users()} == {"bob", "Zoe"}
+        promoted = User("bob", Role.TEACHER, "salt", ())
+        users.keep_user(promoted, "ada")
+        assert users.user("bob") == promoted
+        users.remove_user("bob", "ada")
+        assert users.user("bob") is None
+
+
+def test_the_journal_is_told_newest_first_with_its_evidence(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        lines = rig.service.journal(100)
+        assert [line.number for line in lines] == sorted((line.number for line in lines), reverse=True)
+        entered = next(line for line in lines if line.part == "AA" and line.to_state == "active")
+        assert (entered.slot, entered.from_state) == ("AA", "checking")
+        assert entered.evidence
+        assert len(rig.service.journal(2)) == 2
+        assert {line.part for line in rig.service.journal(100, "AA")} == {"AA"}
+
+    show(tmp_path, scene)
+
+
+def test_the_class_view_counts_the_slots_that_are_held(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        (tile,) = rig.service.robots()
+        assert (tile.name, tile.here, tile.running, tile.slots, tile.active) == ("MSBOT_MASTER", True, True, 3, 3)
+        assert tile.last_event
+        rig.stage.pull("AA")
+        await asyncio.sleep(7.0)
+        rig.stage.registry.flush()
+        (tile,) = rig.service.robots()
+        assert tile.active == 2
+        assert tile.last_event.startswith("AA")
+        (record,) = rig.stage.registry.robots()
+        entry = rig.stage.registry.journal(1, robot=record)[-1]
+        (tile,) = robot_tiles(rig.stage.registry, record, epoch_ns=lambda: entry.at_ns + 90 * 10**9)()
+        assert tile.last_event_age_s == 90.0
+
+    show(tmp_path, scene)
+
+
+def test_a_blueprint_goes_out_is_compared_and_comes_in(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        teacher = rig.session(Role.TEACHER)
+        text = rig.service.blueprint()
+        assert rig.service.blueprint_diff(text).changes == []
+        changed = text.replace("Light sensor, 5V", "<b>Dial</b>")
+        (line,) = rig.service.blueprint_diff(changed).changes
+        assert "AA" in line
+        assert rig.service.blueprint() == text  # comparing changes nothing
+        done = rig.service.apply_blueprint(teacher, changed)
+        assert done.words
+        assert rig.views.slot("AA").description == "<b>Dial</b>"
+        assert rig.service.edits(1)[0].who == "teacher"
+        words = str(refusal(lambda: rig.service.blueprint_diff(text.replace('"ABCD"', '"ABCX"'))))
+        assert "ABCX" in words
+
+    show(tmp_path, scene)
+
+
+def test_what_was_set_by_hand_goes_out_with_a_remark(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        rig.service.set_value(rig.session(Role.STUDENT), "AA", "period_s", 0.5)
+        text = rig.service.blueprint()
+        assert "0.5" in text
+        (record,) = rig.stage.registry.robots()
+        assert text == blueprint_toml(rig.stage.registry.blueprint(record), rig.stage.registry.made_by_hand(record))
+
+    show(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
+
+
+def test_a_backup_comes_back_with_the_next_start(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        ada = rig.session(Role.ADMINISTRATOR)
+        content = rig.service.backup(ada)
+        assert content.startswith(b"SQLite format 3")
+        assert "when the master starts anew" in rig.service.restore(ada, content).words
+        assert ("ada", "restore") in [(edit.who, edit.kind) for edit in rig.service.edits(5)]
+        assert "not used" in str(refusal(lambda: rig.service.restore(ada, b"something else")))
+
+    show(tmp_path, scene)
+    assert held.bring_back_held(str(tmp_path / "robot.db")) is not None
