@@ -32,6 +32,7 @@ def test_users_are_kept_with_role_and_tokens(tmp_path: Path) -> None:
 
 def test_the_journal_is_told_newest_first_with_its_evidence(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
+        rig.stage.registry.flush()
         lines = rig.service.journal(100)
         assert [line.number for line in lines] == sorted((line.number for line in lines), reverse=True)
         entered = next(line for line in lines if line.part == "AA" and line.to_state == "active")
@@ -45,6 +46,7 @@ def test_the_journal_is_told_newest_first_with_its_evidence(tmp_path: Path) -> N
 
 def test_the_class_view_counts_the_slots_that_are_held(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
+        rig.stage.registry.flush()
         (tile,) = rig.service.robots()
         assert (tile.name, tile.here, tile.running, tile.slots, tile.active) == ("MSBOT_MASTER", True, True, 3, 3)
         assert tile.last_event
