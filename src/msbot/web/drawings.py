@@ -31,7 +31,10 @@ def state_chip(state: str, word: str) -> str:
 
 
 def beat_ring(card: SlotCard, beat_s: float) -> str:
-    """The ring around a slot's life status: how much of the time to the next beat is left, and life 3-2-1-0."""
+    """The ring around a slot's life status: how much of the time to the next beat is left, and life 3-2-1-0.
+
+    The browser lets it run down by itself, in steps: 120 rings that move smoothly would keep a tablet busy.
+    """
     part = card.part
     life = "–" if part is None or not part.life else str(part.life)
     left = 0.0 if card.next_beat_s is None else max(0.0, min(1.0, card.next_beat_s / beat_s))
@@ -41,9 +44,14 @@ def beat_ring(card: SlotCard, beat_s: float) -> str:
         f'<svg width="46" height="46" viewBox="0 0 46 46" role="img" aria-label="{escape(words)}">'
         f'<circle class="beat" cx="23" cy="23" r="18" fill="none" stroke-width="5"/>'
         f'<circle class="beat-now" cx="23" cy="23" r="18" fill="none" stroke-width="5" stroke-linecap="round" '
-        f'stroke-dasharray="{length:.1f}" stroke-dashoffset="{length * (1 - left):.1f}" transform="rotate(-90 23 23)"/>'
+        f'stroke-dasharray="{length:.1f}" stroke-dashoffset="{length * (1 - left):.1f}" transform="rotate(-90 23 23)"'
+        f"{_running(beat_s, left) if card.next_beat_s is not None else ''}/>"
         f'<text class="life num" x="23" y="29" text-anchor="middle" font-size="17">{life}</text></svg>'
     )
+
+
+def _running(beat_s: float, left: float) -> str:
+    return f' style="animation:ms-beat {beat_s:g}s steps(6) {-beat_s * (1 - left):.2f}s forwards"'
 
 
 def main_port(card: SlotCard) -> PortLine | None:

@@ -25,7 +25,7 @@ from msbot.web.models import (
     Value,
 )
 from msbot.web.roles import Right, role_named
-from msbot.web.views import ARRIVING, Views
+from msbot.web.views import Views
 
 SHARED_S = 0.2
 """So long one look at the robot serves every page."""
@@ -95,9 +95,8 @@ class Service:
         if self._seen_robot is not None and now - self._seen_robot[0] < SHARED_S:
             return self._seen_robot[1]
         slots = self.views.slots()
-        waiting = sum(part.state in ARRIVING and not part.ignored for part in self.views.parts())
         robot = self._robot().model_copy(
-            update={"slots": slots, "arrivals": waiting, "trouble": self._records.trouble()}
+            update={"slots": slots, "arrivals": self.views.waiting(), "trouble": self._records.trouble()}
         )
         self._seen_robot = (now, robot)
         return robot

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
-from msbot.config import Blueprint, Library
+from msbot.config import Binding, Blueprint, Library, Slot
 from msbot.errors import ConfigError
 from msbot.master import Master
 from msbot.pnp import PartInfo
@@ -93,9 +94,13 @@ class Views:
 
     def slots(self) -> list[SlotCard]:
         """All slots, in the order of the blueprint."""
-        now = self._clock()
+        now, blueprint = self._clock(), self._blueprint()
         infos = {info.slot: info for info in self._master.inventory.view(now) if info.slot}
-        return [self._card(name, infos.get(name), now) for name in (slot.name for slot in self._blueprint().slots)]
+        here, ends = frozenset(self.bench.slots()), _ends_of(blueprint)
+        return [
+            self._card(slot, infos.get(slot.name), now, is_here=slot.name in here, ends=ends.get(slot.name, []))
+            for slot in blueprint.slots
+        ]
 
     def slot(self, name: str) -> SlotCard:
         """One slot.
@@ -103,10 +108,13 @@ class Views:
         Raises:
             NotThere: there is no such slot.
         """
-        now = self._clock()
         self.check_slot(name)
+        now, blueprint = self._clock(), self._blueprint()
+        slot = blueprint.slot(name)
+        assert slot is not None
         info = next((info for info in self._master.inventory.view(now) if info.slot == name), None)
-        return self._card(name, info, now)
+        is_here = name in self.bench.slots()
+        return self._card(slot, info, now, is_here=is_here, ends=_ends_of(blueprint).get(name, []))
 
     def check_slot(self, name: str) -> None:
         """Refuse a slot that is not there.
@@ -122,6 +130,11 @@ class Views:
     def parts(self) -> list[PartLine]:
         """All parts that are there or were there lately."""
         return [self._part(info) for info in self._master.inventory.view(self._clock())]
+
+    def waiting(self) -> int:
+        """How many parts are among the arrivals and not ignored."""
+        infos = self._master.inventory.view(self._clock())
+        return sum(info.state.value in ARRIVING and not self._ignored(info) for info in infos)
 
     def arrivals(self) -> list[PartLine]:
         """Parts that are there and hold no slot, the newest first; those a person ignores last."""
@@ -265,15 +278,14 @@ class Views:
 
     # Helpers
 
-    def _card(self, name: str, info: PartInfo | None, now: float) -> SlotCard:
-        slot = self._blueprint().slot(name)
-        assert slot is not None
+    def _card(
+        self, slot: Slot, info: PartInfo | None, now: float, *, is_here: bool, ends: Sequence[_End]
+    ) -> SlotCard:  # fmt: skip
         part_type = self.library.get(slot.part)
         beat_s = self._master.inventory.timing.beat_s
         is_counted = info is not None and info.state.is_registered and info.beat_age_s is not None
-        is_here = name in self.bench.slots()
         return SlotCard(
-            name=name,
+            name=slot.name,
             part_number=slot.part,
             type_name="" if part_type is None else part_type.name,
             category="" if part_type is None else part_type.category.value,
@@ -281,36 +293,28 @@ class Views:
             state="empty" if info is None else info.state.value,
             reason="nothing is plugged in" if info is None else info.reason,
             part=None if info is None else self._part(info),
-            ports=self._ports(name, now),
+            ports=[self._port(end, now) for end in ends],
             next_beat_s=beat_s - info.beat_age_s
             if is_counted and info is not None and info.beat_age_s is not None
             else None,
             simulated=is_here,
-            plugged=self.bench.is_plugged(name) if is_here else None,
+            plugged=self.bench.is_plugged(slot.name) if is_here else None,
         )
 
-    def _ports(self, slot: str, now: float) -> list[PortLine]:
-        lines = []
-        for binding in self._blueprint().bindings:
-            ends = [(binding.source, True), *((target, False) for target in binding.targets)]
-            for end, publishes in ends:
-                if end.slot != slot:
-                    continue
-                watch = self.live.topic(binding.topic)
-                lines.append(
-                    PortLine(
-                        port=end.port,
-                        topic=binding.topic,
-                        type_name=binding.type_name,
-                        publishes=publishes,
-                        reliable=binding.reliable,
-                        rate_hz=0.0 if watch is None else round(watch.rate_hz(now), 2),
-                        count=0 if watch is None else watch.count,
-                        age_s=None if watch is None or watch.at is None else now - watch.at,
-                        fields={} if watch is None else self.live.fields(watch),
-                    )
-                )
-        return lines
+    def _port(self, end: _End, now: float) -> PortLine:
+        binding = end.binding
+        watch = self.live.topic(binding.topic)
+        return PortLine(
+            port=end.port,
+            topic=binding.topic,
+            type_name=binding.type_name,
+            publishes=end.publishes,
+            reliable=binding.reliable,
+            rate_hz=0.0 if watch is None else round(watch.rate_hz(now), 2),
+            count=0 if watch is None else watch.count,
+            age_s=None if watch is None or watch.at is None else now - watch.at,
+            fields={} if watch is None else self.live.fields(watch),
+        )
 
     def _part(self, info: PartInfo) -> PartLine:
         return PartLine(
@@ -332,6 +336,25 @@ class Views:
             duplicates=list(info.duplicates),
             ignored=self._ignored(info),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """A slot's end of a binding."""
+
+    binding: Binding
+    port: str
+    publishes: bool
+
+
+def _ends_of(blueprint: Blueprint) -> Mapping[str, list[_End]]:
+    """The ends of all bindings by slot, in the order of the blueprint."""
+    found: dict[str, list[_End]] = {}
+    for binding in blueprint.bindings:
+        found.setdefault(binding.source.slot, []).append(_End(binding, binding.source.port, publishes=True))
+        for target in binding.targets:
+            found.setdefault(target.slot, []).append(_End(binding, target.port, publishes=False))
+    return found
 
 
 def _frame_line(row: FrameRow, now: float) -> FrameLine:

@@ -218,7 +218,7 @@ def _menu(page: Page, path: str) -> None:
                 count = ui.label("").classes("count")
 
                 def show(count: ui.label = count) -> None:
-                    waiting = sum(not part.ignored for part in page.service.views.arrivals())
+                    waiting = page.service.robot().arrivals
                     count.set_text(str(waiting))
                     count.set_visibility(waiting > 0)
 

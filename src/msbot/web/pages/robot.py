@@ -9,7 +9,7 @@ from fastapi import Request
 from nicegui import ui
 
 from msbot.web.drawings import beat_ring, draw, fields_html, main_port, state_chip
-from msbot.web.models import Robot, SlotCard
+from msbot.web.models import PartLine, Robot, SlotCard
 from msbot.web.pages.drawer import open_drawer
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.roles import Right
@@ -48,15 +48,18 @@ def _summary(page: Page) -> None:
 def _grid(page: Page) -> None:
     grid = ui.element("div").classes("grid").props(f'role=list aria-label="{page.say("Slots")}"')
     cards: dict[str, ui.html] = {}
+    shown: dict[str, object] = {}
 
     def show() -> None:
         robot = page.service.robot()
         if list(cards) != [card.name for card in robot.slots]:
+            shown.clear()
             _fill(page, grid, cards, robot)
         for card in robot.slots:
-            content = card_html(page, card, robot.beat_s)
-            if cards[card.name].content != content:
-                cards[card.name].set_content(content)
+            look = look_of(card, robot.beat_s)
+            if shown.get(card.name) != look:
+                shown[card.name] = look
+                cards[card.name].set_content(card_html(page, card, robot.beat_s))
 
     page.every_look(show)
 
@@ -87,8 +90,13 @@ def _plug_button(page: Page, card: SlotCard) -> None:
 
     button = ui.button(on_click=toggle).props("flat round dense").style("position:absolute;right:.5rem;bottom:.5rem")
 
+    shown: list[bool] = []
+
     def show() -> None:
         is_plugged = page.service.views.bench.is_plugged(card.name)
+        if shown == [is_plugged]:
+            return
+        shown[:] = [is_plugged]
         word = page.say("Unplug {name}" if is_plugged else "Plug {name} in", name=card.name)
         button.props(
             f'icon={"power_off" if is_plugged else "power"} aria-label="{escape(word)}" title="{escape(word)}"'
@@ -97,12 +105,31 @@ def _plug_button(page: Page, card: SlotCard) -> None:
     page.every_look(show, button)
 
 
+def look_of(card: SlotCard, beat_s: float) -> object:
+    """What a card's picture depends on; between two beats the browser turns the ring by itself."""
+    part, port = card.part, main_port(card)
+    return (
+        card.state,
+        card.reason,
+        card.type_name,
+        card.simulated,
+        None if part is None else (part.part, part.life, part.beats, _age(part, beat_s)),
+        None if port is None else (port.topic, port.port, port.publishes, tuple(port.fields.items())),
+    )
+
+
+def _age(part: PartLine, beat_s: float) -> str:
+    """Seconds since the last beat, as they are shown: exact as soon as one is overdue."""
+    if part.beat_age_s is None or part.state not in ("active", "late"):
+        return ""
+    return f"< {beat_s:g}" if part.beat_age_s < beat_s else f"{part.beat_age_s:.1f}"
+
+
 def card_html(page: Page, card: SlotCard, beat_s: float) -> str:
     """One slot as a card."""
     part, port = card.part, main_port(card)
-    age = ""
-    if part is not None and part.beat_age_s is not None and part.state in ("active", "late"):
-        age = page.say("beat {age} s ago", age=f"{part.beat_age_s:.1f}")
+    age = "" if part is None else _age(part, beat_s)
+    age = age and escape(page.say("beat {age} s ago", age=age))
     shown = "" if port is None else (
         f'{draw(port.type_name, port.fields)}<div class="vals">{fields_html(port.fields)}'
         f'<div class="soft">{escape(port.port)} → {escape(port.topic)}</div></div>'
