@@ -11,7 +11,7 @@ import contextlib
 import errno
 import socket
 import ssl
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -79,8 +79,8 @@ class WebServer:
 
     def __init__(self, service: Service, settings: WebSettings) -> None:
         self._service = service
+        self._tls = None if settings.certificate is None else _tls_context(settings.certificate, settings.key)
         self._socket = _bind(settings)
-        self._tls = settings.certificate is not None
         self.host = settings.host
         self.port: int = self._socket.getsockname()[1]
         try:
@@ -119,12 +119,17 @@ class WebServer:
         finally:
             self._server.should_exit = True
             self._server.force_exit = True
-            with contextlib.suppress(asyncio.CancelledError):
-                await serving
-                if self.ready.is_set():
-                    # `force_exit` leaves this out, and what is left of the server ends in a traceback.
-                    await self._server.lifespan.shutdown()
+            ending = asyncio.ensure_future(self._end(serving))
+            while not ending.done():  # whoever is in a hurry and cancels twice does not tear it off half way
+                with contextlib.suppress(asyncio.CancelledError):
+                    await asyncio.shield(ending)
             self._socket.close()
+
+    async def _end(self, serving: asyncio.Future[None]) -> None:
+        await asyncio.wait([serving])
+        if self.ready.is_set():
+            # `force_exit` leaves this out, and what is left of the server ends in a traceback.
+            await self._server.lifespan.shutdown()
 
     def _config(self, settings: WebSettings) -> uvicorn.Config:
         service = self._service
@@ -138,7 +143,7 @@ class WebServer:
         ui.run_with(app, title=f"{service.robot_name} · MsBOT", dark=None, show_welcome_message=False, tailwind=False,
                     favicon=Path(str(files("msbot.web") / "static" / "icon.svg")))  # fmt: skip
         hosts = () if settings.host not in LOOPBACK else LOOPBACK
-        context = None if settings.certificate is None else _tls_context(settings.certificate, settings.key)
+        tls = self._tls
         return uvicorn.Config(
             Guard(app, service.accounts, hosts),
             log_level="warning",
@@ -147,7 +152,7 @@ class WebServer:
             lifespan="on",
             timeout_graceful_shutdown=1,
             proxy_headers=False,
-            ssl_context_factory=None if context is None else lambda _config, _default: context,
+            ssl_context_factory=None if tls is None else lambda _config, _default: tls,
         )
 
 
@@ -167,6 +172,9 @@ def _bind(settings: WebSettings) -> socket.socket:
     except OSError as error:
         bound.close()
         raise ConfigError(_why_not(error, settings)) from None
+    except UnicodeError:
+        bound.close()
+        raise ConfigError(_why_not(socket.gaierror(), settings)) from None
     return bound
 
 
@@ -184,7 +192,7 @@ def _why_not(error: OSError, settings: WebSettings) -> str:
 def _tls_context(certificate: Path, key: Path | None) -> ssl.SSLContext:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
-        context.load_cert_chain(certificate, key)
+        context.load_cert_chain(certificate, key, _no_password(key or certificate))
     except ssl.SSLError as error:
         raise ConfigError(
             f"the certificate {certificate} and the key {key or certificate} do not go together, or are no PEM files "
@@ -193,3 +201,11 @@ def _tls_context(certificate: Path, key: Path | None) -> ssl.SSLContext:
     except OSError as error:
         raise ConfigError(f"cannot read {error.filename or certificate}: {error.strerror}") from None
     return context
+
+
+def _no_password(key: Path) -> Callable[[], str]:
+    def refuse() -> str:
+        # Asked for at the terminal it would keep the robot from starting.
+        raise ConfigError(f"the key {key} is protected by a password: `openssl pkey -in {key} -out FILE` takes it away")
+
+    return refuse
