@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import socket
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from random import Random
 
 import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
@@ -41,6 +44,16 @@ def browser() -> Iterator[Browser]:
         found = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
         yield found
         found.close()
+
+
+def free_port() -> int:
+    """A port, for TCP and UDP, below those that the system gives to clients: it stays free during a restart."""
+    for port in Random().sample(range(20_000, 32_000), 100):
+        with socket.socket() as tcp, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp, suppress(OSError):
+            tcp.bind(("127.0.0.1", port))
+            udp.bind(("127.0.0.1", port))
+            return port
+    raise AssertionError("no free port")
 
 
 def new_page(browser: Browser, *, width: int = 1280, height: int = 900) -> Page:

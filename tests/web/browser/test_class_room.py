@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import re
 import signal
-import socket
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from random import Random
 
 import httpx
 import pytest
@@ -16,7 +14,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from msbot.web.accounts import FREE_TRIES
 from tests.e2e.processes import Process, run, running
-from tests.web.browser.conftest import link_in, new_page
+from tests.web.browser.conftest import free_port, link_in, new_page
 
 PASSWORD = "correct horse"
 FREE_SLOT = """
@@ -33,16 +31,6 @@ direction = "publish"
 type = "HelloWorld"
 """
 """A part type that the master's library does not have."""
-
-
-def free_port() -> int:
-    """A port, for TCP and UDP, below those that the system gives to clients: it stays free during a restart."""
-    for port in Random().sample(range(20_000, 32_000), 100):
-        with socket.socket() as tcp, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp, suppress(OSError):
-            tcp.bind(("127.0.0.1", port))
-            udp.bind(("127.0.0.1", port))
-            return port
-    raise AssertionError("no free port")
 
 
 class ClassRoom:
@@ -239,6 +227,7 @@ def test_after_a_restart_of_the_master_the_page_comes_back_to_its_view(browser: 
         page.reload()
         expect(page.get_by_role("heading", name="BB")).to_be_visible()
         assert room.master.end() == 0
+        assert not [line for line in room.master.lines if "Error" in line or "Traceback" in line]
         room.start_master()
         expect(page.get_by_role("heading", level=1)).to_have_text("MSBOT_MASTER")  # sessions ended with the master
         fill_in(page, name="tina", password=PASSWORD)

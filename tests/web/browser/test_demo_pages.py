@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.web.browser.conftest import Site, new_page
+from tests.web.browser.contrast import faint_texts
 
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
@@ -17,9 +18,11 @@ PAGES = {
 
 
 @pytest.mark.parametrize("path", PAGES)
-def test_every_page_opens_without_an_error_and_fits_desk_and_phone(browser: Browser, demo: Site, path: str) -> None:
+def test_every_page_opens_without_an_error_fits_and_can_be_read(browser: Browser, demo: Site, path: str) -> None:
     page = new_page(browser)
     errors: list[str] = []
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
     page.goto(f"{demo.link}&next={path}")
@@ -29,6 +32,9 @@ def test_every_page_opens_without_an_error_and_fits_desk_and_phone(browser: Brow
         page.set_viewport_size({"width": width, "height": 844})
         too_wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
         assert too_wide <= 0
+    assert {url for url in asked if not url.startswith((demo.base, "data:", "blob:"))} == set(), "works offline"
+    for dark in (False, True):
+        assert faint_texts(page, dark=dark) == []
     assert errors == []
     page.context.close()
 
