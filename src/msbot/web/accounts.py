@@ -262,7 +262,7 @@ class Accounts:
         if session.token and self.session(session.token) is not session:
             raise SignedOut("you are signed out: sign in again")
         if not session.may(right):
-            raise NotAllowed(f"a {session.role.word} may not {right.value}; a {right.least.word} may")
+            raise NotAllowed(f"{session.role.one} may not {right.value}; {right.least.one} may")
 
     # Administration
 

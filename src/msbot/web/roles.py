@@ -20,6 +20,11 @@ class Role(IntEnum):
         """The role as it is stored and shown: `viewer`, `student`, `teacher`, `administrator`."""
         return self.name.lower()
 
+    @property
+    def one(self) -> str:
+        """The same in a sentence: `a teacher`, `an administrator`."""
+        return f"{'an' if self.word[0] in 'aeiou' else 'a'} {self.word}"
+
 
 def role_named(word: str) -> Role:
     """The role of that name.

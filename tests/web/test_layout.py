@@ -1,0 +1,131 @@
+"""A page that is open: what it looks at, what it leaves out, and when it ends; without a browser."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from pathlib import Path
+
+import pytest
+from nicegui import ui
+
+from msbot.errors import RegistryError
+from msbot.web.language import language_named
+from msbot.web.models import Done
+from msbot.web.pages import layout
+from msbot.web.pages.layout import Page
+from msbot.web.roles import Right, Role
+from msbot.web.views import NotThere
+from tests.web.rig import Rig, show
+
+
+class Screen:
+    """What NiceGUI is asked to show."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.notes: list[str] = []
+        self.scripts: list[str] = []
+        monkeypatch.setattr(ui, "notify", lambda words, **_: self.notes.append(words))
+        monkeypatch.setattr(ui, "run_javascript", self.scripts.append)
+
+
+@pytest.fixture
+def screen(monkeypatch: pytest.MonkeyPatch) -> Screen:
+    return Screen(monkeypatch)
+
+
+def open_page(rig: Rig, role: Role = Role.TEACHER) -> Page:
+    return Page(rig.service, rig.session(role), language_named("en"))
+
+
+def test_what_has_vanished_is_looked_at_no_more_and_the_rest_goes_on(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        page, looks = open_page(rig), {"gone": 0, "here": 0}
+
+        def gone() -> None:
+            looks["gone"] += 1
+            if looks["gone"] > 1:
+                raise NotThere("there is no slot 'x'")
+
+        def here() -> None:
+            looks["here"] += 1
+
+        page.every_look(gone)
+        page.every_look(here)
+        for _ in range(3):
+            page.refresh()
+        assert looks == {"gone": 2, "here": 4}
+
+    show(tmp_path, scene, parts=())
+
+
+def test_trouble_with_the_database_is_logged_once_and_tried_again(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scene(rig: Rig) -> None:
+        page, looks = open_page(rig), [0]
+
+        def look() -> None:
+            looks[0] += 1
+            if 1 < looks[0] < 10:
+                raise RegistryError("the database is locked")
+
+        page.every_look(look)
+        with caplog.at_level(logging.WARNING, logger=layout.__name__):
+            for _ in range(20):
+                page.refresh()
+        assert looks == [21]
+        assert [record.getMessage() for record in caplog.records] == [
+            "the page of teacher shows what it showed before: the database is locked"
+        ]
+
+    show(tmp_path, scene, parts=())
+
+
+def test_a_deed_is_told_refused_in_words_or_leads_to_the_sign_in(tmp_path: Path, screen: Screen) -> None:
+    async def scene(rig: Rig) -> None:
+        page, looks = open_page(rig), []
+        page.every_look(lambda: looks.append(rig.stage.now()))
+        assert page.do(lambda session: rig.service.open_window(session, 9.0)) is not None
+        assert len(looks) == 2  # at once, not at the next look
+        assert page.do(lambda _: Done(words="quietly"), quiet=True) is not None
+        assert page.do(lambda session: rig.service.remove_user(session, "student")) is None
+        assert len(screen.notes) == 2
+        assert screen.notes[1] == "a teacher may not administer users, keys and backups; an administrator may"
+        rig.accounts.sign_out(page.session)
+        assert page.do(lambda session: rig.service.open_window(session, 9.0)) is None
+        assert screen.scripts == ["msbotSignIn()"]
+
+    show(tmp_path, scene, parts=())
+
+
+def test_a_page_ends_with_its_session_and_looking_keeps_none_alive(tmp_path: Path, screen: Screen) -> None:
+    async def scene(rig: Rig) -> None:
+        page, idle = open_page(rig, Role.STUDENT), open_page(rig, Role.VIEWER)
+        page.every_look(lambda: None)
+        used_at = idle.session.used_at
+        await asyncio.sleep(60.0)
+        for one in (page, idle):
+            one.check_session()
+        assert screen.scripts == []
+        assert idle.session.used_at == used_at
+        assert page.may(Right.SET)
+        rig.accounts.change_user("student", who="ada", role="viewer")
+        page.check_session()
+        assert not page.may(Right.SET)
+        rig.accounts.remove_user("student", who="ada")
+        page.check_session()
+        assert screen.scripts == ["msbotSignIn()"]
+        assert page.refreshers == []
+
+    show(tmp_path, scene, parts=())
+
+
+def test_stop_says_how_long_it_took(tmp_path: Path, screen: Screen) -> None:
+    async def scene(rig: Rig) -> None:
+        layout.press_stop(open_page(rig, Role.VIEWER))
+        assert rig.service.robot().stopped
+        (said,) = screen.notes
+        assert "STOP" in said
+
+    show(tmp_path, scene)
