@@ -229,3 +229,25 @@ async def test_what_was_refused_is_counted_by_reason() -> None:
     for _ in range(3):
         await rig.ask("/api/robot")
     assert rig.guard.refused == {"sign in first": 3}
+
+
+@pytest.mark.parametrize("leaves", [True, False])
+async def test_a_visitor_who_goes_before_the_answer_is_no_error(leaves: bool) -> None:
+    async def silent(_scope: Scope, receive: Receive, _send: Send) -> None:
+        if leaves:
+            assert (await receive())["type"] == "http.disconnect"
+        raise RuntimeError("No response returned.")
+
+    async def receive() -> Message:
+        return {"type": "http.disconnect"}
+
+    async def send(_message: Message) -> None:
+        raise AssertionError("there is nobody to answer")
+
+    guard = Guard(silent, Rig().accounts, ())
+    scope = {"type": "http", "method": "GET", "path": "/login", "headers": []}
+    if leaves:
+        await guard(scope, receive, send)
+    else:
+        with pytest.raises(RuntimeError, match="No response"):
+            await guard(scope, receive, send)

@@ -85,7 +85,11 @@ class Guard:
         if scope["type"] == "websocket":
             await self._app(scope, receive, send)
         else:
-            await self._app(scope, _limited(receive, _most_of(path)), _with_headers(send, path))
+            try:
+                await self._app(scope, _limited(scope, receive, _most_of(path)), _with_headers(send, path))
+            except RuntimeError as error:
+                if not is_left(scope, error):
+                    raise
 
     def _check_host(self, headers: Headers) -> tuple[int, str] | None:
         host = urlsplit(f"//{headers.get('host', '')}").hostname or ""
@@ -170,13 +174,23 @@ def _check_length(path: str, headers: Headers) -> tuple[int, str] | None:
     return None
 
 
-def _limited(receive: Receive, most: int) -> Receive:
-    """Count what really comes: a chunked body has no length in its header."""
+def is_left(scope: Scope, error: Exception) -> bool:
+    """Whether this error only says that the visitor went before the answer, as browsers do all the time.
+
+    Starlette's middleware takes that for a fault of the application.
+    """
+    return bool(scope.get("state", {}).get("left")) and str(error) == "No response returned."
+
+
+def _limited(scope: Scope, receive: Receive, most: int) -> Receive:
+    """Count what really comes: a chunked body has no length in its header. Notes when the visitor leaves."""
     left = most
 
     async def limited() -> Message:
         nonlocal left
         message = await receive()
+        if message["type"] == "http.disconnect":
+            scope["state"]["left"] = True
         left -= len(message.get("body", b""))
         if left < 0:
             return {"type": "http.disconnect"}

@@ -10,6 +10,7 @@ from fastapi.responses import JSONResponse
 
 from msbot.errors import MsbotError, RegistryError
 from msbot.web.accounts import NotAllowed, SignedOut, SignInRefused
+from msbot.web.guard import is_left
 from msbot.web.views import NotThere
 
 _log = logging.getLogger(__name__)
@@ -42,6 +43,8 @@ def tell_problems(app: FastAPI) -> None:
         return JSONResponse({"error": "; ".join(faults)}, 422)
 
     async def unknown(request: Request, error: Exception) -> JSONResponse:
+        if is_left(request.scope, error):
+            return JSONResponse({"error": "nobody waits for this answer"}, 500)
         _log.error("the answer to %s %s failed", request.method, request.url.path, exc_info=error)
         return JSONResponse({"error": "something went wrong in the server; its log says what"}, 500)
 
