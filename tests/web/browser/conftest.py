@@ -84,7 +84,7 @@ class Site:
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     """The rover of ordinary parts, everything simulated."""
     folder: Path = tmp_path_factory.mktemp("demo")
-    with running("demo", "--robot", "rover", "--port", "0", cwd=folder) as process:
+    with running("demo", "--robot", "rover", "--spare", "--port", "0", cwd=folder) as process:
         yield Site(process)
 
 

@@ -31,7 +31,10 @@ _FAINT = """() => {
 
 def faint_texts(page: Page, *, dark: bool) -> list[str]:
     """Visible texts of the page with too little contrast, each with its ratio; ideally none."""
-    page.evaluate("(dark) => Quasar.Dark.set(dark)", dark)
-    page.wait_for_function("(dark) => document.body.classList.contains('body--dark') === dark", arg=dark)
+    page.emulate_media(reduced_motion="reduce")  # colours change at once then
+    # Asked again until it holds: the page may be about to set what its visitor has chosen.
+    page.wait_for_function(
+        "(dark) => { Quasar.Dark.set(dark); return document.body.classList.contains('body--dark') === dark }", arg=dark
+    )
     found: list[str] = page.evaluate(_FAINT)
     return found

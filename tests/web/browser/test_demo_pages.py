@@ -143,3 +143,18 @@ def test_the_language_is_chosen_and_kept(page: Page) -> None:
     page.get_by_role("button", name="Sie").click()
     page.get_by_text("English").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("Robot")
+
+
+def test_a_simulated_part_without_a_slot_is_played_with(page: Page, demo: Site) -> None:
+    page.goto(f"{demo.base}/arrivals")
+    waiting = page.locator(".slot").filter(has_text="DD")
+    plug = page.get_by_role("switch", name="Plugged in")
+    expect(waiting).to_contain_text("standby")
+    plug.click()
+    expect(waiting).to_have_count(0)
+    expect(page.get_by_role("slider")).to_have_count(0)
+    plug.click()
+    expect(waiting).to_contain_text("standby")
+    expect(page.get_by_role("slider")).to_have_count(1)
+    waiting.get_by_role("button", name="Adopt").click()
+    expect(page.get_by_role("menuitem")).to_have_text("No slot is free: release or swap one.")

@@ -121,13 +121,10 @@ def _card(page: Page, part: PartLine) -> None:
 def _deeds(page: Page, part: PartLine) -> None:
     service, name = page.service, part.uid or part.client_key
     if page.may(Right.ARRANGE):
-        with ui.button(page.say("Adopt into slot …"), icon="add_link"), ui.menu():
-            free = service.views.free_slots(part.part_number)
-            if not free:
-                ui.menu_item(page.say("No slot is free: release or swap one.")).props("disable role=menuitem")
-            for card in free:
-                word = f"{card.name} · {card.part_number} · {page.say(card.state)}"
-                ui.menu_item(word, partial(_adopt, page, name, card.name)).props("role=menuitem")
+        with ui.button(page.say("Adopt into slot …"), icon="add_link") as adopt:
+            menu = ui.menu()
+        adopt.on_click(partial(_offer_slots, page, part, menu))  # as they are then, not when the part came
+        _offer_slots(page, part, menu)
         ui.button(page.say("Ignore"), on_click=lambda: page.do(lambda session: service.ignore(session, name))).props(
             "flat"
         )
@@ -141,6 +138,17 @@ def _deeds(page: Page, part: PartLine) -> None:
             on_click=lambda: page.do(lambda session: service.identify(session, name)),
         ).props("flat")
     ui.button(page.say("Why?"), on_click=partial(_why, page, part)).props("flat")
+
+
+def _offer_slots(page: Page, part: PartLine, menu: ui.menu) -> None:
+    menu.clear()
+    free = page.service.views.free_slots(part.part_number)
+    with menu:
+        if not free:
+            ui.menu_item(page.say("No slot is free: release or swap one.")).props("disable role=menuitem")
+        for card in free:
+            word = f"{card.name} · {card.part_number} · {page.say(card.state)}"
+            ui.menu_item(word, partial(_adopt, page, part.uid or part.client_key, card.name)).props("role=menuitem")
 
 
 def _adopt(page: Page, part: str, slot: str) -> None:
