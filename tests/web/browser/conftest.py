@@ -12,7 +12,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from tests.e2e.processes import Process, running
 
@@ -32,9 +32,12 @@ def chromium() -> str | None:
     return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """The browser; every test gets a context of its own from it."""
+    """The browser; every test gets a context of its own from it.
+
+    Not for the whole session: while it is there an event loop runs, and tests that are coroutines could not.
+    """
     path = chromium()
     if path is None:
         (pytest.fail if os.environ.get(NEEDED) else pytest.skip)(
@@ -88,10 +91,26 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield Site(process)
 
 
-@pytest.fixture
-def page(browser: Browser, demo: Site) -> Iterator[Page]:
-    """A visitor who has followed the demo's link."""
+@pytest.fixture(scope="module")
+def signed_in(browser: Browser, demo: Site) -> Iterator[BrowserContext]:
+    """Somebody who has followed the demo's link; their browser keeps what it has loaded."""
     visitor = new_page(browser)
     visitor.goto(demo.link)
-    yield visitor
+    yield visitor.context
     visitor.context.close()
+
+
+@pytest.fixture
+def blank(signed_in: BrowserContext) -> Iterator[Page]:
+    """An empty tab of theirs."""
+    tab = signed_in.new_page()
+    tab.set_viewport_size({"width": 1280, "height": 900})
+    yield tab
+    tab.close()
+
+
+@pytest.fixture
+def page(blank: Page, demo: Site) -> Page:
+    """The robot page in a tab of theirs."""
+    blank.goto(demo.base)
+    return blank
