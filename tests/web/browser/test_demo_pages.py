@@ -21,14 +21,14 @@ FITS = "document.documentElement.scrollWidth <= document.documentElement.clientW
 
 
 @pytest.mark.parametrize("path", PAGES)
-def test_every_page_opens_without_an_error_fits_and_can_be_read(browser: Browser, demo: Site, path: str) -> None:
-    page = new_page(browser)
+def test_every_page_opens_without_an_error_fits_and_can_be_read(blank: Page, demo: Site, path: str) -> None:
+    page = blank
     errors: list[str] = []
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url))
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
-    page.goto(f"{demo.link}&next={path}")
+    page.goto(demo.base + path)
     expect(page.get_by_role("heading", level=1)).to_have_text(PAGES[path])
     expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
     for width in (1280, 390):
@@ -38,7 +38,6 @@ def test_every_page_opens_without_an_error_fits_and_can_be_read(browser: Browser
     for dark in (False, True):
         assert faint_texts(page, dark=dark) == []
     assert errors == []
-    page.context.close()
 
 
 def test_a_part_that_is_unplugged_is_shown_within_the_detection_time(page: Page) -> None:
@@ -136,13 +135,16 @@ def test_the_library_is_searched(page: Page, demo: Site) -> None:
     expect(page.get_by_role("heading", name="Pins")).to_be_visible()
 
 
-def test_the_language_is_chosen_and_kept(page: Page) -> None:
+def test_the_language_is_chosen_and_kept(browser: Browser, demo: Site) -> None:
+    page = new_page(browser)
+    page.goto(demo.link)
     page.get_by_role("button", name="You").click()
     page.get_by_text("Deutsch").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("Roboter")
     page.get_by_role("button", name="Sie").click()
     page.get_by_text("English").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("Robot")
+    page.context.close()
 
 
 def test_a_simulated_part_without_a_slot_is_played_with(page: Page, demo: Site) -> None:
