@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 ARGS ?=
 ENGINE ?= uml
 
-.PHONY: demo test check format vm bench docs constraints clean help
+.PHONY: demo test check format vm bench docs screenshots constraints clean help
 
 help:
 	@echo 'make demo    set up and run the sample robot (no hardware needed); ARGS="--link fd" passes options on'
@@ -16,6 +16,7 @@ help:
 	@echo 'make check   style, types, layering only'
 	@echo 'make vm      fetch a virtual machine for the tests on a real CAN bus (42 MB); ENGINE=qemu: with CAN controllers'
 	@echo 'make bench   print the tables of figures'
+	@echo 'make screenshots   pictures of every page into build/screenshots, the best into docs/pictures (needs chromium)'
 	@echo 'make docs    build the documentation site into site/'
 
 # pip installs into the new environment from outside (pip >= 22.3), so that a Python without ensurepip will do.
@@ -66,11 +67,15 @@ bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/library.py
 	PYTHONPATH=. $(BIN)/python bench/matching.py
 	PYTHONPATH=. $(BIN)/python bench/spare.py
+	PYTHONPATH=. $(BIN)/python bench/page.py
 	PYTHONPATH=. $(BIN)/python bench/agent.py --write
 
 docs: $(VENV)/.docs
 	PYTHONPATH=. $(BIN)/python tools/can_picture.py docs/explain/can_frame.svg
 	$(BIN)/zensical build --clean
+
+screenshots: $(VENV)/.dev
+	$(BIN)/python tools/screenshots.py build/screenshots --keep docs/pictures
 
 constraints: $(VENV)/.dev
 	$(PYTHON) -m pip --python $(BIN)/python install --quiet uv

@@ -49,7 +49,14 @@ class Shot:
 
 def _take_apart(page: Page) -> None:
     page.get_by_role("switch").first.click()
-    page.locator("tr[data-number]").first.dispatch_event("click")
+    page.get_by_role("textbox").first.fill("power")
+    row = page.locator("tr[data-number]", has_text="fan_power").first
+    row.click()
+    page.locator(".ms-side h2").wait_for()
+
+
+def _last_minute(page: Page) -> None:
+    page.get_by_text("1 min", exact=True).first.click()
 
 
 def _second_tab(page: Page) -> None:
@@ -69,7 +76,7 @@ SHOTS = (
     Shot("blueprint", "/settings", _third_tab),
     Shot("bus", "/bus", _take_apart),
     Shot("wires", "/wires"),
-    Shot("timeline", "/timeline"),
+    Shot("timeline", "/timeline", _last_minute),
     Shot("library", "/library"),
     Shot("passport", "/library/SG90"),
     Shot("journal", "/journal"),
