@@ -72,7 +72,7 @@ def test_every_deed_is_refused_to_lower_roles_and_to_who_is_signed_out(tmp_path:
 
 
 def test_all_deeds_are_in_the_table() -> None:
-    seeing = {"me", "robot", "values", "journal", "edits", "robots", "blueprint", "blueprint_diff"}
+    seeing = {"me", "may_undo", "robot", "values", "journal", "edits", "robots", "blueprint", "blueprint_diff"}
     deeds = {name for name in vars(Service) if not name.startswith("_")} - seeing - {"robot_name"}
     named = {word for _, deed in DEEDS.values() for word in deed.__code__.co_names}
     assert deeds <= named
@@ -102,6 +102,15 @@ def test_a_student_takes_back_own_settings_only(tmp_path: Path) -> None:
         assert rig.service.undo(teacher, placed).words
         assert "no such change" in str(refusal(lambda: rig.service.undo(student, 4711)))
         edits = rig.service.edits(10)
+        again = rig.service.set_value(student, "AA", "period_s", 0.3).edit
+        rig.service.stop(teacher, "")
+        offered = {}
+        for role in Role:
+            session = rig.session(role)
+            offered[role] = [edit.number for edit in rig.service.edits(10) if rig.service.may_undo(session, edit)]
+        assert offered[Role.VIEWER] == []
+        assert offered[Role.STUDENT] == [again]
+        assert offered[Role.TEACHER] == [again, theirs]
         assert [(edit.who, edit.undone) for edit in edits if edit.number == own] == [("student", True)]
 
     show(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL", "BB=EFGH", "CC=WXYZ"))

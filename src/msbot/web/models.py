@@ -258,6 +258,8 @@ class EditLine(Model):
     slot: str
     words: str
     undone: bool
+    undoable: bool = False
+    """Whether it can be undone: a STOP cannot."""
 
 
 class TypeLine(Model):

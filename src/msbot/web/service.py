@@ -135,6 +135,7 @@ class Service:
                 slot=edit.slot,
                 words=edit.words,
                 undone=edit.undone,
+                undoable=edit.can_be_undone,
             )
             for edit in self._operations.edits(limit)
         ]
@@ -246,6 +247,11 @@ class Service:
         """Close the adoption window."""
         self._need(session, Right.ARRANGE)
         return _done(self._operations.close_window())
+
+    def may_undo(self, session: Session, edit: EditLine) -> bool:
+        """Whether to offer it: students take back their own settings only."""
+        is_own = edit.who == session.name and edit.kind == "value" and session.may(Right.SET)
+        return edit.undoable and (is_own or session.may(Right.ARRANGE))
 
     def undo(self, session: Session, edit: int | None) -> Done:
         """Take a change back; the latest one when no number is given. A student can take back their own settings."""

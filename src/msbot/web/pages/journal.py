@@ -12,7 +12,6 @@ from nicegui import ui
 from msbot.errors import MsbotError
 from msbot.web.drawings import state_chip
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.roles import Right
 from msbot.web.service import Service
 
 LINES = 200
@@ -96,7 +95,7 @@ def _people(page: Page) -> None:
                         + (f' <span class="origin">{escape(page.say("undone"))}</span>' if edit.undone else ""),
                         sanitize=False,
                     )
-                    if not edit.undone and page.may(Right.SET):
+                    if page.service.may_undo(page.session, edit):
                         ui.button(page.say("Undo"), icon="undo", on_click=partial(_undo, page, edit.number)).props(
                             "flat dense"
                         )
