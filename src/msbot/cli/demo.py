@@ -24,7 +24,7 @@ from msbot.cli.control import MASTER, details_of
 from msbot.cli.demo_json import as_json
 from msbot.cli.frame_log import FrameLog
 from msbot.cli.keys import Keys
-from msbot.cli.page import PageWishes, page_options, page_wishes, serve_page
+from msbot.cli.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
 from msbot.config import SAMPLES, Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
 from msbot.errors import ConfigError, MsbotError
@@ -176,7 +176,8 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
         with _logging(robot, options.log):
             beside: list[Coroutine[object, object, None]] = []
             if not options.page.off:
-                room = _make_page(robot, operations, library, (registry, record, address), options.page)
+                with made_to_stay():
+                    room = _make_page(robot, operations, library, (registry, record, address), options.page)
                 beside.append(serve_page(room, robot.master.ready, options.page, notes.add))
             beside.append(_answering(robot, operations, address, lambda: registry.trouble).run())
             if options.bus is None or robot.bus_driver is None:

@@ -15,7 +15,7 @@ import click
 from msbot.agent import StatusServer
 from msbot.cli.control import MASTER, details_of
 from msbot.cli.options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside, db_option
-from msbot.cli.page import PageWishes, page_options, page_wishes, serve_page
+from msbot.cli.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
 from msbot.cli.running import run_until_signal
 from msbot.config import Blueprint, Library, load_blueprint, load_library
 from msbot.link import CanSettings, Codec, open_link
@@ -80,13 +80,14 @@ async def _main(blueprint: Blueprint, library: Library, addresses: Sequence[str]
 
         page_beside = []
         if not page.off:
-            from msbot.web.compose import Database, WebRoom
-            from msbot.web.real_buses import seen_of_links
+            with made_to_stay():
+                from msbot.web.compose import Database, WebRoom
+                from msbot.web.real_buses import seen_of_links
 
-            database = Database(registry, robot, db)
-            room = WebRoom(
-                master, operations, library, database=database, seen=seen_of_links(links), settings=page.settings()
-            )
+                database = Database(registry, robot, db)
+                room = WebRoom(
+                    master, operations, library, database=database, seen=seen_of_links(links), settings=page.settings()
+                )
             page_beside.append(serve_page(room, master.ready, page, click.echo))
         status = StatusServer(
             master.agent,

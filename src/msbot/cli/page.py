@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -74,6 +76,20 @@ def page_wishes(
         certificate=certificate,
         key=certificate_key,
     )
+
+
+@contextmanager
+def made_to_stay() -> Iterator[None]:
+    """While the page is loaded and made: look for garbage neither meanwhile nor, in what was made, ever after.
+
+    A sixth of the time of the start, and no long pause later while the robot runs.
+    """
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 async def serve_page(room: WebRoom, ready: asyncio.Event, wishes: PageWishes, say: Callable[[str], None]) -> None:
