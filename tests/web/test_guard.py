@@ -203,8 +203,21 @@ async def test_bodies_are_bounded_whether_or_not_they_say_their_length() -> None
     chunks = (b"x" * (MAX_BODY // 2),) * 5
     unsaid = await rig.ask("/api/stop", "POST", session=session, bodies=chunks, more=word)
     assert cast("int", unsaid.json["octets"]) <= MAX_BODY
-    backup = await rig.ask("/api/restore", "POST", session=session, bodies=chunks, more=word)
-    assert backup.json["octets"] == 5 * (MAX_BODY // 2)
+    ada = rig.accounts.sign_in("ada", "correct horse", "a")
+    for path in ("/api/restore", "/_nicegui/client/1/upload/2"):  # by the API, and from the page
+        backup = await rig.ask(path, "POST", session=ada, bodies=chunks, more={CSRF_HEADER: ada.csrf})
+        assert backup.json["octets"] == 5 * (MAX_BODY // 2)
+        student = await rig.ask(path, "POST", session=session, bodies=chunks, more=word)
+        assert cast("int", student.json["octets"]) <= MAX_BODY
+
+
+async def test_a_stranger_sends_nothing_but_the_forms_to_sign_in() -> None:
+    rig = Rig()
+    for path in ("/_nicegui/client/1/upload/2", "/web/form.css", "/enter", "/api/health", "/openapi.json"):
+        assert (await rig.ask(path, "POST")).status == 401
+    for path in ("/login", "/setup"):
+        assert (await rig.ask(path, "POST")).status == 200
+        assert (await rig.ask(path, "POST", content_length=str(MAX_BODY + 1))).status == 413
 
 
 async def test_a_form_with_a_hidden_origin_is_refused() -> None:

@@ -20,6 +20,7 @@ from urllib.parse import quote, urlsplit
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from msbot.web.accounts import Accounts, Session
+from msbot.web.roles import Right
 
 COOKIE = "msbot_session"
 CSRF_HEADER = "x-csrf-token"
@@ -86,7 +87,7 @@ class Guard:
             await self._app(scope, receive, send)
         else:
             try:
-                await self._app(scope, _limited(scope, receive, _most_of(path)), _with_headers(send, path))
+                await self._app(scope, _limited(scope, receive, _most_of(path, session)), _with_headers(send, path))
             except RuntimeError as error:
                 if not is_left(scope, error):
                     raise
@@ -113,12 +114,13 @@ class Guard:
         if is_changing and (session is None or session.token) and not _is_own_origin(headers):
             return 403, "this request comes from another site"
         if session is None:
-            return None if is_open else (401, "sign in first")
+            may_enter = path in FORM_PATHS if is_changing else is_open
+            return _check_length(path, headers, None) if may_enter else (401, "sign in first")
         if scope["type"] == "websocket" or method in SAFE_METHODS or not session.token:
-            return _check_length(path, headers)
+            return _check_length(path, headers, session)
         if path not in FORM_PATHS and not _is_form(path) and headers.get(CSRF_HEADER, "") != session.csrf:
             return 403, f"a changing request needs the header {CSRF_HEADER} with the word that GET /api/me tells"
-        return _check_length(path, headers)
+        return _check_length(path, headers, session)
 
     async def _refuse(self, scope: Scope, receive: Receive, send: Send, status: int, words: str) -> None:
         self.refused[words] = self.refused.get(words, 0) + 1
@@ -161,16 +163,19 @@ def _is_own_origin(headers: Headers) -> bool:
     return urlsplit(origin).netloc.casefold() == headers.get("host", "").casefold()
 
 
-def _most_of(path: str) -> int:
-    return MAX_RESTORE if path == "/api/restore" else MAX_BODY
+def _most_of(path: str, session: Session | None) -> int:
+    """Only who may restore a backup can send one, by the API or from the page."""
+    is_upload = path == "/api/restore" or (path.startswith("/_nicegui/client/") and "/upload/" in path)
+    may_restore = session is not None and session.may(Right.ADMINISTER)
+    return MAX_RESTORE if is_upload and may_restore else MAX_BODY
 
 
-def _check_length(path: str, headers: Headers) -> tuple[int, str] | None:
+def _check_length(path: str, headers: Headers, session: Session | None) -> tuple[int, str] | None:
     length = headers.get("content-length", "0")
     if not length.isascii() or not length.isdigit():
         return 400, "the header content-length is no number"
-    if int(length) > _most_of(path):
-        return 413, f"at most {_most_of(path)} octets can be sent here"
+    if int(length) > _most_of(path, session):
+        return 413, f"at most {_most_of(path, session)} octets can be sent here"
     return None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
@@ -145,6 +146,24 @@ def test_the_language_is_chosen_and_kept(browser: Browser, demo: Site) -> None:
     page.get_by_text("English").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("Robot")
     page.context.close()
+
+
+def test_a_backup_and_a_blueprint_are_handed_in_from_the_page(page: Page, demo: Site, tmp_path: Path) -> None:
+    page.goto(f"{demo.base}/admin")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Download a backup").click()
+    download.value.save_as(tmp_path / "backup.db")
+    page.set_input_files("input[type=file]", tmp_path / "backup.db")
+    expect(page.get_by_role("alert").filter(has_text="put in force when the master starts anew")).to_be_visible()
+    page.goto(f"{demo.base}/settings")
+    page.get_by_role("tab", name="Blueprint").click()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Download").click()
+    blueprint = tmp_path / "robot.toml"
+    download.value.save_as(blueprint)
+    blueprint.write_text(blueprint.read_text().replace('description = "', 'description = "Brand-new: ', 1))
+    page.set_input_files("input[type=file]", blueprint)
+    expect(page.get_by_role("listitem").filter(has_text="Brand-new")).to_be_visible()
 
 
 def test_a_simulated_part_without_a_slot_is_played_with(page: Page, demo: Site) -> None:

@@ -15,6 +15,7 @@ from nicegui.events import KeyEventArguments, UploadEventArguments
 
 from msbot.errors import MsbotError
 from msbot.web.accounts import Session, SignedOut
+from msbot.web.guard import CSRF_HEADER
 from msbot.web.language import COOKIE as LANGUAGE_COOKIE
 from msbot.web.language import Language, language_of, languages
 from msbot.web.models import Done
@@ -199,6 +200,7 @@ def file_button(
     upload = ui.upload(on_upload=taken, auto_upload=True, max_file_size=max_size, on_rejected=lambda: ui.notify(
         page.say("This file is not taken: at most {size} kB{ending}.", size=f"{max_size // 1000:,}",
                  ending=ending and f", *{ending}"), type="negative")).classes("hidden")  # fmt: skip
+    upload.props["headers"] = [{"name": CSRF_HEADER, "value": page.session.csrf}]
     if ending:
         upload.props(f"accept={ending}")
     # Without a detour by the server: browsers open the dialog only in answer to a click.
