@@ -179,3 +179,15 @@ def test_a_simulated_part_without_a_slot_is_played_with(page: Page, demo: Site) 
     expect(page.get_by_role("slider")).to_have_count(1)
     waiting.get_by_role("button", name="Adopt").click()
     expect(page.get_by_role("menuitem")).to_have_text("No slot is free: release or swap one.")
+
+
+def test_the_keyboard_skips_the_menu_and_opens_a_slot(page: Page, demo: Site) -> None:
+    page.goto(demo.base)
+    expect(page.get_by_role("button", name="Open slot knob")).to_be_visible()
+    page.keyboard.press("Tab")
+    expect(page.get_by_role("link", name="Skip to the content")).to_be_focused()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Tab")
+    expect(page.get_by_role("button", name="Open slot knob")).to_be_focused()
+    page.keyboard.press("Space")
+    expect(page.get_by_role("heading", name="knob")).to_be_visible()

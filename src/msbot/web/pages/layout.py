@@ -8,6 +8,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from html import escape
 
 from fastapi import Request
 from nicegui import ui
@@ -143,6 +144,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     session = request.scope["state"]["session"]
     page = Page(service, session, language_of(request))
     ui.add_head_html('<link rel="stylesheet" href="/web/msbot.css"><script src="/web/session.js"></script>')
+    ui.add_body_html(f'<a class="skip" href="#content">{escape(page.say("Skip to the content"))}</a>')
     ui.page_title(f"{page.say(title)} · {service.robot_name}")
     ui.run_javascript(f'document.documentElement.lang = "{page.language.code}"')
     dark = ui.dark_mode(_dark_of(request))
@@ -168,7 +170,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         _menu(page, path)
     menu.on_click(drawer.toggle)
     _escape_twice(page)
-    with ui.column().classes("w-full").style("gap: 1rem").props("role=main id=content"):
+    with ui.column().classes("w-full").style("gap: 1rem").props("role=main id=content tabindex=-1"):
         banner = ui.column().classes("w-full ms-banners").style("gap:.5rem")
         _banner(page, banner)
         ui.html(f"<h1>{page.say(title)}</h1>", sanitize=False)

@@ -78,6 +78,7 @@ def _fill(page: Page, grid: ui.element, cards: dict[str, ui.html], robot: Robot)
                     .style("cursor:pointer;height:100%")
                     .on("click", partial(open_drawer, page, card.name), args=[])
                     .on("keydown.enter", partial(open_drawer, page, card.name), args=[])
+                    .on("keydown.space.prevent", partial(open_drawer, page, card.name), args=[])
                 )
                 if card.simulated and page.may(Right.OPERATE):
                     _plug_button(page, card)
