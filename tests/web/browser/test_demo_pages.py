@@ -65,7 +65,8 @@ def test_a_changed_setting_is_obeyed_journalled_and_undone(page: Page, demo: Sit
     field = page.get_by_label("period_s [s]")
     field.fill("0.5")
     field.blur()
-    expect(page.get_by_text("hand", exact=True)).to_be_visible()
+    # In the drawer: a slot of this robot is called `hand`, too.
+    expect(page.get_by_role("dialog").get_by_text("hand", exact=True)).to_be_visible()
     page.goto(f"{demo.base}/journal")
     page.get_by_role("tab", name="Changes by people").click()
     line = page.get_by_text(re.compile("period_s of knob: 0.1 s -> 0.5 s"))

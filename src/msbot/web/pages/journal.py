@@ -11,6 +11,7 @@ from nicegui import ui
 
 from msbot.errors import MsbotError
 from msbot.web.drawings import state_chip
+from msbot.web.models import EditLine
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.service import Service
 
@@ -74,9 +75,14 @@ def _people(page: Page) -> None:
 
     def show() -> None:
         try:
-            edits = page.service.edits(LINES)
-        except MsbotError:
-            edits = []
+            edits: list[EditLine] = page.service.edits(LINES)
+        except MsbotError as error:
+            if seen != [str(error)]:
+                seen[:] = [str(error)]
+                table.clear()
+                with table:
+                    ui.label(str(error))
+            return
         if seen == edits and table.default_slot.children:
             return
         seen[:] = edits
