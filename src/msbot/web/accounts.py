@@ -112,7 +112,6 @@ class Session:
     """The cookie's word; empty for an API token."""
     csrf: str = field(default_factory=lambda: secrets.token_urlsafe(24))
     """What a changing request has to show besides the cookie."""
-    language: str = ""
     is_lasting: bool = False
     """True: no user of the store stands behind it (the demo's own administrator)."""
 

@@ -7,7 +7,7 @@ looks at. Every frame has a number that counts up, so a page asks for "what came
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import islice
 
@@ -50,7 +50,6 @@ class FrameRing:
 
     def __init__(self, ids: CanIds | None = None) -> None:
         self.total = 0
-        self.bits_of: Callable[[], int] | None = None
         self._ids = ids or CanIds()
         self._ring: deque[tuple[float, str, Frame]] = deque(maxlen=KEPT)
         self._rows: deque[FrameRow] = deque(maxlen=KEPT)

@@ -31,6 +31,8 @@ OPEN_PATHS = (
     "/login", "/setup", "/enter", "/api/health", "/openapi.json", "/favicon.ico", "/web/", "/_nicegui/",
 )  # fmt: skip
 """What may be had without signing in: forms to do so, and files that are the same for everybody."""
+SIGN_OUT_PATH = "/logout"
+"""A plain form as well; all that another site could do with it is checked by its origin."""
 FORM_PATHS = ("/login", "/setup")
 """Forms that are sent before there is a session; their origin is checked all the same."""
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
@@ -118,7 +120,7 @@ class Guard:
             return _check_length(path, headers, None) if may_enter else (401, "sign in first")
         if scope["type"] == "websocket" or method in SAFE_METHODS or not session.token:
             return _check_length(path, headers, session)
-        if path not in FORM_PATHS and not _is_form(path) and headers.get(CSRF_HEADER, "") != session.csrf:
+        if path not in (*FORM_PATHS, SIGN_OUT_PATH) and headers.get(CSRF_HEADER, "") != session.csrf:
             return 403, f"a changing request needs the header {CSRF_HEADER} with the word that GET /api/me tells"
         return _check_length(path, headers, session)
 
@@ -137,10 +139,6 @@ class Guard:
         body = json.dumps({"error": words}).encode()
         extra = [(b"www-authenticate", b"Bearer")] if status == 401 else []
         await _answer(send, status, body, [(b"content-type", b"application/json"), *extra])
-
-
-def _is_form(path: str) -> bool:
-    return path in ("/logout", "/language")
 
 
 def _headers_of(scope: Scope) -> Headers:

@@ -168,11 +168,6 @@ class Service:
 
     # Doing: students
 
-    def go_on(self, session: Session) -> Done:
-        """End STOP."""
-        self._need(session, Right.ARRANGE)
-        return _done(self._operations.go_on(who=session.name))
-
     def identify(self, session: Session, part: str) -> Done:
         """Have a part show itself."""
         self._need(session, Right.OPERATE)
@@ -205,6 +200,11 @@ class Service:
         return _done(self._operations.reset_value(slot, name, who=session.name))
 
     # Doing: teachers
+
+    def go_on(self, session: Session) -> Done:
+        """End STOP."""
+        self._need(session, Right.ARRANGE)
+        return _done(self._operations.go_on(who=session.name))
 
     def adopt(self, session: Session, part: str, slot: str | None) -> Done:
         """Let an unknown or waiting part into a slot."""
