@@ -1,43 +1,47 @@
 # The two commands a new user needs:  make demo   and   make test.
 # Everything runs from .venv, which sets itself up with the versions of constraints.txt.
 
-PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
-	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+# The system's Python, also when .venv is activated: pip is in that one only.
+PYTHON ?= $(shell PATH=$$(printf %s "$$PATH" | sed 's,$(CURDIR)/.venv/bin:,,g'); for p in python3 python3.13 python3.12 python3.11; do \
+	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && command -v $$p && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 ENGINE ?= uml
 
-.PHONY: demo test check format vm bench docs screenshots constraints clean help
+.PHONY: demo test check format vm bench wheel docs screenshots assets board constraints clean help
 
 help:
-	@echo 'make demo    set up and run the sample robot (no hardware needed); ARGS="--link fd" passes options on'
+	@echo 'make demo    set up and run a robot of ten parts, all simulated; ARGS="--robot thesis --link fd" passes options on'
 	@echo 'make test    set up, check style, types and layering, run all tests'
 	@echo 'make check   style, types, layering only'
 	@echo 'make vm      fetch a virtual machine for the tests on a real CAN bus (42 MB); ENGINE=qemu: with CAN controllers'
 	@echo 'make bench   print the tables of figures'
 	@echo 'make screenshots   pictures of every page into build/screenshots, the best into docs/pictures (needs chromium)'
+	@echo 'make board   compile the package for boards with MicroPython into build/board'
+	@echo 'make assets  fetch the files of others that are carried along again (needs npm), and compare them'
+	@echo 'make wheel   make a package for other computers: dist/msbot-...whl'
 	@echo 'make docs    build the documentation site into site/'
 
-# pip installs into the new environment from outside (pip >= 22.3), so that a Python without ensurepip will do.
 $(BIN)/python:
-	@test -n '$(PYTHON)' || { echo 'MsBOT needs Python 3.11 or newer; none was found. Install it, or call: make PYTHON=/path/to/python3'; exit 1; }
+	@test -n '$(PYTHON)' || { echo 'MsBOT needs Python 3.11 or newer; none was found. Install it, or call: make PYTHON=/path/to/python3' >&2; exit 1; }
+	@$(PYTHON) -m pip --version >/dev/null 2>&1 || { echo 'MsBOT needs pip, and $(PYTHON) has none. On Debian, Ubuntu, Raspberry Pi OS: sudo apt install python3-pip' >&2; exit 1; }
 	@$(PYTHON) -m venv --without-pip $(VENV)
 
-INSTALL = $(PYTHON) -m pip --python $(BIN)/python install --quiet --disable-pip-version-check --constraint constraints.txt
+INSTALL = $(PYTHON) tools/set_up.py $(BIN)/python
 
 $(VENV)/.run: pyproject.toml constraints.txt | $(BIN)/python
-	@echo 'Setting up $(VENV), once: this takes some seconds.'
-	@$(INSTALL) --editable '.[master]'
+	@echo 'Setting up MsBOT in $(VENV), once: about a minute.' >&2
+	@$(INSTALL) '.[master]'
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
-	@echo 'Setting up $(VENV) for development, once: this takes about half a minute.'
-	@$(INSTALL) --editable '.[master,can,serial,postgres,dev]'
+	@echo 'Setting up MsBOT for development in $(VENV), once: about two minutes.' >&2
+	@$(INSTALL) '.[all,dev]'
 	@touch $@ $(VENV)/.run
 
 $(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python
-	@$(INSTALL) --editable '.[master,docs]'
+	@$(INSTALL) '.[master,docs]'
 	@touch $@
 
 demo: $(VENV)/.run
@@ -65,10 +69,18 @@ bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/path.py
 	PYTHONPATH=. $(BIN)/python bench/can_path.py
 	PYTHONPATH=. $(BIN)/python bench/library.py
+	PYTHONPATH=. $(BIN)/python bench/messages.py
 	PYTHONPATH=. $(BIN)/python bench/matching.py
 	PYTHONPATH=. $(BIN)/python bench/spare.py
+	PYTHONPATH=. $(BIN)/python bench/micropython.py
 	PYTHONPATH=. $(BIN)/python bench/page.py
 	PYTHONPATH=. $(BIN)/python bench/agent.py --write
+	PYTHONPATH=. $(BIN)/python bench/dds.py --write
+
+wheel: | $(BIN)/python
+	@rm -rf dist && mkdir dist
+	@$(PYTHON) -m pip --python $(BIN)/python wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
+	@echo "dist/$$(ls dist) is made. Elsewhere: pip install 'dist/$$(ls dist)[all]'"
 
 docs: $(VENV)/.docs
 	PYTHONPATH=. $(BIN)/python tools/can_picture.py docs/explain/can_frame.svg
@@ -76,6 +88,12 @@ docs: $(VENV)/.docs
 
 screenshots: $(VENV)/.dev
 	$(BIN)/python tools/screenshots.py build/screenshots --keep docs/pictures
+
+board: $(VENV)/.dev
+	$(BIN)/python tools/board_package.py build/board
+
+assets:
+	$(PYTHON) tools/assets.py $(ARGS)
 
 constraints: $(VENV)/.dev
 	$(PYTHON) -m pip --python $(BIN)/python install --quiet uv

@@ -110,9 +110,9 @@ def build_generator() -> Path:
 Result = dict[str, float]
 
 
-def run(generator: Path, load: Load, seconds: int) -> Result:
-    """One run against a fresh agent."""
-    with agent() as (port, pid):
+def run(generator: Path, load: Load, seconds: int, *options: str) -> Result:
+    """One run against a fresh agent, which is started with these options besides."""
+    with agent(*options) as (port, pid):
         arguments = [*load.arguments.split(), "--agent", f"127.0.0.1:{port}", "--agent-pid", str(pid)]
         done = subprocess.run(
             [*pinned(1), str(generator), *arguments, "--duration", str(seconds)],
@@ -128,13 +128,13 @@ def run(generator: Path, load: Load, seconds: int) -> Result:
 
 
 @contextlib.contextmanager
-def agent() -> Iterator[tuple[int, int]]:
+def agent(*options: str) -> Iterator[tuple[int, int]]:
     """`msbot agent udp4` on a free port and a core of its own: (port, process)."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = int(probe.getsockname()[1])
     process = subprocess.Popen(
-        [*pinned(0), sys.executable, "-m", "msbot", "agent", "udp4", "-p", str(port), "-v", "1"],
+        [*pinned(0), sys.executable, "-m", "msbot", "agent", "udp4", "-p", str(port), "-v", "1", *options],
         stdout=subprocess.DEVNULL,
     )
     try:

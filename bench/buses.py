@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from msbot.link import Codec, Frame, FrameBits, SimBus, frame_bits
-from msbot.link.can_frames import split
+from msbot.link.can import Codec
+from msbot.link.can.protocol import Frame, FrameBits, frame_bits
+from msbot.link.can.protocol.frames import split
+from msbot.link.can.sim import SimBus
 from msbot.xrce import compress, decompress
 
 CODEC = Codec(compress, decompress)

@@ -19,7 +19,7 @@ from bench.can_load import rest_table, room_table
 from bench.can_setup import set_up_table
 from bench.can_thesis import AT, one_message, thesis_table
 from bench.crowd import Outcome, start_anew, switch_on
-from msbot.link import run_virtual
+from msbot.runtime.virtual_time import run_virtual
 
 PAGE = Path(__file__).parent.parent / "docs/explain/can.md"
 REST_S = 20.0

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from random import Random
 
 from bench.buses import bits, classic, fast, table, thesis
-from msbot.link import Frame
-from msbot.xrce import (
+from msbot.link.can.protocol import Frame
+from msbot.xrce import compress
+from msbot.xrce.messages import (
     FIRST_REQUEST,
     STREAM_BEST_EFFORT,
     STREAM_NONE,
@@ -17,7 +18,6 @@ from msbot.xrce import (
     Header,
     Submessage,
     WriteData,
-    compress,
     encode_message,
     read_request_id,
     write_request_id,

@@ -9,7 +9,7 @@ from bench.buses import BUSES, SIZES, Rates, table
 from bench.can_costs import MESSAGES, frames_of
 from bench.crowd import Outcome, ring
 from msbot.config import load_library
-from msbot.link import Framing
+from msbot.link.can.protocol import Framing
 from msbot.pnp import Forecast, forecast
 from msbot.xrce import compress
 

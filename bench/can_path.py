@@ -26,30 +26,29 @@ from random import Random
 from bench.machine import describe_machine
 from bench.path import Client, Wire
 from msbot.agent import Agent
-from msbot.link import CanBusInfo, CanIds, CanMasterLink, Codec, Frame, LinkCounters, Peer
-from msbot.link.can_driver import CanDriver
-from msbot.link.can_end import CanWire
-from msbot.link.can_filters import IdFilter
-from msbot.link.can_ids import COMPRESSION, join_frame, read_assign
-from msbot.link.can_interface import Interface
-from msbot.link.can_remedies import Wanted
-from msbot.link.socketcan import SocketCanAdapter
-from msbot.link.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
+from msbot.link import LinkCounters, Peer
+from msbot.link.can import CanBusInfo, CanMasterLink, Codec
+from msbot.link.can.adapters import CanDriver
+from msbot.link.can.adapters.interface import Interface
+from msbot.link.can.adapters.remedies import Wanted
+from msbot.link.can.adapters.socketcan import SocketCanAdapter
+from msbot.link.can.adapters.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
+from msbot.link.can.filters import IdFilter
+from msbot.link.can.protocol import CanIds, Frame
+from msbot.link.can.protocol.ids import COMPRESSION, join_frame, read_assign
+from msbot.link.can.wire import CanWire
 from msbot.space import MemorySpace
-from msbot.xrce import (
-    RELIABLE_QOS,
+from msbot.xrce import ClientSession, ClientSessionSettings, ClientState, compress, decompress
+from msbot.xrce.messages import (
     STREAM_BEST_EFFORT,
     STREAM_RELIABLE,
-    ClientSession,
-    ClientSessionSettings,
-    ClientState,
-    DataReceived,
     DeliveryControl,
     ObjectKind,
     ObjectVariant,
-    compress,
-    decompress,
     make_object_id,
+)
+from msbot.xrce.objects import (
+    RELIABLE_QOS,
     participant_variant,
     publisher_variant,
     reader_variant,
@@ -57,6 +56,7 @@ from msbot.xrce import (
     topic_variant,
     writer_variant,
 )
+from msbot.xrce.sessions import DataReceived
 
 IDS = CanIds()
 CODEC = Codec(compress, decompress)

@@ -13,20 +13,17 @@ from random import Random
 
 from bench.buses import BUSES, CODEC, Rates, bits, table
 from msbot.agent import Agent
-from msbot.link import CanLegacyLink, CanMasterLink, CanPartLink, Frame, Link, SimBusDriver, run_virtual
-from msbot.link.sim_driver import SimCanBus
+from msbot.link import Link
+from msbot.link.can import CanLegacyLink, CanMasterLink, CanPartLink
+from msbot.link.can.protocol import Frame
+from msbot.link.can.sim import SimBusDriver
+from msbot.link.can.sim.driver import SimCanBus
 from msbot.part import Client, ClientSettings
-from msbot.part.entities import Entity
+from msbot.part.client.entities import Entity
+from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
-from msbot.xrce import (
-    CreateClient,
-    Format,
-    ObjectKind,
-    ObjectVariant,
-    decode_header,
-    is_whole,
-    iter_submessages,
-)
+from msbot.xrce import is_whole
+from msbot.xrce.messages import CreateClient, Format, ObjectKind, ObjectVariant, decode_header, iter_submessages
 
 KEY = 0xBA5EBA11
 """Client key of the thesis' firmware."""

@@ -20,9 +20,13 @@ from bench.can_costs import (
 )
 from bench.can_setup import CLASSIC, COMPRESSED, THESIS, XML, component, set_up
 from bench.crowd import Outcome
-from msbot.link import CanMasterLink, CanPartLink, Frame, Peer, SimBusDriver, run_virtual
-from msbot.link.can_driver import RING_FRAMES
-from msbot.xrce import Heartbeat, ObjectKind, decode_header, iter_submessages
+from msbot.link import Peer
+from msbot.link.can import CanMasterLink, CanPartLink
+from msbot.link.can.adapters.driver import RING_FRAMES
+from msbot.link.can.protocol import Frame
+from msbot.link.can.sim import SimBusDriver
+from msbot.runtime.virtual_time import run_virtual
+from msbot.xrce.messages import Heartbeat, ObjectKind, decode_header, iter_submessages
 
 AT = BUSES[2]
 """500 kbit/s, the thesis' bit rate."""
@@ -40,7 +44,7 @@ async def one_message(rates: Rates, size: int) -> tuple[float, int]:
     master = CanMasterLink(driver.attach("master"), profile_hash=1, random=Random(1), fd=rates.fd)
     part = CanPartLink(driver.attach("part"), uid=bytes(range(1, 9)), random=Random(2))
     joined, arrived = asyncio.Event(), loop.create_future()
-    part.on_signal(lambda *_: joined.set())
+    part.attach(signal=lambda *_: joined.set())
     frames: list[Frame] = []
     message = Random(size).randbytes(size)
 
@@ -48,7 +52,7 @@ async def one_message(rates: Rates, size: int) -> tuple[float, int]:
         assert packet == message
         arrived.set_result(now)
 
-    master.on_packet(received)
+    master.attach(packet=received)
     async with asyncio.TaskGroup() as tasks:
         running = [tasks.create_task(link.run()) for link in (master, part)]
         await joined.wait()

@@ -17,8 +17,10 @@ from random import Random
 
 from bench.buses import CODEC, Rates
 from msbot.config import Blueprint, load_blueprint, load_library
-from msbot.link import CanMasterLink, CanPartLink, Codec, Frame, SimBusDriver
-from msbot.link.can_ids import CanIds, read_join
+from msbot.link.can import CanMasterLink, CanPartLink, Codec
+from msbot.link.can.protocol import CanIds, Frame
+from msbot.link.can.protocol.ids import read_join
+from msbot.link.can.sim import SimBusDriver
 from msbot.master import Master
 from msbot.part import Part
 from msbot.pnp import PartEvent, PartState
@@ -173,7 +175,7 @@ class _Robot:
         self.driver.attach("monitor")
         self._rates = rates
         self._blueprint = blueprint
-        self._store = registry.store_for(registry.apply_blueprint(blueprint, load_library()))
+        self._store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, load_library()))
         self._tasks = tasks
         self._codec = codec
         self._random = Random(seed)

@@ -14,7 +14,7 @@ from random import Random
 
 from bench.machine import describe_machine
 from msbot.config import PartType, load_library
-from msbot.config.library_search import PartSearch
+from msbot.config.library.search import PartSearch
 from msbot.sim.world import World
 
 QUERIES = ("servo", "ultrasonic range", "joystik", "light sensor i2c")

@@ -16,11 +16,13 @@ from random import Random
 
 from bench.buses import BUSES, CODEC, Rates, table
 from msbot.config import Blueprint, Options, RobotProfile
-from msbot.link import CanMasterLink, CanPartLink, SimBusDriver, run_virtual
+from msbot.link.can import CanMasterLink, CanPartLink
+from msbot.link.can.sim import SimBusDriver
 from msbot.master import Master
 from msbot.part import Part
-from msbot.part.messages import Level
+from msbot.part.messages.standard import Level
 from msbot.pnp import Binding, Configuration, MemoryStore, PartType, Slot
+from msbot.runtime.virtual_time import run_virtual
 
 KEY = bytes(range(16))
 ROUNDS = 20
@@ -72,7 +74,7 @@ async def measure(rates: Rates, authentication: str) -> Figures:
         figures.wire = max(figures.wire, await robot.until_heard(robot.move_wire, robot.powers))
         await asyncio.sleep(0.3)
         figures.stop = max(figures.stop, await robot.until_heard(robot.stop, robot.powers))
-        robot.master.go_parts()
+        robot.master.say_go("bench")
     for task in (*robot.tasks, serving):
         task.cancel()
     await asyncio.gather(*robot.tasks, serving, return_exceptions=True)
@@ -147,7 +149,7 @@ class _Robot:
         self.powers.clear()
 
     def stop(self) -> None:
-        self.master.stop_parts()
+        self.master.say_stop("bench")
 
     def _configure(self, configuration: Configuration) -> None:
         self.store.configurations[configuration.slot] = configuration

@@ -44,13 +44,15 @@ def _run(path: Path, types: int, slots: int, claims: int) -> None:
     dice = Random(5)
     library, blueprint = _library(types), _blueprint(slots)
     with open_registry(path) as registry:
-        _timed("first start: the blueprint is applied", lambda: registry.apply_blueprint(blueprint, library))
-        _timed("next start: the blueprint is applied again", lambda: registry.apply_blueprint(blueprint, library))
-        (robot,) = registry.robots()
-        store = _timed("the master opens the robot", lambda: registry.store_for(robot))
+        _timed("first start: the blueprint is applied", lambda: registry.robots.apply_blueprint(blueprint, library))
+        _timed(
+            "next start: the blueprint is applied again", lambda: registry.robots.apply_blueprint(blueprint, library)
+        )
+        (robot,) = registry.robots.all()
+        store = _timed("the master opens the robot", lambda: registry.runs.begin(robot))
         matcher = _timed("the matcher reads the slots", lambda: Matcher(store))
         _remember(store, dice, slots)
-        registry.flush()
+        registry.storage.flush()
         for slot in dice.sample(range(slots), slots // 2):
             matcher.take(f"slot{slot}")
         rows = [_match(matcher, claim) for claim in (_claim(dice, types, slots) for _ in range(claims))]

@@ -27,7 +27,7 @@ from bench.machine import describe_machine
 from msbot.config import load_blueprint, load_library
 from msbot.link import open_link
 from msbot.master import Master
-from msbot.operations import Operations
+from msbot.operations.operations import RunningOperations
 from msbot.registry import open_registry
 from msbot.sim import make_simulator
 
@@ -73,18 +73,18 @@ async def serve(parts: int, *, with_page: bool) -> None:
         blueprint = load_blueprint(path, library)
         address = str(Path(folder) / "robot.db")
         with open_registry(address) as registry:
-            record = registry.apply_blueprint(blueprint, library)
-            master = Master(blueprint, registry.store_for(record))
+            record = registry.robots.apply_blueprint(blueprint, library)
+            master = Master(blueprint, registry.runs.begin(record))
             link = open_link(LINK, serve=True)
             master.add_link(link)
             async with asyncio.TaskGroup() as tasks:
                 if with_page:
-                    from msbot.web.compose import Database, Seen, WebRoom
                     from msbot.web.frames import FrameRing
+                    from msbot.web.room import Database, Seen, WebRoom
                     from msbot.web.server import WebSettings
 
                     room = WebRoom(
-                        master, Operations(master, registry, record, library=library), library,
+                        master, RunningOperations(master, registry, record, library=library), library,
                         database=Database(registry, record, address), seen=Seen(FrameRing()),
                         settings=WebSettings(port=0), entry_link=True,
                     )  # fmt: skip
@@ -172,10 +172,10 @@ def change_s(page: Page) -> float:
     headers = {"x-csrf-token": ask.get(f"{base}/api/me").json()["csrf"]}
     began = time.monotonic()
     ask.post(f"{base}/api/stop", headers=headers, data={"words": "bench"})
-    page.get_by_text("STOP is in force").wait_for()
+    page.get_by_text("STOP by").wait_for()
     took = time.monotonic() - began
     ask.post(f"{base}/api/go", headers=headers)
-    page.get_by_text("STOP is in force").wait_for(state="detached")
+    page.get_by_text("STOP by").wait_for(state="detached")
     return took
 
 

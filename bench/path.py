@@ -21,18 +21,19 @@ from dataclasses import dataclass
 
 from bench.machine import describe_machine
 from msbot.agent import Agent
-from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, SignalHandler, Tap
+from msbot.link import BaseLink, LinkInfo, PacketHandler, Peer
 from msbot.space import MemorySpace
-from msbot.xrce import (
-    RELIABLE_QOS,
+from msbot.xrce import ClientSession, ClientState
+from msbot.xrce.messages import (
     STREAM_BEST_EFFORT,
     STREAM_RELIABLE,
-    ClientSession,
-    ClientState,
     DeliveryControl,
     ObjectKind,
     ObjectVariant,
     make_object_id,
+)
+from msbot.xrce.objects import (
+    RELIABLE_QOS,
     participant_variant,
     publisher_variant,
     reader_variant,
@@ -54,31 +55,22 @@ Run = Callable[[int], float]
 """Runs that many messages; gives the seconds that the agent took."""
 
 
-class Wire:
-    """A link in memory; satisfies `Link` and `BurstLink`."""
+class Wire(BaseLink):
+    """A link in memory; satisfies `Link`."""
 
     def __init__(self) -> None:
-        self.info = LinkInfo("memory:", 512)
-        self.counters = LinkCounters()
-        self.tap: Tap | None = None
-        self.remote: Peer | None = None
+        super().__init__(LinkInfo("memory:", 512, in_bursts=True))
         self.sent: list[tuple[bytes, Peer]] = []
-        self.receive: PacketHandler = lambda *_: None
-        self.end_burst: Callable[[], None] = lambda: None
 
-    def on_packet(self, handler: PacketHandler) -> None:
-        """See `Link`."""
-        self.receive = handler
+    @property
+    def receive(self) -> PacketHandler:
+        """What the agent takes packets with."""
+        return self._packet_handler
 
-    def on_signal(self, handler: SignalHandler) -> None:
-        """Never called."""
-
-    def on_room(self, handler: Callable[[Peer | None], None]) -> None:
-        """Never called: there is always room."""
-
-    def on_burst_end(self, handler: Callable[[], None]) -> None:
-        """See `BurstLink`."""
-        self.end_burst = handler
+    @property
+    def end_burst(self) -> Callable[[], None]:
+        """What the agent hears at the end of a burst."""
+        return self._burst_end_handler
 
     def has_room(self, peer: Peer) -> bool:  # noqa: ARG002 - the protocol's signature
         """Always."""

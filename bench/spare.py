@@ -15,9 +15,9 @@ from tempfile import TemporaryDirectory
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
-from msbot.link import run_virtual
-from msbot.operations import Operations
+from msbot.operations.operations import RunningOperations
 from msbot.registry import open_registry
+from msbot.runtime.virtual_time import run_virtual
 
 BUSES = ((Wire.CAN, 125_000), (Wire.CAN, 500_000), (Wire.FD, 500_000))
 PRESETS = ("thesis", "fast")
@@ -46,23 +46,22 @@ async def _measure(folder: Path, preset: str, wire: Wire, bitrate: int, seed: in
     library = load_library()
     blueprint = load_blueprint(path, library)
     with open_registry(folder / "robot.db") as registry:
-        record = registry.apply_blueprint(blueprint, library)
+        record = registry.robots.apply_blueprint(blueprint, library)
         robot = DemoRobot(
-            blueprint, registry.store_for(record), wire=wire, bitrate=bitrate, spares={"DD": "BB"},
+            blueprint, registry.runs.begin(record), wire=wire, bitrate=bitrate, spares={"DD": "BB"},
             random=Random(seed), epoch_ns=lambda: 0,
         )  # fmt: skip
-        operations = Operations(robot.master, registry, record, library=library)
+        operations = RunningOperations(robot.master, registry, record, library=library)
         clock = asyncio.get_running_loop().time
         async with asyncio.TaskGroup() as tasks:
             running = tasks.create_task(robot.run())
             await robot.master.ready.wait()
             await asyncio.sleep(3 + 2 * Random(seed).random())
-            operations.stop(who="bench")
+            await operations.do("stop", who="bench")
             await asyncio.sleep(1)
-            report = operations.stop_report
-            assert report is not None
+            report = operations.stopping.status
             assert report.latency_ms is not None
-            operations.go_on(who="bench")
+            await operations.do("go", who="bench")
             await asyncio.sleep(1)
             robot.unplug("BB")
             pulled = clock()

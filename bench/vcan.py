@@ -23,7 +23,8 @@ from bench.crowd import PART_NUMBER, ROBOT, ring
 from bench.machine import describe_machine
 from msbot import HelloWorld
 from msbot.config import load_library
-from msbot.link import CanSettings, Codec, open_link
+from msbot.link import open_link
+from msbot.link.can import CanSettings, Codec
 from msbot.master import Master
 from msbot.part import Part
 from msbot.pnp import PartEvent, PartState
@@ -105,7 +106,7 @@ async def run_master(address: str, command: list[str], size: int) -> Report:
     late: list[PartEvent] = []
     with tempfile.TemporaryDirectory() as folder, open_registry(Path(folder) / "robot.db") as registry:
         blueprint = ring(Path(folder), size)
-        master = Master(blueprint, registry.store_for(registry.apply_blueprint(blueprint, load_library())))
+        master = Master(blueprint, registry.runs.begin(registry.robots.apply_blueprint(blueprint, load_library())))
         master.inventory.on_event(lambda event: late.append(event) if event.to_state is PartState.LATE else None)
         link = open_link(address, serve=True, can=replace(CAN, profile_hash=master.profile.profile_hash()))
         master.add_link(link)

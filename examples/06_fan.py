@@ -1,7 +1,6 @@
 """A fan: its setting counts at once when somebody changes it, and it stands still when nobody is in command."""
 
-from msbot import Part
-from msbot.part.messages import Level
+from msbot import Level, Part
 
 part = Part("FAN-5V")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
-from collections.abc import Callable
 from random import Random
 
 from fuzz.bounds import check_agent
@@ -13,17 +12,10 @@ from fuzz.virtual import the_loop
 from msbot.agent import Agent, AgentSettings, ClientInfo, OpenGate
 from msbot.link import Peer, Signal
 from msbot.space import MemorySpace
-from msbot.xrce import (
-    STREAM_RELIABLE,
-    Acknack,
-    ClientState,
-    EndpointQos,
-    Header,
-    Pong,
-    References,
-    SubmessageId,
-    encode_message,
-)
+from msbot.xrce import ClientState, References
+from msbot.xrce.messages import STREAM_RELIABLE, Acknack, Header, SubmessageId, encode_message
+from msbot.xrce.objects import EndpointQos
+from msbot.xrce.sessions import Pong
 from tests.agent.wiring import FakeLink, WiredClient, serving
 
 PEERS = 6
@@ -78,26 +70,21 @@ class BurstyLink(FakeLink):
     """A fake link that receives its packets in bursts, as sockets do: the agent answers at the end of each."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(name)
+        super().__init__(name, in_bursts=True)
         self.burst = 0
         """Packets that the burst still has."""
-        self._end_burst: Callable[[], None] = lambda: None
-
-    def on_burst_end(self, handler: Callable[[], None]) -> None:
-        """See `BurstLink`."""
-        self._end_burst = handler
 
     def inject(self, packet: bytes, peer: Peer = "client") -> None:
         """A packet arrives, as the last of its burst or not."""
         super().inject(packet, peer)
         self.burst -= 1
         if self.burst <= 0:
-            self._end_burst()
+            self._burst_end_handler()
 
     def end_burst(self) -> None:
         """Whatever burst goes on ends."""
         self.burst = 0
-        self._end_burst()
+        self._burst_end_handler()
 
 
 class AgentWorld:
@@ -115,7 +102,7 @@ class AgentWorld:
         self._next: dict[tuple[int, int], int] = defaultdict(int)
         self._heard: dict[int, list[bytes]] = defaultdict(list)
         for peer in range(PEERS):
-            self._link(peer).attach(peer, self._heard[peer].append)
+            self._link(peer).plug(peer, self._heard[peer].append)
 
     # What a case does.
 

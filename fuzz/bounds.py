@@ -7,7 +7,7 @@ from msbot.agent import Agent, AgentSettings
 from msbot.agent.proxy import Proxy
 from msbot.agent.timers import MOST_STALE
 from msbot.xrce import AgentSession, ClientSession
-from msbot.xrce.output_streams import ReliableOutput
+from msbot.xrce.streams.output import ReliableOutput
 
 REASONS = 80
 """Different reasons that a table of drops may have; more means that a reason has something of the input in it."""
@@ -46,7 +46,7 @@ def check_agent(agent: Agent, settings: AgentSettings) -> None:
         hold("blocked of a port", len(port.blocked), settings.max_clients)
         hold("gone of a port", sum(map(len, port.gone.values())), settings.max_clients)
         hold("addresses of a port", len(port.gone) + len(port.clients), settings.max_clients)
-        hold("reasons of a port", len(port.dropped.as_dict()), REASONS)
+        hold("reasons of a port", len(port.dropped), REASONS)
         if not port.blocked.keys() <= port.members.keys():
             raise Violation("a client is blocked on a port where it is not")
     for timers in (agent._pump._timers, agent._pump._lives):

@@ -5,10 +5,9 @@ from __future__ import annotations
 from random import Random
 
 from fuzz.mutate import INTERESTING, WIDE
-from msbot.xrce import (
+from msbot.xrce.messages import (
     COOKIE,
     OBJECT_AGENT,
-    OBJECT_CLIENT,
     VERSION,
     Acknack,
     Create,
@@ -16,7 +15,6 @@ from msbot.xrce import (
     Data,
     Delete,
     DeliveryControl,
-    EndpointQos,
     Fragment,
     GetInfo,
     Header,
@@ -35,6 +33,10 @@ from msbot.xrce import (
     TimestampReply,
     WriteData,
     make_object_id,
+)
+from msbot.xrce.messages.ids import OBJECT_CLIENT
+from msbot.xrce.objects import (
+    EndpointQos,
     participant_variant,
     publisher_variant,
     reader_variant,

@@ -27,7 +27,7 @@ EXECUTIONS = {
     "codec": 4000,
     "compact": 2000,
     "serial": 400,
-    "desk": 500,
+    "requests": 500,
     "message": 4000,
     "toml": 250,
 }
@@ -91,7 +91,7 @@ def test_targets_are_listed_and_an_unknown_one_is_refused(capsys: pytest.Capture
 
 
 def test_the_same_seed_gives_the_same_run(tmp_path: Path) -> None:
-    first, second = (fuzz(TARGETS["desk"], seed=5, findings=tmp_path, executions=60) for _ in range(2))
+    first, second = (fuzz(TARGETS["requests"], seed=5, findings=tmp_path, executions=60) for _ in range(2))
     assert (first.steps, first.seen) == (second.steps, second.seen)
 
 

@@ -2,8 +2,8 @@
 
     python tools/can_picture.py docs/explain/can_frame.svg
 
-The frame is a real one, a part's heartbeat; its bits come from `msbot.link.can_bits`. The picture is the same every
-time, and reads well on light and on dark pages.
+The frame is a real one, a part's heartbeat; its bits come from `msbot.link.can.protocol.bits`. The picture is the same
+every time, and reads well on light and on dark pages.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from msbot.link import CanIds, Frame
-from msbot.link.can_bits import WireBit, wire_bits
-from msbot.link.can_frames import split
-from msbot.xrce import STREAM_BEST_EFFORT, Header, WriteData, compress, encode_message, write_request_id
+from msbot.link.can.protocol import CanIds, Frame, wire_bits
+from msbot.link.can.protocol.bits import WireBit
+from msbot.link.can.protocol.frames import split
+from msbot.xrce import compress
+from msbot.xrce.messages import STREAM_BEST_EFFORT, Header, WriteData, encode_message, write_request_id
 
 BITRATE = 500_000
 LEASE = bytes.fromhex("a3d81173")

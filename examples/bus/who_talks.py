@@ -1,4 +1,4 @@
-"""Who talks on the bus of the demo: start `msbot demo --bus demo1` first."""
+"""Who talks on the bus of the demo: start `msbot demo --robot thesis --bus demo1` first."""
 
 from collections import Counter
 

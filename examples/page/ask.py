@@ -16,5 +16,5 @@ def ask(method, path, **body):
 
 for slot in ask("GET", "/api/robot")["slots"]:
     print(f"{slot['name']}: {slot['state']}, {slot['reason']}")
-print(ask("POST", "/api/stop", words="the program says so")["words"])
+print(ask("POST", "/api/stop", reason="the program says so")["words"])
 print(ask("POST", "/api/go")["words"])

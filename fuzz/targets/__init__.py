@@ -8,9 +8,9 @@ from fuzz.targets.can import CanTarget
 from fuzz.targets.client import ClientTarget
 from fuzz.targets.codec import CodecTarget
 from fuzz.targets.compact import CompactTarget
-from fuzz.targets.desk import DeskTarget
 from fuzz.targets.message import MessageTarget
 from fuzz.targets.part import PartTarget
+from fuzz.targets.requests import RequestTarget
 from fuzz.targets.serial import SerialTarget
 from fuzz.targets.simbus import SimBusTarget
 from fuzz.targets.socketcan import SocketCanTarget
@@ -28,7 +28,7 @@ TARGETS: dict[str, Target] = {
         SocketCanTarget(),
         SimBusTarget(),
         SerialTarget(),
-        DeskTarget(),
+        RequestTarget(),
         MessageTarget(),
         TomlTarget(),
     )

@@ -11,7 +11,7 @@ from fuzz.case import Case, Step
 from fuzz.corpus import packets
 from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, read_logs
-from msbot.xrce import (
+from msbot.xrce.messages import (
     Create,
     DeliveryControl,
     Fragment,
@@ -21,9 +21,8 @@ from msbot.xrce import (
     Submessage,
     WriteData,
     make_object_id,
-    replier_variant,
-    requester_variant,
 )
+from msbot.xrce.objects import replier_variant, requester_variant
 
 
 class AgentTarget:

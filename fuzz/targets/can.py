@@ -14,10 +14,12 @@ from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, read_logs, the_loop
 from msbot.errors import LinkDown, LinkFull, LocalProtocolError
 from msbot.link import Link, Peer
-from msbot.link.can_bus import BusState, CanBusInfo, FrameHandler, StateHandler
-from msbot.link.can_end import CanEnd, Codec
-from msbot.link.can_frames import FD_LENGTHS, FIRST, LAST, Frame, Joiner, check_frame, split
-from msbot.link.can_ids import (
+from msbot.link.can.controller import BusState, CanBusInfo, FrameHandler, StateHandler
+from msbot.link.can.eprosima_fd import MAX_PEERS, CanFdEprosimaLink
+from msbot.link.can.link import MASTER, CanMasterLink, CanPartLink
+from msbot.link.can.native import NativeEnd
+from msbot.link.can.protocol.frames import FD_LENGTHS, FIRST, LAST, Frame, Joiner, check_frame, split
+from msbot.link.can.protocol.ids import (
     Assign,
     Beacon,
     CanIds,
@@ -28,9 +30,8 @@ from msbot.link.can_ids import (
     read_join,
     stop_frame,
 )
-from msbot.link.can_link import MASTER, CanMasterLink, CanPartLink
-from msbot.link.canfd_eprosima import MAX_PEERS, CanFdEprosimaLink
-from msbot.xrce.compact import compress, decompress
+from msbot.link.can.wire import Codec
+from msbot.xrce.compression.compact import compress, decompress
 
 MTU = 300
 """Small, so that it is met."""
@@ -54,17 +55,18 @@ class FakeBus:
         self._room: Callable[[float], None] = lambda _: None
         self._tell: StateHandler = lambda *_: None
 
-    def on_frame(self, handler: FrameHandler) -> None:
+    def attach(
+        self,
+        *,
+        frame: FrameHandler | None = None,
+        room: Callable[[float], None] | None = None,
+        state: StateHandler | None = None,
+    ) -> None:
         """See `CanBus`."""
-        self.hear = handler
-
-    def on_room(self, handler: Callable[[float], None]) -> None:
-        """See `CanBus`."""
-        self._room = handler
-
-    def on_state(self, handler: StateHandler) -> None:
-        """See `CanBus`."""
-        self._tell = handler
+        assert frame is not None
+        assert room is not None
+        assert state is not None
+        self.hear, self._room, self._tell = frame, room, state
 
     def has_room(self) -> bool:
         """See `CanBus`."""
@@ -114,14 +116,14 @@ class CanWorld:
         self.master = CanMasterLink(self.buses[0], profile_hash=ROBOT, random=Random(1), fd=True, codec=coder, mtu=MTU)
         self.part = CanPartLink(self.buses[1], uid=UID, random=Random(2), profile_hash=ROBOT, codec=coder, mtu=MTU)
         self.eprosima = CanFdEprosimaLink(self.buses[2])
-        self.links: tuple[CanEnd | CanFdEprosimaLink, ...] = (self.master, self.part, self.eprosima)
+        self.links: tuple[NativeEnd | CanFdEprosimaLink, ...] = (self.master, self.part, self.eprosima)
         self.joiner = Joiner(MTU)
         self.packets: list[list[bytes]] = [[] for _ in self.links]
         self.seen: set[str] = set()
         ends: tuple[Link, ...] = self.links
         for link, received in zip(ends, self.packets, strict=True):
-            link.on_packet(partial(_keep, received))
-            link.on_signal(lambda signal, _peer, words, _now: self.seen.add(f"{signal.value}: {plain(words)}"))
+            link.attach(packet=partial(_keep, received))
+            link.attach(signal=lambda signal, _peer, words, _now: self.seen.add(f"{signal.value}: {plain(words)}"))
 
     def do(self, step: Step) -> None:
         """One step."""
@@ -281,7 +283,7 @@ def _keep(received: list[bytes], packet: bytes, _peer: Peer, _now: float) -> Non
     received.append(packet)
 
 
-async def _serve(link: CanEnd | CanFdEprosimaLink) -> None:
+async def _serve(link: NativeEnd | CanFdEprosimaLink) -> None:
     await link.run()
 
 

@@ -17,7 +17,7 @@ from msbot.errors import LinkFull, LocalProtocolError, RequestError
 from msbot.link import Signal
 from msbot.part import Client, ClientSettings, ConnectionState, Entity, Service
 from msbot.space import MemorySpace
-from msbot.xrce import Acknack, Data, Header, StatusAgent, StatusReply, SubmessageId
+from msbot.xrce.messages import Acknack, Data, Header, StatusAgent, StatusReply, SubmessageId
 from tests.agent.wiring import FakeLink, serving
 
 AGENT = "agent"
@@ -178,8 +178,8 @@ class ClientWorld:
         agent = Agent(MemorySpace(), epoch_ns=lambda: 0)
         loop = asyncio.get_running_loop()
         async with serving(agent, far):
-            far.attach(KEY, lambda packet: self.link.inject(packet, AGENT))
-            self.link.attach(AGENT, lambda packet: far.inject(packet, KEY))
+            far.plug(KEY, lambda packet: self.link.inject(packet, AGENT))
+            self.link.plug(AGENT, lambda packet: far.inject(packet, KEY))
             for signal in (Signal.LINK_UP, Signal.PEER_JOINED):
                 self.link.signal(signal, None, "healed")
             begun = loop.time()

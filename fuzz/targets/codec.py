@@ -10,21 +10,12 @@ from fuzz.case import Case, Step, Violation, plain
 from fuzz.corpus import packets
 from fuzz.mutate import mutate_octets
 from msbot.agent.discovery import discovery_answer
-from msbot.agent.rpc import decode_identity, encode_identity
+from msbot.agent.pending_requests import decode_identity, encode_identity
 from msbot.errors import ConfigError, RemoteProtocolError
-from msbot.xrce import (
-    CdrReader,
-    Create,
-    CreateClient,
-    Header,
-    References,
-    Submessage,
-    decode_header,
-    explain,
-    iter_submessages,
-    parse_variant,
-)
-from msbot.xrce.xml import MAX_DEPTH, Element, parse_xml
+from msbot.xrce import References, explain
+from msbot.xrce.messages import CdrReader, Create, CreateClient, Header, Submessage, decode_header, iter_submessages
+from msbot.xrce.objects import parse_variant
+from msbot.xrce.objects.xml import MAX_DEPTH, Element, parse_xml
 
 
 class CodecTarget:

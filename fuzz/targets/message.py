@@ -10,32 +10,22 @@ from typing import Annotated
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from msbot.errors import LocalProtocolError, RemoteProtocolError
-from msbot.part import (
-    AtMost,
+from msbot.part import HelloWorld, Message
+from msbot.part.join.plug import (
     Beat,
     BeatReply,
-    Claim,
-    Configuration,
+    ClaimMessage,
+    ConfigurationMessage,
     ConfigurationRequest,
-    HelloWorld,
-    Message,
-    Octets,
     PortBinding,
     ProfileMessage,
     Setting,
-    Verdict,
+    VerdictMessage,
     decode_reply,
     decode_request,
-    fields_of,
-    float32,
-    float64,
-    int8,
-    int16,
-    int64,
-    uint8,
-    uint16,
-    uint64,
 )
+from msbot.part.messages.message import fields_of
+from msbot.part.messages.wire_types import AtMost, Octets, float32, float64, int8, int16, int64, uint8, uint16, uint64
 
 
 class Numbers(Message):
@@ -68,7 +58,8 @@ def _numbers(small: int, negative: int, real: float) -> Numbers:
 
 
 CLASSES: tuple[type[Message], ...] = (
-    Numbers, Nested, HelloWorld, ProfileMessage, Claim, Verdict, Beat, BeatReply, ConfigurationRequest, Configuration,
+    Numbers, Nested, HelloWorld, ProfileMessage, ClaimMessage, VerdictMessage, Beat, BeatReply,
+    ConfigurationRequest, ConfigurationMessage,
 )  # fmt: skip
 SAMPLES: tuple[bytes, ...] = (
     Nested(
@@ -77,9 +68,9 @@ SAMPLES: tuple[bytes, ...] = (
     ).encode(),
     _numbers(255, -1, 1.5).encode(),
     ProfileMessage(index=1, message="MSBOT_MASTER", name="MSBOT_V1", id="X", dof="8-4-2021", make="M").encode(),
-    Claim(part_number="ABCD", local_name="AA", uid=bytes(8), session_nonce=5).encode(),
-    Verdict(lease=1, configuration_version=2, beat_period_ms=1000).encode(),
-    Configuration(
+    ClaimMessage(part_number="ABCD", local_name="AA", uid=bytes(8), session_nonce=5).encode(),
+    VerdictMessage(lease=1, configuration_version=2, beat_period_ms=1000).encode(),
+    ConfigurationMessage(
         version=3, slot="AA",
         bindings=[PortBinding(port="out", topic="t", topic_type="T", direction=0, reliable=1)],
         settings=[Setting(name="period_s", value="1.0")],

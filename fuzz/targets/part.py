@@ -13,41 +13,34 @@ from fuzz.virtual import play, read_logs, the_loop
 from msbot.agent import Agent
 from msbot.errors import ConfigError, LinkFull, LocalProtocolError
 from msbot.link import InprocHub
-from msbot.part import (
-    NO_BINDING,
-    Beat,
-    BeatReply,
-    Challenge,
-    Claim,
-    Client,
-    Configuration,
-    ConfigurationRequest,
-    Entity,
-    HelloWorld,
-    JoinState,
-    Message,
-    Notice,
-    NoticeKind,
-    Part,
-    PortBinding,
-    ProfileMessage,
-    Proof,
-    Service,
-    Setting,
-    Verdict,
-    decode_request,
-    uint32,
-)
-from msbot.part.plug import (
+from msbot.part import Client, Entity, HelloWorld, JoinState, Message, Part, Service
+from msbot.part.join.plug import (
     INVENTORY_REPLY_TYPE,
     INVENTORY_REQUEST_TYPE,
     INVENTORY_SERVICE,
     MOST_BINDINGS,
+    NO_BINDING,
     PROFILE_TOPIC,
     PROFILE_TYPE,
+    Beat,
+    BeatReply,
+    Challenge,
+    ClaimMessage,
+    ConfigurationMessage,
+    ConfigurationRequest,
+    Notice,
+    NoticeKind,
+    PortBinding,
+    ProfileMessage,
+    Proof,
+    Setting,
+    VerdictMessage,
+    decode_request,
 )
+from msbot.part.messages.wire_types import uint32
 from msbot.space import MemorySpace
-from msbot.xrce import STREAM_BEST_EFFORT, EndpointQos
+from msbot.xrce.messages import STREAM_BEST_EFFORT
+from msbot.xrce.objects import EndpointQos
 
 TURNS = 2_000_000
 """A master may ask for a beat every few milliseconds."""
@@ -59,13 +52,13 @@ MOST_OBJECTS = 2 * MOST_BINDINGS + 10
 _PROFILE = ProfileMessage(index=1, message="MSBOT_MASTER", name="MSBOT_V1", id="X", dof="8-4-2021", make="M")
 
 
-def _configuration(version: int = 1, *, out: str = "one", into: str = "two") -> Configuration:
+def _configuration(version: int = 1, *, out: str = "one", into: str = "two") -> ConfigurationMessage:
     bindings = [
         PortBinding(port="out", topic=out, topic_type="HelloWorld", direction=0, reliable=1),
         PortBinding(port="in", topic=into, topic_type="HelloWorld", direction=1, reliable=1),
     ]
     settings = [Setting(name="period_s", value="1.0"), Setting(name="in.safe.message", value="safe")]
-    return Configuration(version=version, slot="AA", bindings=bindings, settings=settings)
+    return ConfigurationMessage(version=version, slot="AA", bindings=bindings, settings=settings)
 
 
 class Boundless(Message):
@@ -192,8 +185,8 @@ class PartWorld:
 def honest_answer(body: bytes) -> bytes:
     """What an honest inventory says."""
     match decode_request(body):
-        case Claim() | Proof():
-            return Verdict(lease=7, configuration_version=HONEST_VERSION, beat_period_ms=250).encode()
+        case ClaimMessage() | Proof():
+            return VerdictMessage(lease=7, configuration_version=HONEST_VERSION, beat_period_ms=250).encode()
         case Beat(lease=lease):
             return BeatReply(configuration_version=HONEST_VERSION if lease == 7 else 0).encode()
         case ConfigurationRequest():
@@ -253,9 +246,9 @@ class PartTarget:
 
 
 _ANSWERS = (
-    Verdict(lease=7, configuration_version=9, beat_period_ms=250).encode(),
-    Verdict(lease=8, configuration_version=1, beat_period_ms=0).encode(),
-    Verdict(lease=0, configuration_version=1, beat_period_ms=1000, reason=4).encode(),
+    VerdictMessage(lease=7, configuration_version=9, beat_period_ms=250).encode(),
+    VerdictMessage(lease=8, configuration_version=1, beat_period_ms=0).encode(),
+    VerdictMessage(lease=0, configuration_version=1, beat_period_ms=1000, reason=4).encode(),
     BeatReply(configuration_version=9).encode(),
     BeatReply(configuration_version=0).encode(),
     Challenge(nonce=bytes(16)).encode(),

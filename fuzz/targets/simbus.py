@@ -11,10 +11,11 @@ from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, read_logs, the_loop
 from msbot.errors import RemoteProtocolError
-from msbot.link.can_bus import BusState
-from msbot.link.can_frames import FD_LENGTHS, Frame
-from msbot.link.sim_driver import SimBusDriver
-from msbot.link.sim_protocol import (
+from msbot.link.can.controller import BusState
+from msbot.link.can.protocol.frames import FD_LENGTHS, Frame
+from msbot.link.can.sim.driver import SimBusDriver
+from msbot.link.can.sim.model.bus import MAILBOXES, SimBus
+from msbot.link.can.sim.model.messages import (
     MAX_MESSAGE,
     BusFrame,
     FrameSent,
@@ -26,8 +27,7 @@ from msbot.link.sim_protocol import (
     Welcome,
     encode,
 )
-from msbot.link.sim_server import MAX_PROGRAMS, Program, SimBusServer
-from msbot.link.simbus import MAILBOXES, SimBus
+from msbot.link.can.sim.server import MAX_PROGRAMS, Program, SimBusServer
 
 PROGRAMS = 4
 KEY = bytes(16)

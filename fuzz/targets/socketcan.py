@@ -16,15 +16,15 @@ from fuzz.bounds import REASONS, hold
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.virtual import play, read_logs, the_loop
 from msbot.errors import LinkDown, LinkFull
-from msbot.link.can_bus import BusState, CanBusInfo
-from msbot.link.can_driver import CanDriver
-from msbot.link.can_errors import read_report
-from msbot.link.can_filters import IdFilter
-from msbot.link.can_frames import Frame
-from msbot.link.can_interface import Interface, parse_interface
-from msbot.link.can_remedies import Wanted, why_not
-from msbot.link.socketcan import SocketCanAdapter
-from msbot.link.socketcan_frames import CLASSIC_SIZE, ERROR, FD_SIZE, pack_frame, unpack_frame
+from msbot.link.can.adapters.driver import CanDriver
+from msbot.link.can.adapters.error_frames import read_report
+from msbot.link.can.adapters.interface import Interface, parse_interface
+from msbot.link.can.adapters.remedies import Wanted, why_not
+from msbot.link.can.adapters.socketcan import SocketCanAdapter
+from msbot.link.can.adapters.socketcan_frames import CLASSIC_SIZE, ERROR, FD_SIZE, pack_frame, unpack_frame
+from msbot.link.can.controller import BusState, CanBusInfo
+from msbot.link.can.filters import IdFilter
+from msbot.link.can.protocol.frames import Frame
 
 CAN0 = Interface("can0", 3, is_can=True, is_up=True, mtu=72, kind="can", bitrate=500_000)
 RING = 64
@@ -141,9 +141,9 @@ class SocketCanWorld:
         self.driver = CanDriver(adapter, ring_frames=RING)
         self.frames: list[Frame] = []
         self.seen: set[str] = set()
-        self.driver.on_frame(lambda frame, _: self.frames.append(frame))
-        self.driver.on_state(self._state)
-        self.driver.on_room(lambda _: self.seen.add("room"))
+        self.driver.attach(frame=lambda frame, _: self.frames.append(frame))
+        self.driver.attach(state=self._state)
+        self.driver.attach(room=lambda _: self.seen.add("room"))
 
     def _state(self, state: BusState, words: str, _: float) -> None:
         self.seen.add(f"{state.value}: {plain(words)}")

@@ -30,28 +30,57 @@ from msbot.errors import (
     RegistryError,
     RemoteProtocolError,
     RequestError,
+    RequestTimeout,
 )
 
 if TYPE_CHECKING:
     from msbot.part import (
-        AtMost,
         ExpectedRobot,
         HelloWorld,
         JoinState,
         Message,
         NumatoGpio,
-        Octets,
         Part,
         PinDirection,
         SimGpio,
         UsbGpio,
+        find_agents,
+        run,
+    )
+    from msbot.part.messages.standard import (
+        Angle,
+        Battery,
+        Colour,
+        Count,
+        Distance,
+        Gas,
+        Key,
+        Level,
+        Light,
+        Line,
+        Number,
+        Place,
+        Pressure,
+        Speed,
+        Stick,
+        Switch,
+        Temperature,
+        Text,
+        Tone,
+        Trigger,
+        Vector,
+        Weight,
+    )
+    from msbot.part.messages.wire_types import (
+        AtMost,
+        Exactly,
+        Octets,
         float32,
         float64,
         int8,
         int16,
         int32,
         int64,
-        run,
         uint8,
         uint16,
         uint32,
@@ -59,11 +88,22 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "Angle",
     "AtMost",
+    "Battery",
+    "Colour",
     "ConfigError",
+    "Count",
+    "Distance",
+    "Exactly",
     "ExpectedRobot",
+    "Gas",
     "HelloWorld",
     "JoinState",
+    "Key",
+    "Level",
+    "Light",
+    "Line",
     "LinkDown",
     "LinkError",
     "LinkFull",
@@ -71,14 +111,28 @@ __all__ = [
     "Message",
     "MsbotError",
     "NumatoGpio",
+    "Number",
     "Octets",
     "Part",
     "PinDirection",
+    "Place",
+    "Pressure",
     "RegistryError",
     "RemoteProtocolError",
     "RequestError",
+    "RequestTimeout",
     "SimGpio",
+    "Speed",
+    "Stick",
+    "Switch",
+    "Temperature",
+    "Text",
+    "Tone",
+    "Trigger",
     "UsbGpio",
+    "Vector",
+    "Weight",
+    "find_agents",
     "float32",
     "float64",
     "int8",
@@ -92,11 +146,59 @@ __all__ = [
     "uint64",
 ]
 
+_STANDARD = "msbot.part.messages.standard"
+_TYPES = "msbot.part.messages.wire_types"
+_ELSEWHERE = dict.fromkeys(
+    (
+        "Angle",
+        "Battery",
+        "Colour",
+        "Count",
+        "Distance",
+        "Gas",
+        "Key",
+        "Level",
+        "Light",
+        "Line",
+        "Number",
+        "Place",
+        "Pressure",
+        "Speed",
+        "Stick",
+        "Switch",
+        "Temperature",
+        "Text",
+        "Tone",
+        "Trigger",
+        "Vector",
+        "Weight",
+    ),
+    _STANDARD,
+) | dict.fromkeys(
+    (
+        "float32",
+        "float64",
+        "int8",
+        "int16",
+        "int32",
+        "int64",
+        "uint8",
+        "uint16",
+        "uint32",
+        "uint64",
+        "AtMost",
+        "Exactly",
+        "Octets",
+    ),
+    _TYPES,
+)
+"""Names that are not in `msbot.part`, and where they are."""
+
 
 def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module 'msbot' has no attribute {name!r}")
-    value: object = getattr(importlib.import_module("msbot.part"), name)
+    value: object = getattr(importlib.import_module(_ELSEWHERE.get(name, "msbot.part")), name)
     globals()[name] = value
     return value
 

@@ -1,15 +1,19 @@
-"""Every error MsBOT raises on purpose.
+"""The errors that several rooms raise; every error MsBOT raises on purpose derives from `MsbotError`.
+
+A room that needs an error of its own derives it from one of these.
 
 ::
 
     MsbotError
-    ├── ConfigError              a file, option or setting the user can mend
-    ├── LinkError                the way to a peer
+    ├── ConfigError              a file, option or setting the user can mend; also a ValueError
+    │   └── NotThere             there is no slot, part, frame or type of that name
+    ├── LinkError                the way to a peer; also a ConnectionError
     │   ├── LinkDown             absent, closed, bus-off: nothing can be sent now
     │   └── LinkFull             the peer's queue is full: try again when there is room
-    ├── LocalProtocolError       this side asked for something the protocol does not allow
-    ├── RemoteProtocolError      the other side sent bytes that make no sense (counted and dropped by the caller)
+    ├── LocalProtocolError       this side asked for something the protocol does not allow; also a RuntimeError
+    ├── RemoteProtocolError      the other side sent bytes that make no sense; also a ValueError
     ├── RequestError             the agent refused a request; carries the status
+    │   └── RequestTimeout       the agent did not answer in time; also a TimeoutError
     └── RegistryError            the database: locked, of a newer version, not writable
 """
 
@@ -20,11 +24,15 @@ class MsbotError(Exception):
     """Base of all errors that MsBOT raises on purpose; the text is meant for a person."""
 
 
-class ConfigError(MsbotError):
+class ConfigError(MsbotError, ValueError):
     """A file, option or setting is wrong; the text says where, what, and what would be right."""
 
 
-class LinkError(MsbotError):
+class NotThere(ConfigError):
+    """There is no slot, part, frame or type of that name."""
+
+
+class LinkError(MsbotError, ConnectionError):
     """Something about the way to a peer."""
 
 
@@ -36,11 +44,11 @@ class LinkFull(LinkError):
     """The queue towards that peer is full; wait for `on_room`."""
 
 
-class LocalProtocolError(MsbotError):
+class LocalProtocolError(MsbotError, RuntimeError):
     """This side asked for something the protocol does not allow in the present state."""
 
 
-class RemoteProtocolError(MsbotError):
+class RemoteProtocolError(MsbotError, ValueError):
     """The peer sent bytes that break the protocol; the packet is dropped and counted."""
 
 
@@ -54,6 +62,10 @@ class RequestError(MsbotError):
     def __init__(self, message: str, status: int | None = None) -> None:
         super().__init__(message)
         self.status = status
+
+
+class RequestTimeout(RequestError, TimeoutError):
+    """The agent did not answer a request in time; the status is None."""
 
 
 class RegistryError(MsbotError):

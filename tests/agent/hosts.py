@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from itertools import count
 
-from msbot.agent.replies import ReplyExchange
-from msbot.agent.rpc import make_guid
-from msbot.agent.sides import ReadSide, Shape
-from msbot.agent.stats import TopicTraffic
+from msbot.agent.endpoint_sides import ReadSide, Shape
+from msbot.agent.pending_requests import make_guid
+from msbot.agent.reply_routing import ReplyExchange
+from msbot.agent.statistics import TopicTraffic
+from msbot.runtime.tally import Tally
 from msbot.space import Guid, MemorySpace, Space
 
 
@@ -27,8 +28,10 @@ class FakeHost:
         self.sent: list[tuple[int, int, bytes, int]] = []
         """`(request id, object id, payload, stream id)` of every DATA."""
         self.calls: dict[ReadSide, float] = {}
-        self.dropped: list[str] = []
-        self.refused: list[str] = []
+        self.dropped = Tally()
+        self.settled = True
+        self.latched: set[str] = set()
+        self.refused = Tally()
         self.traffic: dict[str, TopicTraffic] = {}
         self._incarnations = count(1)
 
@@ -37,6 +40,12 @@ class FakeHost:
 
     def traffic_of(self, topic: str) -> TopicTraffic:
         return self.traffic.setdefault(topic, TopicTraffic(topic))
+
+    def is_latched(self, topic: str) -> bool:
+        return topic in self.latched
+
+    def is_settled(self) -> bool:
+        return self.settled
 
     def may_write(self, topic: str) -> bool:
         return topic not in self.barred
@@ -54,12 +63,6 @@ class FakeHost:
 
     def call_at(self, side: ReadSide, when: float) -> None:
         self.calls[side] = when
-
-    def drop(self, reason: str) -> None:
-        self.dropped.append(reason)
-
-    def refuse(self, topic: str) -> None:
-        self.refused.append(topic)
 
     def pass_time_until(self, when: float) -> None:
         """Serve the calls that are due up to that time."""

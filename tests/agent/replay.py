@@ -15,14 +15,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from msbot.agent import Agent
-from msbot.link import run_virtual
 from msbot.link.byte_frames import SerialReceiver, TcpReceiver
+from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
-from msbot.xrce import (
+from msbot.xrce import References
+from msbot.xrce.messages import (
     Data,
     Heartbeat,
     ObjectKind,
-    References,
     Submessage,
     TimestampReply,
     WriteData,
@@ -170,7 +170,7 @@ async def _replay(lines: list[Line], make_agent: Callable[[], Agent]) -> dict[Pl
     identities = Identities(lines)
     link = FakeLink()
     for place in {line.place for line in lines}:
-        link.attach(place, answers[place].add)
+        link.plug(place, answers[place].add)
     async with serving(make_agent(), link):
         loop = asyncio.get_running_loop()
         start = loop.time()

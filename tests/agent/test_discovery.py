@@ -9,8 +9,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from msbot.agent import DISCOVERY_GROUP, DiscoveryResponder, host_addresses
-from msbot.agent.discovery import discovery_answer
+from msbot.agent.discovery import DISCOVERY_GROUP, DiscoveryResponder, discovery_answer, host_addresses
 from msbot.errors import LinkDown
 
 QUESTION = bytes.fromhex("80000000 02010800 0009fffd 03000000")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from msbot.agent.endpoints import DataReader, DataWriter, Replier, Requester
-from msbot.agent.replies import ReplyExchange
-from msbot.agent.rpc import client_key_of, decode_identity, encode_identity
-from msbot.agent.shapes import NoEchoShape
+from msbot.agent.pending_requests import client_key_of, decode_identity, encode_identity
+from msbot.agent.reply_routing import ReplyExchange
+from msbot.agent.sample_identity import NoEchoShape
 from msbot.space import MemorySpace, Qos, Sample, Topic
-from msbot.xrce import DeliveryControl
+from msbot.xrce.messages import DeliveryControl
 from tests.agent.hosts import FakeHost
 
 TOPIC = Topic("light", "Light")
@@ -54,7 +54,7 @@ def test_a_writer_writes_and_a_reader_reads() -> None:
 def test_a_reader_cannot_write() -> None:
     host = FakeHost()
     DataReader(host, 0x0016, TOPIC, Qos(), None).write(1, b"nonsense")
-    assert host.dropped == ["WRITE_DATA for an object that cannot write"]
+    assert host.dropped == {"WRITE_DATA for an object that cannot write": 1}
 
 
 def test_a_client_without_echo_does_not_get_its_own_samples() -> None:
@@ -97,7 +97,7 @@ def test_each_request_is_answered_once() -> None:
 def test_a_reply_without_identity_is_dropped_and_counted(payload: bytes) -> None:
     service = Service()
     service.replier.write(1, payload)
-    assert service.server.dropped == ["reply without the identity of its request"]
+    assert service.server.dropped == {"reply without the identity of its request": 1}
 
 
 def test_replies_to_nobody_are_dropped() -> None:
@@ -143,7 +143,7 @@ def test_repeated_replies_that_nobody_reads_stay_bounded() -> None:
     (identity,) = service.identities()
     for number in range(6):
         service.replier.write(1, identity + bytes([number]))
-    assert service.asker.dropped == ["sample pushed out before the client read it"] * 2
+    assert service.asker.dropped == {"sample pushed out before the client read it": 2}
     assert service.requester.incoming is not None
     service.requester.incoming.start(2, 0x80, FOREVER)
     assert len(service.asker.payloads()) == 1
@@ -165,7 +165,7 @@ def test_a_barred_requester_asks_in_vain_and_its_old_requests_are_over() -> None
     service.requester.recheck()
     assert not service.requester.attached
     service.requester.write(2, b"meanwhile")
-    assert service.asker.refused == ["add_Request"]
+    assert service.asker.refused == {"add_Request": 1}
     service.asker.barred.clear()
     service.requester.recheck()
     assert service.requester.attached

@@ -9,9 +9,10 @@ import pytest
 
 from msbot.agent import Agent, AgentSettings, ClientInfo, Gate, OpenGate
 from msbot.agent.handshake import dead_after_s, wants_echo
-from msbot.link import run_virtual
+from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
-from msbot.xrce import CreateClient, Header, Status, encode_message
+from msbot.xrce import Status
+from msbot.xrce.messages import CreateClient, Header, encode_message
 from tests.agent.wiring import FakeLink, serving
 
 PING = "80 00 00 00 02 01 08 00 00 0a ff fd 02 00 00 00"

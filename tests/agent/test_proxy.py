@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
 from msbot.agent.gate import ClientInfo, OpenGate
+from msbot.agent.limits import AgentSettings
+from msbot.agent.pending_requests import client_key_of
 from msbot.agent.proxy import Proxy, Surroundings
-from msbot.agent.replies import ReplyExchange
-from msbot.agent.rpc import client_key_of
-from msbot.agent.settings import AgentSettings
+from msbot.agent.reply_routing import ReplyExchange
 from msbot.space import MemorySpace, Qos, Sample, Topic
-from msbot.xrce import (
-    STREAM_BEST_EFFORT,
-    STREAM_RELIABLE,
-    AgentSession,
-    ClientEvent,
-    ClientSession,
-    DataReceived,
-    DeliveryControl,
-    EndpointQos,
-    StatusReceived,
-    make_object_id,
-    participant_variant,
-    reader_variant,
-    subscriber_variant,
-    topic_variant,
-)
+from msbot.xrce import AgentSession, ClientSession
+from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl, make_object_id
+from msbot.xrce.objects import EndpointQos, participant_variant, reader_variant, subscriber_variant, topic_variant
+from msbot.xrce.sessions import ClientEvent, DataReceived, StatusReceived
 
 KEY = 0xAABBCCDD
 LIGHT = Topic("light", "T")
@@ -47,7 +37,7 @@ class Pair:
             agent_id=b"AGENT-ID",
             mark=self.marked.append,
         )
-        session = AgentSession(KEY, 0x81, 508, epoch_ns=lambda: 0)
+        session = partial(AgentSession, KEY, 0x81, 508, epoch_ns=lambda: 0)
         info = ClientInfo(KEY, "fake:", "peer", "peer in words")
         self.proxy = Proxy(info, session, surroundings, 0.0, dead_after_s=10.0, echo=echo)
         self.client = ClientSession(KEY, epoch_ns=lambda: 0)

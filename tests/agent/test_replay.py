@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from msbot.agent.discovery import discovery_answer
-from msbot.xrce import References, decode_header, iter_submessages
+from msbot.xrce import References
+from msbot.xrce.messages import decode_header, iter_submessages
 from tests.agent.replay import (
     VECTORS,
     Answers,

@@ -17,10 +17,12 @@ from typing import Protocol
 import pytest
 
 from msbot.agent import Agent
-from msbot.link import Link, SerialServerLink, Signal, TcpServerLink
+from msbot.link import Link, Signal
 from msbot.link.byte_frames import TcpReceiver
+from msbot.link.net import TcpServerLink
+from msbot.link.serial import SerialServerLink
 from msbot.space import MemorySpace
-from msbot.xrce import Heartbeat, decode_header, iter_submessages
+from msbot.xrce.messages import Heartbeat, decode_header, iter_submessages
 from tests.agent.replay import VECTORS, Answers, Place, differences, load, recorded
 from tests.agent.test_replay import EQUAL
 from tests.link.ports import Board
@@ -80,10 +82,9 @@ class SerialEnd:
 @asynccontextmanager
 async def serving(link: Link) -> AsyncIterator[None]:
     """Our agent on that link."""
-    agent = Agent(MemorySpace())
-    agent.add_link(link)
     up = asyncio.Event()
-    agent.on_signal = lambda _link, signal, _peer, _words, _now: up.set() if signal is Signal.LINK_UP else None
+    agent = Agent(MemorySpace(), signal=lambda _link, signal, *_: up.set() if signal is Signal.LINK_UP else None)
+    agent.add_link(link)
     task = asyncio.create_task(agent.run())
     await up.wait()
     try:

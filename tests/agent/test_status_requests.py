@@ -32,7 +32,7 @@ async def shown(folder: Path, control: Control | None = None) -> AsyncIterator[R
         await asyncio.gather(task, return_exceptions=True)
 
 
-def echo(request: Mapping[str, object]) -> Mapping[str, object]:
+async def echo(request: Mapping[str, object]) -> Mapping[str, object]:
     return {"got": dict(request)}
 
 
@@ -86,8 +86,7 @@ async def test_nobody_is_known_before_there_is_a_token() -> None:
     server = StatusServer(Agent(MemorySpace()), what="master", name="x", control=echo)
     near, far = socket.socketpair()
     with far:
-        reader, writer = await asyncio.open_connection(sock=near)
         far.sendall(b"\n")
-        await server._answer(reader, writer)
-        await writer.wait_closed()
+        await server._receive(near)
+        await asyncio.sleep(0)
         assert far.recv(1000) == b""

@@ -18,22 +18,12 @@ from contextlib import asynccontextmanager
 
 from msbot.agent import Agent
 from msbot.errors import LinkFull
-from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
-from msbot.xrce import (
+from msbot.link import BaseLink, LinkInfo, Peer, Signal
+from msbot.xrce import ClientSession, ClientSessionSettings, ClientState, Status
+from msbot.xrce.messages import STREAM_RELIABLE, DeliveryControl, ObjectKind, ObjectVariant, make_object_id
+from msbot.xrce.objects import (
     RELIABLE_QOS,
-    STREAM_RELIABLE,
-    ClientEvent,
-    ClientSession,
-    ClientSessionSettings,
-    ClientState,
-    DataReceived,
-    DeliveryControl,
     EndpointQos,
-    ObjectKind,
-    ObjectVariant,
-    Status,
-    StatusReceived,
-    make_object_id,
     participant_variant,
     publisher_variant,
     reader_variant,
@@ -43,6 +33,7 @@ from msbot.xrce import (
     topic_variant,
     writer_variant,
 )
+from msbot.xrce.sessions import ClientEvent, DataReceived, StatusReceived
 
 PARTICIPANT = make_object_id(1, ObjectKind.PARTICIPANT)
 PUBLISHER = make_object_id(1, ObjectKind.PUBLISHER)
@@ -50,14 +41,13 @@ SUBSCRIBER = make_object_id(1, ObjectKind.SUBSCRIBER)
 UNLIMITED = DeliveryControl()
 
 
-class FakeLink:
+class FakeLink(BaseLink):
     """A link to peers that are plain functions; it can be told to be full and to break."""
 
-    def __init__(self, name: str = "fake:", mtu: int = 65535, bits_per_second: int | None = None) -> None:
-        self.info = LinkInfo(name, mtu, bits_per_second)
-        self.counters = LinkCounters()
-        self.tap: Tap | None = None
-        self.remote: Peer | None = None
+    def __init__(
+        self, name: str = "fake:", mtu: int = 65535, bits_per_second: int | None = None, *, in_bursts: bool = False
+    ) -> None:
+        super().__init__(LinkInfo(name, mtu, bits_per_second, in_bursts=in_bursts))
         self.sent: list[tuple[Peer, bytes]] = []
         """Everything the agent sent, oldest first."""
         self.room: int | None = None
@@ -65,21 +55,9 @@ class FakeLink:
         self.failure: Exception | None = None
         """What `run` raises at once."""
         self._peers: dict[Peer, Callable[[bytes], None]] = {}
-        self._packet_handler: PacketHandler = lambda *_: None
-        self._signal_handler: SignalHandler = lambda *_: None
-        self._room_handler: Callable[[Peer | None], None] = lambda _: None
         self._broken = asyncio.Event()
 
     # The link's protocol.
-
-    def on_packet(self, handler: PacketHandler) -> None:
-        self._packet_handler = handler
-
-    def on_signal(self, handler: SignalHandler) -> None:
-        self._signal_handler = handler
-
-    def on_room(self, handler: Callable[[Peer | None], None]) -> None:
-        self._room_handler = handler
 
     def has_room(self, peer: Peer) -> bool:
         return self.room is None or self.room > 0
@@ -107,13 +85,17 @@ class FakeLink:
 
     # For tests.
 
-    def attach(self, peer: Peer, receive: Callable[[bytes], None]) -> None:
+    def plug(self, peer: Peer, receive: Callable[[bytes], None]) -> None:
         """Call `receive` with every packet for that peer."""
         self._peers[peer] = receive
 
     def inject(self, packet: bytes, peer: Peer = "client") -> None:
         """A packet arrives from that peer, now and in this call."""
         self._packet_handler(packet, peer, asyncio.get_running_loop().time())
+
+    def end_burst(self) -> None:
+        """The packets that are there have all been injected."""
+        self._burst_end_handler()
 
     def signal(self, signal: Signal, peer: Peer | None = None, reason: str = "") -> None:
         """The link says something."""
@@ -170,7 +152,7 @@ class WiredClient:
         self._lose = lose or (lambda _: False)
         self._loop = asyncio.get_running_loop()
         self._alarm: asyncio.TimerHandle | None = None
-        link.attach(self.peer, self._receive)
+        link.plug(self.peer, self._receive)
 
     async def connect(self) -> None:
         """Open the session; fails the test when the agent does not."""

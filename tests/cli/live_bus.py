@@ -9,9 +9,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 import can
-from msbot.cli.bus import command
+from msbot.cli.bus.bus import command
 from msbot.errors import MsbotError
-from msbot.link.sim_interface import MsbotBus
+from msbot.link.can.sim.python_can_interface import MsbotBus
 
 
 @pytest.fixture(autouse=True)

@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from msbot.cli import control
+from msbot.cli import COMMANDS
+from msbot.cli.change import robot_access as control
 from msbot.config import write_sample
 from msbot.errors import ConfigError, MsbotError
 from msbot.registry import open_registry
+from tests.registry.hand import Hand
 
 Run = Callable[..., Result]
 
@@ -23,7 +25,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     write_sample(Path("robot.toml"))
 
     def run(name: str, *arguments: str, answer: str = "") -> Result:
-        command = importlib.import_module(f"msbot.cli.{name}").command
+        command = importlib.import_module(f"msbot.cli.{COMMANDS[name][0]}").command
         result = CliRunner().invoke(command, arguments, input=answer)
         if isinstance(result.exception, MsbotError):
             raise result.exception
@@ -37,6 +39,38 @@ def _edit(old: str, new: str) -> None:
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new))
+
+
+# slot
+
+
+def test_a_new_slot_is_written_to_the_end_and_in_force(run: Run) -> None:
+    run("apply", "--yes")
+    before = Path("robot.toml").read_text()
+    assert run("slot", "add", "eye", "TCS34725", "--description", 'The "eye"').output == (
+        "slot eye stands in robot.toml; robot MSBOT_MASTER is as robot.toml says; `msbot undo` takes it back\n"
+    )
+    after = Path("robot.toml").read_text()
+    assert after.startswith(before)
+    assert after.endswith('\n[[slot]]\nname = "eye"\npart = "TCS34725"\ndescription = "The \\"eye\\""\n')
+    assert run("diff").exit_code == 0
+    assert json.loads(run("slot", "add", "ear", "KY-037", "--json").output)["slot"] == "ear"
+
+
+def test_a_slot_that_will_not_do_leaves_the_file_as_it_was(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = Path("robot.toml").read_bytes()
+    for arguments, words in (
+        (("AA", "ABCD"), 'there is a slot "AA" already'),
+        (("eye", "TCS34726"), 'no part number "TCS34726"; did you mean "TCS34725"'),
+        (("a.b", "ABCD"), "must not contain"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            run("slot", "add", *arguments)
+        assert Path("robot.toml").read_bytes() == before
+    Path("robot.db").write_bytes(b"no database at all, but a text that is long enough to be taken for one" * 20)
+    with pytest.raises(MsbotError):
+        run("slot", "add", "eye", "TCS34725")
+    assert Path("robot.toml").read_bytes() == before
 
 
 # check
@@ -107,10 +141,10 @@ def test_a_change_is_shown_made_and_taken_back(run: Run) -> None:
         "robot MSBOT_MASTER is as robot.toml says; `msbot undo` takes it back",
     ]  # fmt: skip
     with open_registry("robot.db") as registry:
-        (robot,) = registry.robots()
-        (edit,) = registry.edits(robot)
+        (robot,) = registry.robots.all()
+        (edit,) = registry.edits.latest(robot)
         assert (edit.kind, edit.who != "msbot") == ("apply", True)
-        registry.undo(robot, None, "Ann")
+        Hand(registry).undo(robot, None, "Ann")
     assert run("diff").exit_code == 1
 
 
@@ -118,11 +152,11 @@ def test_for_programs(run: Run) -> None:
     made = json.loads(run("apply", "--yes", "--json").output)
     assert (len(made["changed"]), made["words"]) == (6, "robot MSBOT_MASTER is in the database now")
     assert json.loads(run("apply", "--yes", "--json").output) == {"changed": [], "words": "nothing to change"}
-    _edit("explain = false", "explain = true")
+    _edit("explain = true", "explain = false")
     told = json.loads(run("diff", "--json").output)
     assert (told["new"], told["by_hand"]) == (False, [])
     assert told["apply"] == [
-        {"change": "changed", "where": "options, explain", "before": "false", "after": "true",
+        {"change": "changed", "where": "options, explain", "before": "true", "after": "false",
          "consequence": "holds from the master's next start on"}
     ]  # fmt: skip
     assert "--json does not ask: add --yes" in run("apply", "--json").output
@@ -130,7 +164,7 @@ def test_for_programs(run: Run) -> None:
 
 def test_a_running_robot_is_changed_through_its_master(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     run("apply", "--yes")
-    _edit("explain = false", "explain = true")
+    _edit("explain = true", "explain = false")
     asked: list[object] = []
 
     def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> dict[str, object]:
@@ -139,9 +173,9 @@ def test_a_running_robot_is_changed_through_its_master(run: Run, monkeypatch: py
 
     monkeypatch.setattr(control, "perform", perform)
     with open_registry("robot.db") as registry:
-        registry.store_for(registry.robots()[0])
+        registry.runs.begin(registry.robots.all()[0])
         assert run("apply", "--yes").output.splitlines()[-1] == "done"
-        assert registry.edits(registry.robots()[0]) == []
+        assert registry.edits.latest(registry.robots.all()[0]) == []
     path = str(Path("robot.toml").resolve())
     assert asked == [("robot.db", "MSBOT_MASTER", "apply", {"path": path, "folders": []})]
 
@@ -163,7 +197,7 @@ def test_what_is_exported_can_be_applied(run: Run) -> None:
 def test_what_was_made_by_hand_is_shown_and_exported(run: Run) -> None:
     run("apply", "--yes")
     with open_registry("robot.db") as registry:
-        registry.unbind(registry.robots()[0], "HelloWorldTopic_3_to_1", None, "Ann")
+        Hand(registry).unbind(registry.robots.all()[0], "HelloWorldTopic_3_to_1", None, "Ann")
     assert run("diff").output.splitlines() == [
         "robot.db has what robot.toml says.",
         "Changed by hand, which stays (`msbot export` writes it down):",

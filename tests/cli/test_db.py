@@ -4,6 +4,7 @@ import json
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     write_sample(Path("robot.toml"))
     library = load_library()
     with open_registry("robot.db") as registry:
-        registry.apply_blueprint(load_blueprint(Path("robot.toml"), library), library)
+        registry.robots.apply_blueprint(load_blueprint(Path("robot.toml"), library), library)
 
     def run(*arguments: str, answer: str = "") -> Result:
         result = CliRunner().invoke(command, arguments, input=answer)
@@ -42,7 +43,7 @@ def test_an_up_to_date_database_needs_no_migration(run: Run) -> None:
 def test_a_backup_is_made_and_brought_back(run: Run) -> None:
     assert run("backup", "copy.db").output.startswith("copy.db is written: ")
     with open_registry("robot.db") as registry:
-        registry.keep_user("ann", "viewer", "ann", password_hash="")
+        registry.users.keep("ann", "viewer", "ann", password_hash="")
     asked = run("restore", "copy.db", answer="n\n")
     assert (asked.exit_code, "Put the content of copy.db in place of all that robot.db has?" in asked.output) == (
         1,
@@ -53,7 +54,7 @@ def test_a_backup_is_made_and_brought_back(run: Run) -> None:
         "What it had before is in robot.db.replaced.1.backup.",
     ]
     with open_registry("robot.db") as registry:
-        assert registry.users() == []
+        assert registry.users.all() == []
 
 
 def test_a_check_says_what_is_wrong(run: Run) -> None:
@@ -75,3 +76,27 @@ def test_a_database_that_is_not_there(run: Run) -> None:
             run(*arguments, "--db", "other.db")
     with pytest.raises(RegistryError, match=r"there is no backup nothing\.db"):
         run("restore", "nothing.db", "--yes")
+
+
+def test_a_folder_of_backups_keeps_the_newest(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = Path("backups")
+    for day in range(1, 6):
+        monkeypatch.setattr("msbot.cli.db.datetime", FixedClock(day))
+        done = run("backup", "backups", "--keep", "3")
+        (folder / "mine-20260101-000000.db").touch()
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == ["mine-20260101-000000.db", *(f"robot-2026010{day}-120000.db" for day in (3, 4, 5))]
+    assert "backups/robot-20260102-120000.db is removed: the newest 3 are kept." in done.output
+    assert folder.stat().st_mode & 0o077 == 0
+    with open_registry(folder / "robot-20260105-120000.db", read_only=True) as registry:
+        assert [robot.name for robot in registry.robots.all()] == ["MSBOT_MASTER"]
+
+
+class FixedClock:
+    """`datetime`, as far as `msbot db backup` uses it: noon of that day in January 2026."""
+
+    def __init__(self, day: int) -> None:
+        self.day = day
+
+    def now(self) -> datetime:
+        return datetime(2026, 1, self.day, 12)

@@ -13,8 +13,7 @@ from click.testing import CliRunner, Result
 
 from msbot.cli.key import command, qr_code
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.part import parse_key
-from msbot.part.keys import given_key
+from msbot.part.join.keys import given_key, parse_key
 from msbot.pnp import Claim, PartEvent, PartState
 from msbot.registry import open_registry
 
@@ -30,8 +29,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_sample(tmp_path / "robot.toml")
     library = load_library()
     with open_registry(tmp_path / "robot.db") as registry:
-        robot = registry.apply_blueprint(load_blueprint(tmp_path / "robot.toml", library), library)
-        store = registry.store_for(robot)
+        robot = registry.robots.apply_blueprint(load_blueprint(tmp_path / "robot.toml", library), library)
+        store = registry.runs.begin(robot)
         uid = bytes.fromhex(UID)
         store.remember(uid, "AA", Claim("ABCD", "eye", uid))
         store.journal(
@@ -58,7 +57,7 @@ def test_a_new_key_is_printed_as_text_and_qr_code_and_kept(folder: Path) -> None
     assert f"part {uid.hex()} has a key; it is not shown again." in output
     assert qr_code(f"MSBOT1:EFGH:{uid.hex()}:{key.hex()}") in output
     with open_registry(folder / "robot.db", read_only=True) as registry:
-        assert registry.key_of(uid) == key
+        assert registry.keys.find(uid) == key
 
 
 def test_a_part_that_was_seen_keeps_its_uid_and_gets_another_key_each_time(folder: Path) -> None:
@@ -99,7 +98,7 @@ def test_a_removed_key_is_gone(folder: Path) -> None:
     run("new", "eye", "--no-qr")
     assert run("remove", UID).output == f"the key of part {UID} is removed: it is not let in any more.\n"
     with open_registry(folder / "robot.db", read_only=True) as registry:
-        assert registry.keys() == []
+        assert registry.keys.all() == []
 
 
 @pytest.mark.parametrize(
@@ -120,7 +119,9 @@ def test_a_name_that_two_parts_have_is_not_guessed(folder: Path) -> None:
     library = load_library()
     other = bytes.fromhex("8877665544332211")
     with open_registry(folder / "robot.db") as registry:
-        store = registry.store_for(registry.apply_blueprint(load_blueprint(folder / "robot.toml", library), library))
+        store = registry.runs.begin(
+            registry.robots.apply_blueprint(load_blueprint(folder / "robot.toml", library), library)
+        )
         store.remember(other, "BB", Claim("EFGH", "eye", other))
     result = CliRunner().invoke(command, ["new", "eye"])
     assert str(result.exception) == f"'eye' may be eye ({UID}), eye ({other.hex()}): give the UID"
@@ -134,7 +135,7 @@ def test_without_the_library_for_qr_codes_the_key_holds_all_the_same(
     assert "pip install 'msbot[master]'" in str(result.exception)
     uid, key = shown(result.output)
     with open_registry(folder / "robot.db", read_only=True) as registry:
-        assert registry.key_of(uid) == key
+        assert registry.keys.find(uid) == key
 
 
 def test_a_folder_that_cannot_be_written_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

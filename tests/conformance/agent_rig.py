@@ -15,7 +15,8 @@ from collections.abc import Coroutine
 from typing import TypeVar
 
 from msbot.agent import Agent, AgentSettings, ClientView
-from msbot.link import Peer, VirtualTimeLoop
+from msbot.link import Peer
+from msbot.runtime.virtual_time import VirtualTimeLoop
 from msbot.space import MemorySpace
 from msbot.xrce import References
 from tests.agent.wiring import FakeLink
@@ -163,7 +164,7 @@ class AgentRig:
         self.link.make_room(None)
 
     def _attach(self, peer: Peer) -> None:
-        self.link.attach(peer, lambda packet: self._heard[peer].append((self._loop.time(), packet.hex())))
+        self.link.plug(peer, lambda packet: self._heard[peer].append((self._loop.time(), packet.hex())))
 
     def _run(self, job: Coroutine[object, object, Result]) -> Result:
         return self._loop.run_until_complete(job)

@@ -73,7 +73,7 @@ class CClient:
         self._input: dict[int, bytes] = {}
         self._handled = self._announced = 0xFFFF
         self._welcome = asyncio.Event()
-        link.attach(key, lambda packet: self._from_agent.carry(self._receive, packet))
+        link.plug(key, lambda packet: self._from_agent.carry(self._receive, packet))
 
     # What an application does.
 

@@ -17,10 +17,9 @@ PATIENCE_S = 20
 @asynccontextmanager
 async def serving(link: Link) -> AsyncIterator[Agent]:
     """A real agent on that link; the block begins when the link is open."""
-    agent = Agent(MemorySpace())
-    agent.add_link(link)
     is_open = asyncio.Event()
-    agent.on_signal = lambda _link, signal, *_: is_open.set() if signal is Signal.LINK_UP else None
+    agent = Agent(MemorySpace(), signal=lambda _link, signal, *_: is_open.set() if signal is Signal.LINK_UP else None)
+    agent.add_link(link)
     task = asyncio.create_task(agent.run())
     try:
         async with asyncio.timeout(PATIENCE_S):

@@ -9,7 +9,7 @@ from random import Random
 import pytest
 
 from msbot.agent import Agent
-from msbot.link import run_virtual
+from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
 from tests.agent.wiring import serving
 from tests.conformance.c_client import CClient, until

@@ -10,8 +10,9 @@ import struct
 import pytest
 
 from msbot.agent import DiscoveryResponder
-from msbot.link import PtyServerLink, TcpServerLink
 from msbot.link.byte_frames import SerialReceiver
+from msbot.link.net import TcpServerLink
+from msbot.link.serial import PtyServerLink
 from tests.conformance.agent_rig import (
     CLOCK_NS,
     DELETE_CLIENT,

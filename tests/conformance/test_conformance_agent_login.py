@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from msbot.link import UdpServerLink
+from msbot.link.net import UdpServerLink
 from tests.conformance.agent_rig import (
     DELETE_CLIENT,
     DELETED,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 
-from msbot.link import run_virtual
-from msbot.part.client import Client, Service
-from msbot.part.client_settings import ConnectionState
+from msbot.part.client.client import Client, Service
+from msbot.part.client.settings import ConnectionState
+from msbot.runtime.virtual_time import run_virtual
 from tests.conformance.agent_rig import WELCOME, acknack, octets, packets
 from tests.part.wire import HandLink
 

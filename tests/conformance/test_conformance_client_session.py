@@ -6,20 +6,17 @@ import struct
 
 import pytest
 
-from msbot.xrce import (
+from msbot.xrce import ClientState
+from msbot.xrce.messages import (
     STREAM_BEST_EFFORT,
     STREAM_RELIABLE,
-    ClientState,
-    Connected,
-    ConnectFailed,
     DeliveryControl,
-    EndpointQos,
     Format,
     ObjectKind,
     ObjectVariant,
-    SessionClosed,
-    StatusReceived,
-    TimeSynchronised,
+)
+from msbot.xrce.objects import (
+    EndpointQos,
     participant_variant,
     publisher_variant,
     reader_variant,
@@ -29,6 +26,7 @@ from msbot.xrce import (
     topic_variant,
     writer_variant,
 )
+from msbot.xrce.sessions import Connected, ConnectFailed, SessionClosed, StatusReceived, TimeSynchronised
 from tests.conformance.agent_rig import octets
 from tests.xrce.client_bench import LOGIN, LOGOUT, SECOND, WELCOME, Bench, acknack, data, head, received, status
 

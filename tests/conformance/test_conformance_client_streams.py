@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.errors import LocalProtocolError
-from msbot.xrce import STREAM_RELIABLE, StatusReceived, WindowOpened
+from msbot.errors import LinkFull
+from msbot.xrce.messages import STREAM_RELIABLE
+from msbot.xrce.sessions import StatusReceived, WindowOpened
 from tests.xrce.client_bench import Bench, acknack, data, fragment, head, heartbeat, received, status
 
 
@@ -115,7 +116,7 @@ def test_case_86_full_window_refuses_and_no_number_is_skipped() -> None:
     assert write(bench, 4) == [written(number) for number in range(4)]
     for _ in range(3):
         assert not bench.session.has_room(STREAM_RELIABLE)
-        with pytest.raises(LocalProtocolError, match="no room"):
+        with pytest.raises(LinkFull, match="is full"):
             bench.session.write(0x0015, b"!", STREAM_RELIABLE)
     assert bench.pull() == []
     assert bench.feed(acknack(1)) == []

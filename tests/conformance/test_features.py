@@ -9,9 +9,11 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from msbot.agent import Agent
-from msbot.link import run_virtual
+from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
-from msbot.xrce import STREAM_RELIABLE, Format, ObjectVariant, References, Status, replier_variant
+from msbot.xrce import References, Status
+from msbot.xrce.messages import STREAM_RELIABLE, Format, ObjectVariant
+from msbot.xrce.objects import replier_variant
 from tests.agent.wiring import WiredClient, serving
 from tests.conformance.agent_rig import (
     AgentRig,

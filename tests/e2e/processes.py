@@ -57,6 +57,11 @@ class Process:
             if all(word in line for word in words):
                 return line
 
+    @property
+    def pid(self) -> int:
+        """The number of the process."""
+        return self._process.pid
+
     def send(self, number: signal.Signals) -> None:
         """Send a signal to the process."""
         self._process.send_signal(number)

@@ -14,13 +14,14 @@ from pathlib import Path
 
 import pytest
 
-from msbot.agent import DISCOVERY_GROUP
-from msbot.link import Link, SerialClientLink, open_link
+from msbot.agent.discovery import DISCOVERY_GROUP
+from msbot.link import Link, open_link
+from msbot.link.serial import SerialClientLink
 from msbot.part import Client, ConnectionState, find_agents
 from tests.agent.replay import load
 from tests.e2e.processes import Process, run, running
+from tests.link.net.test_udp import has_ipv6
 from tests.link.ports import Board
-from tests.link.test_udp import has_ipv6
 
 PING = bytes.fromhex("80000000 02010800 000afffd 02000000")
 needs_ipv6 = pytest.mark.skipif(not has_ipv6(), reason="no IPv6 here")

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from bench.buses import Rates
 from bench.can_setup import CLASSIC, COMPRESSED, Component, component
 from msbot.errors import LinkFull
-from msbot.link import SimBus, run_virtual
-from msbot.xrce import EndpointQos
+from msbot.link.can.sim import SimBus
+from msbot.runtime.virtual_time import run_virtual
+from msbot.xrce.objects import EndpointQos
 
 SAMPLES = 40
 QOS = EndpointQos(reliable=True, depth=SAMPLES)

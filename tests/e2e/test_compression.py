@@ -8,10 +8,11 @@ from random import Random
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, DemoSnapshot, Wire
-from msbot.link import Frame, run_virtual
-from msbot.link.can_frames import FIRST, LAST
-from msbot.link.can_ids import CanIds
+from msbot.link.can.protocol import Frame
+from msbot.link.can.protocol.frames import FIRST, LAST
+from msbot.link.can.protocol.ids import CanIds
 from msbot.registry import open_registry
+from msbot.runtime.virtual_time import run_virtual
 
 Seen = list[tuple[float, Frame]]
 
@@ -26,7 +27,7 @@ def run(folder: Path, *, seconds: float, compression: bool = True) -> tuple[Seen
         with open_registry(folder / "robot.db") as registry:
             robot = DemoRobot(
                 blueprint,
-                registry.store_for(registry.apply_blueprint(blueprint, library)),
+                registry.runs.begin(registry.robots.apply_blueprint(blueprint, library)),
                 wire=Wire.CAN,
                 compression=compression,
                 names=("AA",),

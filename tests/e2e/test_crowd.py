@@ -8,7 +8,7 @@ import pytest
 
 from bench.buses import Rates
 from bench.crowd import Outcome, start_anew, switch_on
-from msbot.link import run_virtual
+from msbot.runtime.virtual_time import run_virtual
 
 
 def outcome(rates: Rates, size: int, folder: Path, *, rest_s: float = 0.0, seed: int = 1) -> Outcome:

@@ -12,7 +12,7 @@ Json = dict[str, object]
 
 
 def demo(*arguments: str) -> dict[str, list[Json]]:
-    done = run("demo", "--json", *arguments)
+    done = run("demo", "--robot", "thesis", "--json", *arguments)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     result: dict[str, list[Json]] = json.loads(done.stdout)
@@ -60,7 +60,7 @@ def test_an_unplugged_part_is_lost_after_4_to_6_s_and_comes_back(link: str) -> N
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_without_a_terminal_it_prints_lines_and_ends_cleanly(number: signal.Signals, tmp_path: Path) -> None:
-    with running("demo", "--link", "udp", cwd=tmp_path) as process:
+    with running("demo", "--robot", "thesis", "--link", "udp", cwd=tmp_path) as process:
         process.wait_for("AA", "active")
         process.wait_for("AA active life 3", "BB active life 3", "CC active life 3")
         assert process.end(number) == 0
@@ -79,7 +79,7 @@ def test_without_a_terminal_it_prints_lines_and_ends_cleanly(number: signal.Sign
     ],
 )
 def test_wrong_options_are_one_message_and_status_2(arguments: list[str], words: str) -> None:
-    done = run("demo", *arguments)
+    done = run("demo", "--robot", "thesis", *arguments)
     assert done.returncode == 2
     assert words in done.stderr
     assert "Traceback" not in done.stderr

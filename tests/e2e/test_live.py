@@ -10,13 +10,16 @@ from random import Random
 import pytest
 
 from msbot.config import Endpoint, load_blueprint, load_library
-from msbot.link import CanMasterLink, CanPartLink, Codec, SimBus, SimBusDriver, run_virtual
+from msbot.link.can import CanMasterLink, CanPartLink, Codec
+from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.master import Master
 from msbot.part import Part
-from msbot.part.messages import Level
+from msbot.part.messages.standard import Level
 from msbot.pnp import PartState
 from msbot.registry import Registry, RobotRecord, open_registry
+from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce import compress, decompress
+from tests.registry.hand import Hand
 
 ROBOT = """
 [robot]
@@ -68,9 +71,9 @@ class Robot:
         library = load_library()
         blueprint = load_blueprint(folder / "robot.toml", library)
         self.registry = registry
-        self.record: RobotRecord = registry.apply_blueprint(blueprint, library)
+        self.record: RobotRecord = registry.robots.apply_blueprint(blueprint, library)
         self.random = Random(1)
-        self.master = Master(blueprint, registry.store_for(self.record), random=self.random, epoch_ns=lambda: 0)
+        self.master = Master(blueprint, registry.runs.begin(self.record), random=self.random, epoch_ns=lambda: 0)
         self.driver = SimBusDriver(SimBus(500_000))
         self.driver.attach("monitor")
         self.codec = Codec(compress, decompress)
@@ -153,14 +156,14 @@ def test_a_setting_changed_by_hand_reaches_the_part_at_once_and_undo_too(tmp_pat
         robot.plug(fan(story))
         await asyncio.sleep(1.0)
         default = part.setting("period_s", float)
-        robot.registry.set_value(robot.record, "knob", "period_s", 0.5, "test")
+        Hand(robot.registry).set_value(robot.record, "knob", "period_s", 0.5, "test")
         robot.changed("knob")
         await asyncio.sleep(AT_ONCE_S)
         assert heard == [default, 0.5]
         before = part.counters.messages_out
         await asyncio.sleep(5.0)
         assert part.counters.messages_out == before + 10
-        robot.registry.undo(robot.record, None, "test")
+        Hand(robot.registry).undo(robot.record, None, "test")
         robot.changed("knob")
         await asyncio.sleep(AT_ONCE_S)
         assert heard == [default, 0.5, default]
@@ -176,8 +179,8 @@ def test_a_wire_that_is_moved_is_live_at_once_and_the_programs_know_nothing_of_i
         robot.plug(fan(story))
         await asyncio.sleep(1.0)
         assert set(story) == {50.0}
-        robot.registry.unbind(robot.record, "power", Endpoint("fan", "power"), "test")
-        robot.registry.bind(
+        Hand(robot.registry).unbind(robot.record, "power", Endpoint("fan", "power"), "test")
+        Hand(robot.registry).bind(
             robot.record, "spare power", "test", type_name="Level", source=None, targets=[Endpoint("fan", "power")]
         )
         robot.changed("fan", "knob", "other knob")
@@ -248,16 +251,19 @@ def test_stop_makes_the_fan_stand_still_within_milliseconds_and_go_lets_it_turn(
         part = robot.plug(fan(story))
         await asyncio.sleep(1.0)
         beats = part.counters.beats
-        assert robot.master.stop_parts() == 2
+        assert robot.master.say_stop("ann").told == 2
         await asyncio.sleep(0.005)
         assert story[-1] == 0.0
         assert part.counters.beats == beats + 1, "it says at once that it has heard"
+        confirmed = robot.master.stop.confirmed
+        assert {one.part for one in confirmed} == {"knob", "fan"}
+        assert max(one.ms for one in confirmed) < 5
         stood = len(story)
         await asyncio.sleep(2.0)
         assert len(story) == stood
         assert part.stopped
         assert part.counters.held > 0
-        robot.master.go_parts()
+        robot.master.say_go("ann")
         await asyncio.sleep(1.0)
         assert story[-1] == 50.0
 
@@ -272,18 +278,15 @@ def test_stop_said_by_a_part_on_the_bus_stops_all_and_the_master_remembers_it(tm
         await asyncio.sleep(1.0)
         heard: list[str] = []
 
-        def take_up(reason: str) -> None:
-            heard.append(reason)
-            robot.master.stop_parts()
-
-        robot.master.on_stop = take_up
+        robot.master.stop_listeners.append(lambda status: heard.append(status.reason))
         for _ in range(3):
             robot.links["knob"].send_stop()
             await asyncio.sleep(0.5)
         assert len(heard) == 1, "it holds already"
         assert part.stopped
         assert story[-1] == 0.0
-        assert robot.master.inventory_service.is_stopped
+        assert robot.master.stop.stopped
+        assert robot.master.stop.silent == ()
         await robot.pull("fan")
         await asyncio.sleep(7.0)
         late = robot.plug(fan(story))
@@ -291,7 +294,7 @@ def test_stop_said_by_a_part_on_the_bus_stops_all_and_the_master_remembers_it(tm
         assert late.state.value == "active"
         assert late.stopped
         assert story[-1] == 0.0
-        robot.master.go_parts()
+        robot.master.say_go("ann")
         await asyncio.sleep(1.0)
         assert story[-1] == 50.0
 
@@ -316,7 +319,7 @@ def test_in_a_robot_with_keys_only_the_part_with_its_key_is_let_in_over_can(
     async def scene(robot: Robot) -> None:
         part = knob(key=key) if key else knob()
         part.uid = b"knob-uid"
-        robot.registry.keep_key(part.uid, bytes.fromhex(KEY), "test")
+        robot.registry.keys.keep(part.uid, bytes.fromhex(KEY), "test")
         began_at = asyncio.get_running_loop().time()
         joined: list[float] = []
         part.on_join(lambda: joined.append(asyncio.get_running_loop().time() - began_at))
@@ -333,7 +336,7 @@ def test_in_a_robot_with_keys_only_the_part_with_its_key_is_let_in_over_can(
             assert joined == []
             assert part.counters.messages_out == 0
             await asyncio.sleep(0)
-            assert any(reason in entry.event.reason for entry in robot.registry.journal(20, "knob"))
+            assert any(reason in entry.event.reason for entry in robot.registry.robots.journal(20, "knob"))
 
     play(tmp_path, scene, authentication="key")
 
@@ -342,10 +345,10 @@ def test_a_key_that_is_removed_keeps_the_part_out_from_its_next_claim_on(tmp_pat
     async def scene(robot: Robot) -> None:
         part = knob(key=KEY)
         part.uid = b"knob-uid"
-        robot.registry.keep_key(part.uid, bytes.fromhex(KEY), "test")
+        robot.registry.keys.keep(part.uid, bytes.fromhex(KEY), "test")
         robot.plug(part)
         await asyncio.sleep(2.0)
-        robot.registry.remove_key(part.uid, "test")
+        robot.registry.keys.remove(part.uid, "test")
         await asyncio.sleep(2.0)
         assert robot.state("knob") is PartState.ACTIVE
         await robot.pull("knob")

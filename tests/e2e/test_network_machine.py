@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from random import Random
 from typing import TypeVar
 
@@ -17,10 +17,12 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from msbot.agent import Agent, AgentSettings, ClientInfo, OpenGate
 from msbot.errors import LinkFull, LocalProtocolError
-from msbot.link import InprocHub, LinkInfo, LossyLink, SignalHandler, VirtualTimeLoop
+from msbot.link import InprocHub, LinkInfo, LossyLink, PacketHandler, RoomHandler, SignalHandler
 from msbot.part import Client, ClientSettings, ConnectionState, Entity, Service
+from msbot.runtime.virtual_time import VirtualTimeLoop
 from msbot.space import MemorySpace
-from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, EndpointQos
+from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
+from msbot.xrce.objects import EndpointQos
 
 EXAMPLES = int(os.environ.get("MSBOT_EXAMPLES", "100"))
 NODES = 3
@@ -35,8 +37,15 @@ _T = TypeVar("_T")
 class SilentLink(LossyLink):
     """A lossy link that says nothing about the other side, as UDP does not."""
 
-    def on_signal(self, handler: SignalHandler) -> None:
-        """Nobody hears anything."""
+    def attach(
+        self,
+        *,
+        packet: PacketHandler | None = None,
+        signal: SignalHandler | None = None,
+        room: RoomHandler | None = None,
+        burst_end: Callable[[], None] | None = None,
+    ) -> None:
+        super().attach(packet=packet, room=room, burst_end=burst_end)
 
 
 class Gate(OpenGate):

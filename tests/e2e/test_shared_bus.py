@@ -35,7 +35,7 @@ def test_a_robot_in_processes_of_its_own_survives_the_death_of_its_bus(tmp_path:
         assert "of 125 kbit/s" in load.stdout
         taken = run("bus", "serve", "bench1", cwd=tmp_path, env=env)
         assert (taken.returncode, "serves a simulated bus 'bench1' already" in taken.stderr) == (2, True)
-        demo = run("demo", "--bus", "bench1", "--seconds", "1", cwd=tmp_path, env=env)
+        demo = run("demo", "--robot", "thesis", "--bus", "bench1", "--seconds", "1", cwd=tmp_path, env=env)
         assert (demo.returncode, "serves a simulated bus 'bench1' already" in demo.stderr) == (2, True)
         assert "Traceback" not in demo.stderr
 
@@ -48,7 +48,7 @@ def test_tools_of_python_can_sit_on_the_bus_of_the_demo(
     tmp_path: Path, env: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with running("demo", "--bus", "demo1", cwd=tmp_path, env=env) as demo:
+    with running("demo", "--robot", "thesis", "--bus", "demo1", cwd=tmp_path, env=env) as demo:
         demo.wait_for("AA", "active")
         with can.Bus(interface="msbot", channel="demo1") as tool:
             ids: set[int] = set()
@@ -74,8 +74,8 @@ def test_a_bus_that_is_ended_leaves_no_name_behind(tmp_path: Path, env: dict[str
     ("arguments", "words"),
     [
         (("bus", "serve", "a/b"), "is no name for a simulated bus"),
-        (("demo", "--bus", "a/b", "--seconds", "1"), "is no name for a simulated bus"),
-        (("demo", "--bus", "x", "--link", "udp"), "--bus is for a CAN bus"),
+        (("demo", "--robot", "thesis", "--bus", "a/b", "--seconds", "1"), "is no name for a simulated bus"),
+        (("demo", "--robot", "thesis", "--bus", "x", "--link", "udp"), "--bus is for a CAN bus"),
     ],
 )
 def test_mistakes_are_said(arguments: tuple[str, ...], words: str, tmp_path: Path, env: dict[str, str]) -> None:

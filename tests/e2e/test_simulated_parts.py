@@ -50,7 +50,7 @@ def test_a_knob_drives_a_motor_as_it_is_set_until_stop_and_until_it_is_gone(tmp_
             motors.wait_for("left_motor 30 %")
             assert run("stop", cwd=tmp_path).returncode == 0
             motors.wait_for("left_motor 0 %")
-            assert run("stop", "--go", cwd=tmp_path).returncode == 0
+            assert run("go", cwd=tmp_path).returncode == 0
             motors.wait_for("left_motor 30 %")
             knob.end(signal.SIGKILL)
         motors.wait_for("left_motor 0 %")  # its partner is lost: the safe value

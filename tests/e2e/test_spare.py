@@ -12,12 +12,12 @@ import pytest
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.demo import DemoEvent, DemoRobot, DemoSnapshot, Wire
-from msbot.link import run_virtual
-from msbot.operations import Operations
+from msbot.operations.operations import RunningOperations
 from msbot.registry import open_registry
+from msbot.runtime.virtual_time import run_virtual
 from tests.e2e.processes import run, running
 
-Scene = Callable[[DemoRobot, Operations], Awaitable[None]]
+Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]
 
 
 def play(
@@ -34,12 +34,12 @@ def play(
         library = load_library()
         blueprint = load_blueprint(path, library)
         with open_registry(folder / "robot.db") as registry:
-            record = registry.apply_blueprint(blueprint, library)
+            record = registry.robots.apply_blueprint(blueprint, library)
             robot = DemoRobot(
-                blueprint, registry.store_for(record), wire=wire, spares={"DD": "BB"}, random=Random(1),
+                blueprint, registry.runs.begin(record), wire=wire, spares={"DD": "BB"}, random=Random(1),
                 epoch_ns=lambda: 0,
             )  # fmt: skip
-            operations = Operations(robot.master, registry, record, library=library)
+            operations = RunningOperations(robot.master, registry, record, library=library)
             async with asyncio.TaskGroup() as tasks:
                 running = tasks.create_task(robot.run())
                 await robot.master.ready.wait()
@@ -67,7 +67,7 @@ def test_the_spare_holds_the_slot_within_one_tick_and_the_ring_goes_on(
     """R62: nobody touches anything."""
     heard: dict[str, int] = {}
 
-    async def scene(robot: DemoRobot, _operations: Operations) -> None:
+    async def scene(robot: DemoRobot, _operations: RunningOperations) -> None:
         assert [part.state for part in robot.snapshot().parts] == ["active"] * 3 + ["standby"]
         robot.unplug("BB")
         heard["unplugged"] = robot.snapshot().parts[2].messages_in
@@ -86,13 +86,13 @@ def test_the_spare_holds_the_slot_within_one_tick_and_the_ring_goes_on(
 
 
 def test_undo_brings_the_first_part_back(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, operations: Operations) -> None:
+    async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
         robot.unplug("BB")
         await asyncio.sleep(7.0)
         robot.plug("BB")
         await asyncio.sleep(1.0)
         assert changes(robot, "BB")[-1] == ("checking", "standby", "")
-        operations.undo(who="ann")
+        await operations.do("undo", who="ann")
         await asyncio.sleep(3.0)
 
     robot, snapshot = play(tmp_path, scene)
@@ -103,8 +103,8 @@ def test_undo_brings_the_first_part_back(tmp_path: Path) -> None:
 
 
 def test_swap_on_a_can_bus_gives_settings_and_topics_to_the_spare_and_silences_the_other(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, operations: Operations) -> None:
-        operations.swap("BB", "DD", who="ann")
+    async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
+        await operations.do("swap", slot="BB", to="DD", who="ann")
         await asyncio.sleep(5.0)
 
     _, snapshot = play(tmp_path, scene, wire=Wire.FD)
@@ -115,7 +115,7 @@ def test_swap_on_a_can_bus_gives_settings_and_topics_to_the_spare_and_silences_t
 
 
 def test_a_spare_that_was_lost_itself_takes_nothing_over(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, _operations: Operations) -> None:
+    async def scene(robot: DemoRobot, _operations: RunningOperations) -> None:
         robot.unplug("DD")
         await asyncio.sleep(8.0)
         robot.unplug("BB")
@@ -126,7 +126,7 @@ def test_a_spare_that_was_lost_itself_takes_nothing_over(tmp_path: Path) -> None
 
 
 def test_two_spares_take_over_one_after_the_other(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, _operations: Operations) -> None:
+    async def scene(robot: DemoRobot, _operations: RunningOperations) -> None:
         for _ in range(2):
             for name in ("BB", "DD"):
                 robot.unplug(name)
@@ -141,7 +141,8 @@ def test_two_spares_take_over_one_after_the_other(tmp_path: Path) -> None:
 
 
 def test_the_command_shows_it_in_its_events(tmp_path: Path) -> None:
-    done = run("demo", "--spare", "--link", "udp", "--seconds", "16", "--script", "4:unplug BB;12:plug BB;14:undo",
+    done = run("demo", "--robot", "thesis", "--spare", "--link", "udp",
+               "--seconds", "16", "--script", "4:unplug BB;12:plug BB;14:undo",
                "--json", cwd=tmp_path)  # fmt: skip
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
@@ -153,7 +154,9 @@ def test_the_command_shows_it_in_its_events(tmp_path: Path) -> None:
 
 def test_the_commands_work_on_a_demo_that_runs_in_another_process(tmp_path: Path) -> None:
     place = {"XDG_RUNTIME_DIR": str(tmp_path)}
-    with running("demo", "--spare", "--link", "udp", "--no-page", cwd=tmp_path, env=place) as demo:
+    own = ("--db", str(tmp_path / "demo.db"))  # STOP without it is for every robot of this computer
+    options = ("--robot", "thesis", "--spare", "--link", "udp", "--no-page", *own)
+    with running("demo", *options, cwd=tmp_path, env=place) as demo:
         demo.wait_for("DD", "standby")
 
         def command(*words: str) -> str:
@@ -166,7 +169,8 @@ def test_the_commands_work_on_a_demo_that_runs_in_another_process(tmp_path: Path
         )
         assert "now: DD (EFGH) is active since" in command("why", "DD")
         assert command("undo").startswith("edit 1 undone")
-        assert "have confirmed it within" in command("stop", "--reason", "bell")
-        assert "STOP is over" in command("stop", "--go")
+        assert {part["name"] for part in json.loads(command("parts", "--json"))} >= {"ABCD-local", "EFGH-local"}
+        assert "have confirmed it within" in command("stop", "--reason", "bell", *own)
+        assert "STOP is over" in command("go", *own)
         assert "STOP by" in command("undo", "--list")
         assert demo.end() == 0

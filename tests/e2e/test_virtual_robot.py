@@ -12,9 +12,11 @@ import pytest
 from msbot.agent import Agent
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, DemoSnapshot, Wire
-from msbot.link import CanMasterLink, CanPartLink, SimBus, SimBusDriver, run_virtual
+from msbot.link.can import CanMasterLink, CanPartLink
+from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.part import Client
 from msbot.registry import open_registry
+from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
 
 BUSES = [
@@ -51,13 +53,13 @@ def play(
     async def main() -> tuple[DemoRobot, DemoSnapshot]:
         blueprint, library = sample(folder)
         with open_registry(folder / "robot.db") as registry:
-            record = registry.apply_blueprint(blueprint, library)
+            record = registry.robots.apply_blueprint(blueprint, library)
             robot = DemoRobot(
                 blueprint,
-                registry.store_for(record),
+                registry.runs.begin(record),
                 wire=wire,
                 bitrate=bitrate,
-                node_ids=registry.node_ids(record, "test"),
+                node_ids=registry.runs.node_ids(record, "test"),
                 random=Random(seed),
                 epoch_ns=lambda: 0,
             )
@@ -176,7 +178,7 @@ def test_two_robots_with_the_same_parts_on_two_buses_stay_apart(tmp_path: Path) 
             (tmp_path / name).mkdir()
             blueprint, library = sample(tmp_path / name, X100Y100Z100=f"SERIAL-{name}")
             registry = open_registry(tmp_path / name / "robot.db")
-            store = registry.store_for(registry.apply_blueprint(blueprint, library))
+            store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
             robots.append((DemoRobot(blueprint, store, random=Random(3), epoch_ns=lambda: 0), registry))
         async with asyncio.TaskGroup() as tasks:
             for robot, _ in robots:

@@ -7,9 +7,10 @@ from pathlib import Path
 from random import Random
 
 from msbot.config import load_blueprint, load_library
-from msbot.link import InprocHub, run_virtual
+from msbot.link import InprocHub
 from msbot.master import Master
 from msbot.registry import open_registry
+from msbot.runtime.virtual_time import run_virtual
 from msbot.sim import SimulatedPart, make_simulator
 
 LIBRARY = load_library()
@@ -24,7 +25,7 @@ def test_one_of_each_type_makes_a_robot(tmp_path: Path) -> None:
 
     async def main() -> list[SimulatedPart]:
         with open_registry(tmp_path / "robot.db") as registry:
-            store = registry.store_for(registry.apply_blueprint(blueprint, LIBRARY))
+            store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, LIBRARY))
             master = Master(blueprint, store, random=Random(1), epoch_ns=lambda: 0)
             hub = InprocHub()
             master.add_link(hub.server)

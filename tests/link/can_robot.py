@@ -9,13 +9,14 @@ from random import Random
 
 from msbot.errors import LinkDown
 from msbot.link import Peer, Signal
-from msbot.link.can_end import CanEnd, Codec
-from msbot.link.can_ids import CanIds
-from msbot.link.can_link import CanMasterLink, CanPartLink
-from msbot.link.can_nodes import NodeIds
-from msbot.link.sim_driver import SimBusDriver
-from msbot.link.simbus import SimBus
-from msbot.link.virtual_time import run_virtual
+from msbot.link.can.link import CanMasterLink, CanPartLink
+from msbot.link.can.native import NativeEnd
+from msbot.link.can.protocol.ids import CanIds
+from msbot.link.can.protocol.node_ids import NodeIds
+from msbot.link.can.sim.driver import SimBusDriver
+from msbot.link.can.sim.model.bus import SimBus
+from msbot.link.can.wire import Codec
+from msbot.runtime.virtual_time import run_virtual
 
 HASH = 0x00C0FFEE
 
@@ -24,7 +25,7 @@ HASH = 0x00C0FFEE
 class End:
     """One end of the link with all it told."""
 
-    link: CanEnd
+    link: NativeEnd
     packets: list[tuple[bytes, Peer]] = field(default_factory=list)
     arrived_at: list[float] = field(default_factory=list)
     signals: list[tuple[float, Signal, Peer | None, str]] = field(default_factory=list)
@@ -33,9 +34,9 @@ class End:
     error: LinkDown | None = None
 
     def __post_init__(self) -> None:
-        self.link.on_packet(self._packet)
-        self.link.on_signal(lambda signal, peer, words, now: self.signals.append((now, signal, peer, words)))
-        self.link.on_room(self.rooms.append)
+        self.link.attach(packet=self._packet)
+        self.link.attach(signal=lambda signal, peer, words, now: self.signals.append((now, signal, peer, words)))
+        self.link.attach(room=self.rooms.append)
 
     def _packet(self, packet: bytes, peer: Peer, now: float) -> None:
         self.packets.append((packet, peer))

@@ -17,9 +17,9 @@ class End:
         self.packets: asyncio.Queue[tuple[bytes, Peer]] = asyncio.Queue()
         self.signals: asyncio.Queue[tuple[Signal, Peer | None, str]] = asyncio.Queue()
         self.room: asyncio.Queue[Peer | None] = asyncio.Queue()
-        link.on_packet(lambda packet, peer, now: self.packets.put_nowait((packet, peer)))
-        link.on_signal(lambda signal, peer, words, now: self.signals.put_nowait((signal, peer, words)))
-        link.on_room(self.room.put_nowait)
+        link.attach(packet=lambda packet, peer, now: self.packets.put_nowait((packet, peer)))
+        link.attach(signal=lambda signal, peer, words, now: self.signals.put_nowait((signal, peer, words)))
+        link.attach(room=self.room.put_nowait)
 
     async def heard(self) -> bytes:
         """The next packet."""

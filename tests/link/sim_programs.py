@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-from msbot.link.can_bus import BusState, CanBus
-from msbot.link.can_frames import Frame
-from msbot.link.sim_driver import SimBusDriver
-from msbot.link.sim_protocol import Hello, Message, Splitter, Welcome, encode
-from msbot.link.sim_server import SimBusServer
-from msbot.link.simbus import SimBus
+from msbot.link.can.controller import BusState, CanBus
+from msbot.link.can.protocol.frames import Frame
+from msbot.link.can.sim.driver import SimBusDriver
+from msbot.link.can.sim.model.bus import SimBus
+from msbot.link.can.sim.model.messages import Hello, Message, Splitter, Welcome, encode
+from msbot.link.can.sim.server import SimBusServer
 
 PATIENCE_S = 20.0
 """Longer than any busy machine needs."""
@@ -94,9 +94,9 @@ class Ear:
 
     def __post_init__(self) -> None:
         self._news = asyncio.Event()
-        self.bus.on_frame(self._frame)
-        self.bus.on_state(self._state)
-        self.bus.on_room(self._room)
+        self.bus.attach(frame=self._frame)
+        self.bus.attach(state=self._state)
+        self.bus.attach(room=self._room)
 
     def _frame(self, frame: Frame, now: float) -> None:
         self.frames.append((frame, now))

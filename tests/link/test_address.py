@@ -3,17 +3,10 @@ from __future__ import annotations
 import pytest
 
 from msbot.errors import ConfigError
-from msbot.link import (
-    PtyServerLink,
-    SerialClientLink,
-    SerialServerLink,
-    TcpClientLink,
-    TcpServerLink,
-    UdpClientLink,
-    UdpServerLink,
-    open_link,
-)
+from msbot.link import open_link
 from msbot.link.address import parse_host_and_port
+from msbot.link.net import TcpClientLink, TcpServerLink, UdpClientLink, UdpServerLink
+from msbot.link.serial import PtyServerLink, SerialClientLink, SerialServerLink
 
 
 @pytest.mark.parametrize(

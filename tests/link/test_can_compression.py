@@ -8,15 +8,15 @@ from random import Random
 
 import pytest
 
-from msbot.link import Frame, frame_bits
-from msbot.link.can_frames import split
-from msbot.link.can_ids import CanIds
-from msbot.part.plug import ProfileMessage
+from msbot.link.can.protocol import Frame, frame_bits
+from msbot.link.can.protocol.frames import split
+from msbot.link.can.protocol.ids import CanIds
+from msbot.part.join.plug import ProfileMessage
 from msbot.xrce import compress, decompress
-from msbot.xrce.compact_dictionary import DICTIONARY
+from msbot.xrce.compression.dictionary import DICTIONARY
 
 PAGE = (Path(__file__).parent.parent.parent / "docs/reference/can.md").read_text()
-SECTION = PAGE.partition("### Header compression\n")[2].partition("\n### ")[0]
+SECTION = PAGE.partition("## Header compression\n")[2].partition("\n## ")[0]
 
 # 5 CREATE as in the dictionary; READ_DATA of the profile, one sample; endless READ_DATA of the inventory's answers.
 FIRST_MESSAGE = "81800000" + DICTIONARY[:284].hex() + "08010800c016001680000000" + DICTIONARY[304:324].hex()

@@ -10,11 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.link import Signal, SimBus
-from msbot.link.can_frames import WRONG_CHECK_BYTE, Joiner, split
-from msbot.link.can_link import MASTER
-from msbot.link.can_nodes import MemoryNodeIds
-from msbot.link.sim_driver import SimCanBus
+from msbot.link import Signal
+from msbot.link.can.link import MASTER
+from msbot.link.can.protocol.frames import WRONG_CHECK_BYTE, Joiner, split
+from msbot.link.can.protocol.node_ids import MemoryNodeIds
+from msbot.link.can.sim import SimBus
+from msbot.link.can.sim.driver import SimCanBus
+from msbot.runtime.tally import Tally
 from tests.link.can_robot import End, Robot, node_of, play
 
 TRIALS = 20_000
@@ -161,7 +163,7 @@ def test_120_parts_talk_through_losses_bit_errors_and_a_new_master() -> None:
 def test_of_bursts_that_the_counter_cannot_see_the_check_byte_misses_one_in_256() -> None:
     random = Random(64)
     deceived = 0
-    dropped: dict[str, int] = {}
+    dropped = Tally()
     for _ in range(TRIALS):
         packet = random.randbytes(7 * 65 + 6)
         frames = split(packet, random.randrange(64), fd=False)

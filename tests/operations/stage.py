@@ -11,12 +11,15 @@ from tempfile import TemporaryDirectory
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.errors import MsbotError
-from msbot.link import InprocHub, LinkInfo, LossyLink, run_virtual
+from msbot.link import InprocHub, LinkInfo, LossyLink
 from msbot.master import Master
-from msbot.operations import Operations
+from msbot.operations.operations import Operations, RunningOperations
+from msbot.operations.outcome import Outcome
+from msbot.operations.table import OPERATIONS
 from msbot.part import HelloWorld, Part
 from msbot.pnp import PartEvent, PartInfo
 from msbot.registry import Registry, open_registry
+from msbot.runtime.virtual_time import run_virtual
 
 DIAL = """
 number = "DIAL"
@@ -57,15 +60,33 @@ def put_database(path: Path) -> None:
         path.write_bytes(_empty_database())
 
 
+class Deeds:
+    """The operations as methods: `await stage.do.swap("BB", "DD", who="ann")`."""
+
+    def __init__(self, operations: Operations) -> None:
+        self._operations = operations
+
+    def __getattr__(self, name: str) -> Callable[..., Awaitable[Outcome]]:
+        names = [argument.name for argument in OPERATIONS[name].arguments]
+
+        def do(*values: object, who: str, **named: object) -> Awaitable[Outcome]:
+            return self._operations.do(name, who=who, **dict(zip(names, values, strict=False)), **named)
+
+        return do
+
+
 class Stage:
     """A running robot and its parts, by the names that tests give them."""
 
-    def __init__(self, master: Master, operations: Operations, registry: Registry, hub: InprocHub) -> None:
+    def __init__(self, master: Master, operations: RunningOperations, registry: Registry, hub: InprocHub) -> None:
         self.master = master
-        self.do = operations
+        self.operations = operations
+        self.do = Deeds(operations)
         self.registry = registry
         self.parts: dict[str, Part] = {}
         self.events: list[PartEvent] = []
+        self.heard: dict[str, list[str]] = {}
+        """What came in at each part's port `in`, newest last."""
         self.tasks: asyncio.TaskGroup | None = None
         self._hub = hub
         self._running: dict[str, asyncio.Task[None]] = {}
@@ -78,7 +99,8 @@ class Stage:
         """
         octets = name.encode().ljust(8, b".")[:8] if uid is None else uid.to_bytes(8, "big")
         part = Part(number, local_name=name, uid=octets, random=Random(f"{name} {len(self.events)}"))
-        part.on("in", HelloWorld)(lambda message: None)
+        heard = self.heard.setdefault(name, [])
+        part.on("in", HelloWorld)(lambda message: heard.append(message.message))
         assert self.tasks is not None
         self.parts[name] = part
         link = LossyLink(self._hub.connect(), random=Random(name), drop=drop)
@@ -107,10 +129,16 @@ class Stage:
         """How a part stands."""
         return self.info(name).state.value
 
-    def refusal(self, deed: Callable[[], object]) -> str:
+    @staticmethod
+    def message(text: str) -> HelloWorld:
+        """A message of the ring."""
+        return HelloWorld(index=1, message=text)
+
+    @staticmethod
+    async def refusal(deed: Awaitable[object]) -> str:
         """What an operation says that cannot be done."""
         try:
-            done = deed()
+            done = await deed
         except MsbotError as error:
             return str(error)
         raise AssertionError(f"it was done: {done}")
@@ -144,12 +172,12 @@ def play(
         blueprint = load_blueprint(path, library)
         put_database(folder / "robot.db")
         with open_registry(folder / "robot.db", busy_timeout_s=busy_timeout_s) as registry:
-            robot = registry.apply_blueprint(blueprint, library)
-            master = Master(blueprint, registry.store_for(robot), random=Random(1), epoch_ns=lambda: 0)
+            robot = registry.robots.apply_blueprint(blueprint, library)
+            master = Master(blueprint, registry.runs.begin(robot), random=Random(1), epoch_ns=lambda: 0)
             hub = InprocHub()
             hub.server.info = LinkInfo("wire", 65535)
             master.add_link(hub.server)
-            stage = Stage(master, Operations(master, registry, robot, library=library), registry, hub)
+            stage = Stage(master, RunningOperations(master, registry, robot, library=library), registry, hub)
             async with asyncio.TaskGroup() as tasks:
                 stage.tasks = tasks
                 running = tasks.create_task(master.run())

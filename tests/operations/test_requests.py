@@ -8,47 +8,50 @@ from pathlib import Path
 
 import pytest
 
-from msbot.operations import perform
-from msbot.operations.requests import KEYS
+from msbot.operations.operations import perform
+from msbot.operations.table import OPERATIONS
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
 RING = ("AA=DIAL", "BB=EFGH", "CC=WXYZ", "DD=EFGH")
 
 
-def ask(stage: Stage, do: str, **args: object) -> dict[str, object]:
+async def ask(stage: Stage, do: str, **args: object) -> dict[str, object]:
     named = {name.rstrip("_"): value for name, value in args.items()}
-    return perform(stage.do, {"do": do, "args": named, "who": "ann"})
+    return await perform(stage.operations, {"do": do, "args": named, "who": "ann"})
 
 
 def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         done = {
-            "swap": ask(stage, "swap", slot="BB", to="DD"),
-            "release": ask(stage, "release", slot="CC"),
-            "adopt": ask(stage, "adopt", part="CC", slot="CC"),
-            "block": ask(stage, "block", part="CC", reason="loud"),
-            "unblock": ask(stage, "unblock", part="CC"),
-            "set": ask(stage, "set", slot="AA", name="period_s", value="2"),
-            "values": ask(stage, "values", slot="AA"),
-            "reset": ask(stage, "reset", slot="AA", name="period_s"),
-            "unbind": ask(stage, "unbind", topic="HelloWorldTopic_1_to_2", port="BB.in"),
-            "bind": ask(
+            "swap": await ask(stage, "swap", slot="BB", to="DD"),
+            "release": await ask(stage, "release", slot="CC"),
+            "adopt": await ask(stage, "adopt", part="CC", slot="CC"),
+            "block": await ask(stage, "block", part="CC", reason="loud"),
+            "unblock": await ask(stage, "unblock", part="CC"),
+            "set": await ask(stage, "set", slot="AA", name="period_s", value="2"),
+            "values": await ask(stage, "values", slot="AA"),
+            "reset": await ask(stage, "reset", slot="AA", name="period_s"),
+            "unbind": await ask(stage, "unbind", topic="HelloWorldTopic_1_to_2", port="BB.in"),
+            "bind": await ask(
                 stage, "bind", topic="HelloWorldTopic_1_to_2", type="HelloWorld", from_="AA.out", to=["BB.in"]
             ),
-            "undo": ask(stage, "undo"),
-            "edits": ask(stage, "edits", limit=3),
-            "window": ask(stage, "window", seconds=5),
-            "close_window": ask(stage, "close_window"),
-            "stop": ask(stage, "stop", reason="hand in the gear"),
-            "stop_report": ask(stage, "stop_report"),
-            "go": ask(stage, "go"),
-            "identify": ask(stage, "identify", part="AA"),
-            "why": ask(stage, "why", part="AA"),
-            "apply": ask(
+            "undo": await ask(stage, "undo"),
+            "edits": await ask(stage, "edits", limit=3),
+            "publish": await ask(stage, "publish", port="BB.in", values=["1", "turn-on 3"], seconds=60),
+            "let_go": await ask(stage, "let_go", port="BB.in"),
+            "window": await ask(stage, "window", seconds=5),
+            "close_window": await ask(stage, "close_window"),
+            "stop": await ask(stage, "stop", reason="hand in the gear"),
+            "stop_report": await ask(stage, "stop_report"),
+            "go": await ask(stage, "go"),
+            "ignore": await ask(stage, "ignore", part="DD"),
+            "identify": await ask(stage, "identify", part="AA"),
+            "why": await ask(stage, "why", part="AA"),
+            "apply": await ask(
                 stage, "apply", path=str(tmp_path / "robot.toml"), folders=[str(tmp_path / "library")]
             ),
         }  # fmt: skip
-        assert done.keys() == set(KEYS)
+        assert done.keys() == set(OPERATIONS)
         assert {name: answer["error"] for name, answer in done.items() if "error" in answer} == {}
         assert done["set"] == {"words": "period_s of AA: 1 s -> 2 s", "edit": done["set"]["edit"]}
         assert done["stop_report"]["reason"] == "hand in the gear"
@@ -90,7 +93,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
 )
 def test_a_mistake_is_answered_with_a_sentence(request_: dict[str, object], words: str, tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
-        answer = perform(stage.do, request_)
+        answer = await perform(stage.operations, request_)
         assert words in str(answer["error"])
         await asyncio.sleep(0)
 
@@ -104,4 +107,4 @@ def test_every_operation_and_its_arguments_are_in_the_reference() -> None:
         for name, arguments in re.findall(r"^\| `(\w+)` \|([^|]*)\|", page, re.MULTILINE)
     }
     del rows["do"]  # the table's head
-    assert rows == dict(KEYS)
+    assert rows == {name: tuple(argument.name for argument in row.arguments) for name, row in OPERATIONS.items()}

@@ -13,14 +13,14 @@ RING = ("AA=ABCD", "BB=EFGH", "CC=WXYZ")
 
 def test_stop_reaches_every_part_and_its_latency_is_measured(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
-        assert stage.do.stop_report is None
-        done = stage.do.stop("hand in the gear", who="ann")
-        assert done.words == "STOP: 3 parts are told to go to their safe states: hand in the gear"
+        assert not stage.operations.stopping.status.stopped
+        done = await stage.do.stop("hand in the gear", who="ann")
+        assert done.words == "STOP: 3 parts are told to go to the safe state: hand in the gear"
         await asyncio.sleep(0.2)
         assert [stage.parts[name].stopped for name in ("AA", "BB", "CC")] == [True] * 3
-        report = stage.do.stop_report
-        assert report is not None
-        assert (report.who, report.reason, report.told, report.confirmed) == ("ann", "hand in the gear", 3, 3)
+        report = stage.operations.stopping.status
+        assert (report.by, report.reason, report.told, report.silent) == ("ann", "hand in the gear", 3, ())
+        assert len(report.confirmed) == 3
         assert report.latency_ms is not None
         assert report.latency_ms < 100
 
@@ -31,44 +31,45 @@ def test_a_part_that_does_not_answer_is_counted_as_such(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         stage.pull("BB")  # gone at once on this wire, so it is not waited for
         await asyncio.sleep(0.1)
-        stage.do.stop(who="ann")
-        report = stage.do.stop_report
-        assert report is not None
-        assert (report.told, report.confirmed, report.latency_ms) == (2, 0, None)
+        await stage.do.stop(who="ann")
+        report = stage.operations.stopping.status
+        assert (report.told, report.confirmed, report.latency_ms) == (2, (), None)
+        assert len(report.silent) == 2
         await asyncio.sleep(0.2)
-        assert report.confirmed == 2
+        assert len(stage.operations.stopping.status.confirmed) == 2
 
     play(tmp_path, scene, parts=RING)
 
 
 def test_stop_holds_for_parts_that_come_later_until_it_is_ended(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
-        stage.do.stop(who="ann")
+        await stage.do.stop(who="ann")
         stage.plug("CC", "WXYZ")
         await asyncio.sleep(2.0)
         assert stage.parts["CC"].state.value == "active"
         assert stage.parts["CC"].stopped
-        assert stage.do.go_on(who="ann").words.startswith("STOP is over: ")
+        assert (await stage.do.go(who="ann")).words.startswith("STOP is over: ")
         await asyncio.sleep(2.0)
         assert not any(part.stopped for part in stage.parts.values())
-        assert stage.do.stop_report is None
-        assert stage.refusal(lambda: stage.do.go_on(who="ann")) == "nobody said STOP: there is nothing to end"
+        assert not stage.operations.stopping.status.stopped
+        assert await stage.refusal(stage.do.go(who="ann")) == "nobody said STOP: there is nothing to end"
 
     play(tmp_path, scene, parts=RING[:2])
 
 
 def test_stop_is_noted_and_undo_passes_it_over(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
-        stage.do.block("CC", "loud", who="ann")
-        stage.do.stop("fire", who="bob")
+        await stage.do.block("CC", "loud", who="ann")
+        await stage.do.stop("fire", who="bob")
         await asyncio.sleep(0.1)
-        stage.do.go_on(who="bob")
+        await stage.do.go(who="bob")
         await asyncio.sleep(0.1)
-        edits = stage.do.edits()
+        await asyncio.to_thread(stage.registry.storage.flush)
+        edits = await stage.operations.undoing.read(50)
         assert [(edit.kind, edit.who) for edit in edits] == [("go", "bob"), ("stop", "bob"), ("block", "ann")]
         assert edits[1].words == "STOP by bob: fire"
-        assert "is blocked: loud" in stage.do.undo(who="ann").words
-        assert "cannot be undone" in stage.refusal(lambda: stage.do.undo(edits[1].id, who="ann"))
+        assert "is blocked: loud" in (await stage.do.undo(who="ann")).words
+        assert "cannot be undone" in await stage.refusal(stage.do.undo(edits[1].id, who="ann"))
 
     play(tmp_path, scene, parts=RING)
 
@@ -78,8 +79,8 @@ def test_stop_works_while_the_database_cannot_be_written(tmp_path: Path) -> None
         def refuse(*_: object) -> None:
             raise RegistryError("the database robot.db has no room: the disk is full; delete something")
 
-        stage.registry.note = refuse  # type: ignore[method-assign, assignment]
-        stage.do.stop(who="ann")
+        stage.registry.storage.engine.connect = refuse  # type: ignore[method-assign, assignment]
+        await stage.do.stop(who="ann")
         await asyncio.sleep(0.2)
         assert all(part.stopped for part in stage.parts.values())
 
@@ -90,11 +91,11 @@ def test_a_part_shows_itself(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         shown = []
         stage.parts["BB"].on_identify(lambda: shown.append("BB"))
-        assert stage.do.identify("BB").words == "BB shows itself"
+        assert (await stage.do.identify("BB", who="ann")).words == "BB shows itself"
         await asyncio.sleep(0.1)
         assert shown == ["BB"]
         stage.pull("AA")
         await asyncio.sleep(0.1)
-        assert "AA is not plugged in" in stage.refusal(lambda: stage.do.identify("AA"))
+        assert "AA is not plugged in" in await stage.refusal(stage.do.identify("AA", who="ann"))
 
     play(tmp_path, scene, parts=RING)

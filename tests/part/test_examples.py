@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.config import load_blueprint, load_library, write_sample
+from msbot.config import open_blueprint, write_sample
 from tests.part.test_run import master_on_udp, until
 from tests.part.wire import publishes, subscribes
 
@@ -23,6 +23,7 @@ BINDINGS = {
     "EFGH": [publishes("out", "2_to_3"), subscribes("in", "1_to_2")],
     "WXYZ": [publishes("out", "3_to_1"), subscribes("in", "1_to_2")],
     "LUX-1": [publishes("light", "light", "Light")],
+    "LAMP-1": [subscribes("dim", "dim", "Dim")],
     "FAN-5V": [subscribes("power", "power", "Level")],
 }
 
@@ -38,14 +39,20 @@ def test_the_tutorial_shows_the_example_as_it_is(name: str) -> None:
     assert (ROOT / "examples" / name).read_text() in shown
 
 
-def test_the_tutorials_own_kind_of_part_is_right(tmp_path: Path) -> None:
-    part_type, slot = (textwrap.dedent(block) for block in re.findall(r"```toml\n(.*?)```", TUTORIAL, re.DOTALL))
+def test_the_tutorials_own_kinds_of_part_are_right(tmp_path: Path) -> None:
+    blocks = [textwrap.dedent(block) for block in re.findall(r"```toml\n(.*?)```", TUTORIAL, re.DOTALL)]
+    eye, library_line, eye_slot, lamp, dial, lamp_slots = blocks
     (tmp_path / "library").mkdir()
-    (tmp_path / "library/lux-1.toml").write_text(part_type)
-    blueprint = tmp_path / "robot.toml"
-    write_sample(blueprint)
-    blueprint.write_text(blueprint.read_text() + slot)
-    assert load_blueprint(blueprint, load_library(tmp_path / "library")).slot("eye") is not None
+    for name, text in (("lux-1", eye), ("lamp-1", lamp), ("dial-1", dial)):
+        (tmp_path / f"library/{name}.toml").write_text(text)
+    path = tmp_path / "robot.toml"
+    write_sample(path)
+    path.write_text(library_line + path.read_text() + eye_slot + lamp_slots)
+    blueprint, library = open_blueprint(path)
+    assert [slot.name for slot in blueprint.slots][3:] == ["eye", "lamp", "dial"]
+    port = library.require("LAMP-1").port("dim")
+    assert port is not None
+    assert port.safe == {"percent": 0.0}
 
 
 async def test_every_example_joins_a_robot_and_ends_on_ctrl_c(tmp_path: Path) -> None:

@@ -6,10 +6,10 @@ from random import Random
 import pytest
 
 from msbot.link import LossyLink
-from msbot.link.virtual_time import run_virtual
-from msbot.part.hello import HelloWorld
-from msbot.part.joining import JoinState
+from msbot.part.join.joining import JoinState
+from msbot.part.messages.hello import HelloWorld
 from msbot.part.part import Part
+from msbot.runtime.virtual_time import run_virtual
 from tests.part.wire import QuietLink, SmallMaster, publishes, subscribes
 
 NUMBERS = ("P1", "P2", "P3", "P4")
@@ -82,7 +82,7 @@ def test_after_any_trouble_all_parts_are_active_and_hear_each_other(seed: int) -
         assert all(part.counters.messages_in > before + 60 for part, before in zip(parts, heard, strict=True))
         assert [part.counters.handler_errors for part in parts] == [0] * 4
         for part in parts:
-            part.stop()
+            part.end()
         await asyncio.gather(*tasks)
         await master.kill()
         assert errors == []

@@ -9,14 +9,14 @@ import pytest
 
 from msbot.errors import ConfigError, LinkDown, LocalProtocolError
 from msbot.link import LossyLink, Signal
-from msbot.link.virtual_time import run_virtual
-from msbot.part import plug
-from msbot.part.hello import HelloWorld
-from msbot.part.joining import ExpectedRobot, JoinState
-from msbot.part.message import Message
+from msbot.part.join import plug
+from msbot.part.join.joining import ExpectedRobot, JoinState
+from msbot.part.messages.hello import HelloWorld
+from msbot.part.messages.message import Message
+from msbot.part.messages.wire_types import float32
 from msbot.part.part import Part
-from msbot.part.wire_types import float32
-from msbot.xrce import SubmessageId, decode_header, iter_submessages
+from msbot.runtime.virtual_time import run_virtual
+from msbot.xrce.messages import SubmessageId, decode_header, iter_submessages
 from tests.part.wire import HandLink, QuietLink, SmallMaster, publishes, subscribes
 
 RING = {
@@ -372,7 +372,7 @@ def test_a_wrong_port_or_type_ends_the_program_with_one_sentence(port: str, mess
             await asyncio.wait_for(room.tasks[0], 5.0)
         assert str(caught.value).startswith("test_part.py:")
         assert words in str(caught.value)
-        assert part.state is JoinState.STOPPED
+        assert part.state is JoinState.ENDED
 
     play(scenario)
 
@@ -469,17 +469,17 @@ def test_a_polite_end_tells_the_master_and_calls_everything_once() -> None:
         part = make_part()
         story: list[str] = []
         part.safe_state(lambda: story.append("safe"))
-        part.on_stop(lambda: story.append("stop"))
+        part.on_end(lambda: story.append("end"))
         part.on_lost(lambda: story.append("lost"))
         room.plug(part)
         await asyncio.sleep(1.5)
         assert len(room.master.agent.clients()) == 2
-        part.stop()
+        part.end()
         await room.tasks[0]
-        assert part.state is JoinState.STOPPED
-        assert story == ["safe", "stop"]
+        assert part.state is JoinState.ENDED
+        assert story == ["safe", "end"]
         assert len(room.master.agent.clients()) == 1
-        part.stop()
+        part.end()
 
     play(scenario)
 
@@ -490,12 +490,12 @@ def test_a_part_that_is_cut_off_reaches_its_safe_state_too() -> None:
         story: list[str] = []
         part.safe_state(lambda: story.append("safe"))
         part.on_lost(lambda: story.append("lost"))
-        part.on_stop(lambda: story.append("stop"))
+        part.on_end(lambda: story.append("end"))
         room.plug(part)
         await asyncio.sleep(0.5)
         room.tasks[0].cancel()
         await asyncio.gather(room.tasks[0], return_exceptions=True)
-        assert story == ["safe", "stop"]
+        assert story == ["safe", "end"]
 
     play(scenario)
 
@@ -511,7 +511,7 @@ def test_a_part_can_run_again_and_keeps_its_uid_but_not_its_key() -> None:
             with pytest.raises(LocalProtocolError, match="runs already"):
                 await part.run_async(room.master.link())
             keys |= {view.key for view in room.master.agent.clients()}
-            part.stop()
+            part.end()
             await room.tasks[-1]
         assert len(keys) == 3
         assert part.uid is not None
@@ -593,9 +593,9 @@ def deaf() -> None:
         (lambda: make_part().every(float("nan")), "the period must be more than 0"),
         (lambda: make_part().every(1.0)(lambda _: None), "must take no arguments"),  # type: ignore[type-var]
         (lambda: make_part().board, "part ABCD has no board: make it with Part(..., board=SimGpio())"),
-        (lambda: make_part().on("in", str), "on('in', ...) needs a Message class"),  # type: ignore[type-var]
+        (lambda: make_part().on("in", str), "on('in', ...) needs the class of the message, not <class 'str'>"),  # type: ignore[type-var]
         (lambda: make_part().on("in", HelloWorld)(deaf), "must take one argument, the message"),  # type: ignore[arg-type]
-        (lambda: make_part().on_join(lambda _: None), "must take no arguments"),  # type: ignore[type-var]
+        (lambda: make_part().on_join(lambda _: None), "must take no arguments"),  # type: ignore[arg-type]
     ],
 )
 def test_mistakes_are_named_where_they_are_made(make: Callable[[], object], words: str) -> None:
@@ -613,8 +613,8 @@ def test_a_port_has_one_function() -> None:
 
 def test_a_part_that_does_not_run_says_so() -> None:
     part = make_part()
-    with pytest.raises(LocalProtocolError, match="the part is looking, not active"):
+    with pytest.raises(LocalProtocolError, match="the part does not run: publish"):
         part.publish("out", HelloWorld(index=0, message=""))
     assert not part.bound("out")
     assert part.slot == ""
-    part.stop()
+    part.end()

@@ -3,10 +3,10 @@
 import pytest
 
 from msbot.errors import ConfigError
-from msbot.part.client import Client
-from msbot.part.hello import HelloWorld
+from msbot.part.client.client import Client
+from msbot.part.messages.hello import HelloWorld
 from msbot.part.ports import Ports
-from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, ObjectKind
+from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, ObjectKind
 from tests.part.wire import HandLink, publishes, subscribes
 
 

@@ -8,10 +8,10 @@ import logging
 import pytest
 
 from msbot.errors import ConfigError
-from msbot.part import plug
-from msbot.part.hello import HelloWorld
-from msbot.part.joining import JoinState
-from msbot.part.keys import prove
+from msbot.part.join import plug
+from msbot.part.join.joining import JoinState
+from msbot.part.join.keys import prove
+from msbot.part.messages.hello import HelloWorld
 from msbot.part.part import Part
 from tests.part.test_part import RING, Room, make_part, play
 from tests.part.wire import publishes, subscribes
@@ -122,6 +122,10 @@ def test_stop_lets_nothing_through_until_go_and_publishing_goes_on() -> None:
     async def scenario(room: Room) -> None:
         a, b = make_part("ABCD", 1), make_part("EFGH", 2)
         heard: list[str] = []
+        story: list[str] = []
+        b.safe_state(lambda: story.append("safe"))
+        b.on_stop(lambda: story.append(f"stop: {b.stopped}"))
+        b.on_go(lambda: story.append(f"go: {b.stopped}"))
         a.every(0.1)(lambda: a.publish("out", HelloWorld(index=1, message="go")))
         b.every(0.1)(lambda: b.publish("out", HelloWorld(index=1, message="here")))
         b.on("in", HelloWorld)(lambda message: heard.append(message.message))
@@ -142,6 +146,9 @@ def test_stop_lets_nothing_through_until_go_and_publishing_goes_on() -> None:
         await asyncio.sleep(0.5)
         assert not b.stopped
         assert heard[before:] == ["go"] * 5
+        assert story == ["safe", "stop: True", "go: False"]
+        b.end()
+        assert story == ["safe", "stop: True", "go: False", "safe"], "the end of a part is no STOP"
 
     play(scenario)
 
@@ -241,7 +248,7 @@ def test_a_part_without_a_key_says_what_is_missing_and_asks_again_later() -> Non
         room.plug(part)
         await asyncio.sleep(0.3)
         assert part.state.value == "refused"
-        assert part.reason.endswith("has shown none: give it its key with --key or $MSBOT_KEY")
+        assert part.reason.endswith("the part proves none: give it its key with --key or $MSBOT_KEY")
         part.key = KEY
         await asyncio.sleep(2.5)
         assert part.state is JoinState.ACTIVE

@@ -3,9 +3,10 @@
 from dataclasses import fields
 from pathlib import Path
 
-from msbot.part.client_settings import ClientSettings
-from msbot.part.joining import TRANSITIONS, JoinEvent, JoinState
-from msbot.part.part import Part, PartCounters
+from msbot.part.client.settings import ClientSettings
+from msbot.part.counters import PartCounters
+from msbot.part.join.joining import TRANSITIONS, JoinEvent, JoinState
+from msbot.part.part import Part
 from msbot.part.program import Program
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/part.md").read_text()
@@ -14,7 +15,7 @@ PAGE = (Path(__file__).parents[2] / "docs/reference/part.md").read_text()
 def test_the_diagram_is_the_table_of_transitions() -> None:
     edges: dict[tuple[JoinState, JoinState], list[JoinEvent]] = {}
     for (before, event), after in TRANSITIONS.items():
-        if event is not JoinEvent.STOP:
+        if event is not JoinEvent.END:
             edges.setdefault((before, after), []).append(event)
     drawn = PAGE.partition("stateDiagram-v2\n")[2].partition("```")[0].splitlines()
     assert drawn[1:] == [

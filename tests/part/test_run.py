@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from msbot.link import UdpServerLink
-from msbot.part import plug
+from msbot.link.net import UdpServerLink
+from msbot.part.join import plug
 from msbot.part.part import Part
 from msbot.part.run import run
 from tests.part.wire import SmallMaster, publishes
@@ -28,9 +28,9 @@ for part in parts:
     def tick(part=part):
         part.publish({port!r}, HelloWorld(index=1, message="x"))
 
-    @part.on_stop
-    def stopped(part=part):
-        print(part.part_number, "stopped", flush=True)
+    @part.on_end
+    def ended(part=part):
+        print(part.part_number, "ended", flush=True)
 
 run(*parts)
 """
@@ -80,7 +80,7 @@ async def test_a_program_joins_over_udp_and_ends_politely_on_a_signal(tmp_path: 
         process.send_signal(number)
         out, err = await process.communicate()
         assert process.returncode == 0
-        assert sorted(out.decode().split("\n")) == ["", "ABCD stopped", "EFGH stopped"]
+        assert sorted(out.decode().split("\n")) == ["", "ABCD ended", "EFGH ended"]
         assert err == b""
         assert len(master.agent.clients()) == 1
         assert sorted(path.name for path in (tmp_path / "msbot/uid").iterdir()) == ["ABCD.ABCD", "EFGH.EFGH"]
@@ -106,7 +106,7 @@ async def test_the_story_of_the_part_is_told_unless_quiet(tmp_path: Path) -> Non
             "ABCD is recognising: agent found, waiting for the robot's profile",
             "ABCD is claiming: recognised robot MSBOT_MASTER",
         ]
-        assert told[-1] == "ABCD is stopped: ended"
+        assert told[-1] == "ABCD is ended: ended"
 
 
 @pytest.mark.parametrize(

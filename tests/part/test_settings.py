@@ -7,10 +7,10 @@ import logging
 import pytest
 
 from msbot.errors import ConfigError
-from msbot.link.virtual_time import run_virtual
-from msbot.part.handlers import Guard
-from msbot.part.plug import Setting
+from msbot.part.handler_guard import Guard
+from msbot.part.join.plug import Setting
 from msbot.part.settings import Settings, Value, read_value
+from msbot.runtime.virtual_time import run_virtual
 
 
 def listed(**texts: str) -> list[Setting]:

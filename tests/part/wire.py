@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from random import Random
 
-from msbot.agent import Agent, Gate, client_key_of
+from msbot.agent import Agent, Gate, OpenGate, client_key_of
 from msbot.errors import LinkDown, LinkFull, RemoteProtocolError
-from msbot.link import InprocHub, Link, LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
-from msbot.part import plug
-from msbot.part.client import Client
-from msbot.part.client_settings import ConnectionState
-from msbot.part.membership import INVENTORY
+from msbot.link import BaseLink, InprocHub, Link, LinkInfo, PacketHandler, Peer, RoomHandler, Signal, SignalHandler, Tap
+from msbot.part.client.client import Client
+from msbot.part.client.settings import ConnectionState
+from msbot.part.join import plug
+from msbot.part.join.membership import INVENTORY
 from msbot.space import MemorySpace
-from msbot.xrce import EndpointQos
+from msbot.xrce.objects import EndpointQos
 
 AGENT = 0
 """The peer at the other end of a `HandLink`."""
@@ -23,14 +23,11 @@ AGENT = 0
 STATUS_AGENT_OK = bytes.fromhex("8100000004010b000000585243450100010f00")
 
 
-class HandLink:
+class HandLink(BaseLink):
     """A link whose other end is the test."""
 
     def __init__(self, mtu: int = 512) -> None:
-        self.info = LinkInfo("hand", mtu)
-        self.counters = LinkCounters()
-        self.tap: Tap | None = None
-        self.remote: Peer | None = AGENT
+        super().__init__(LinkInfo("hand", mtu), remote=AGENT)
         self.sent: list[bytes] = []
         self.room = True
         self.failure: Exception | None = None
@@ -38,18 +35,6 @@ class HandLink:
         self.breaks: asyncio.Queue[Exception | None] = asyncio.Queue()
         """What `run` ends with: an error, or None = it just returns."""
         self.runs = 0
-        self._packet: PacketHandler = lambda *_: None
-        self._signal: SignalHandler = lambda *_: None
-        self._room: Callable[[Peer | None], None] = lambda _: None
-
-    def on_packet(self, handler: PacketHandler) -> None:
-        self._packet = handler
-
-    def on_signal(self, handler: SignalHandler) -> None:
-        self._signal = handler
-
-    def on_room(self, handler: Callable[[Peer | None], None]) -> None:
-        self._room = handler
 
     def has_room(self, peer: Peer) -> bool:
         assert peer == AGENT
@@ -75,16 +60,16 @@ class HandLink:
     def receive(self, packet: bytes | str) -> None:
         """Have a packet come in now."""
         octets = bytes.fromhex(packet) if isinstance(packet, str) else packet
-        self._packet(octets, AGENT, asyncio.get_running_loop().time())
+        self._packet_handler(octets, AGENT, asyncio.get_running_loop().time())
 
     def signal(self, signal: Signal, reason: str = "") -> None:
         """Have a signal come in now."""
-        self._signal(signal, AGENT, reason, asyncio.get_running_loop().time())
+        self._signal_handler(signal, AGENT, reason, asyncio.get_running_loop().time())
 
     def give_room(self) -> None:
         """Take packets again, and say so."""
         self.room = True
-        self._room(AGENT)
+        self._room_handler(AGENT)
 
     def take(self) -> list[str]:
         """The packets sent since the last call, as hexadecimal digits."""
@@ -103,24 +88,33 @@ class QuietLink:
         self.cut = False
         self._link = link
 
-    def on_packet(self, handler: PacketHandler) -> None:
-        def pass_on(packet: bytes, peer: Peer, now: float) -> None:
-            if not self.cut:
+    def attach(
+        self,
+        *,
+        packet: PacketHandler | None = None,
+        signal: SignalHandler | None = None,
+        room: RoomHandler | None = None,
+        burst_end: Callable[[], None] | None = None,
+    ) -> None:
+        def pass_packet(octets: bytes, peer: Peer, now: float) -> None:
+            if not self.cut and packet is not None:
                 if self.tap is not None:
-                    self.tap(now, "in", peer, packet)
-                handler(packet, peer, now)
+                    self.tap(now, "in", peer, octets)
+                packet(octets, peer, now)
 
-        self._link.on_packet(pass_on)
+        def pass_signal(what: Signal, peer: Peer | None, reason: str, now: float) -> None:
+            if what not in (Signal.PEER_GONE, Signal.PEER_JOINED) and signal is not None:
+                signal(what, peer, reason, now)
 
-    def on_signal(self, handler: SignalHandler) -> None:
-        def pass_on(signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
-            if signal not in (Signal.PEER_GONE, Signal.PEER_JOINED):
-                handler(signal, peer, reason, now)
+        self._link.attach(
+            packet=pass_packet if packet else None,
+            signal=pass_signal if signal else None,
+            room=room,
+            burst_end=burst_end,
+        )
 
-        self._link.on_signal(pass_on)
-
-    def on_room(self, handler: Callable[[Peer | None], None]) -> None:
-        self._link.on_room(handler)
+    def origin(self, peer: Peer) -> Hashable:
+        return self._link.origin(peer)
 
     def has_room(self, peer: Peer) -> bool:
         return self._link.has_room(peer)
@@ -153,6 +147,13 @@ def start_agent(link: Link, gate: Gate | None = None) -> asyncio.Task[None]:
     agent = Agent(MemorySpace(), gate=gate, epoch_ns=lambda: 5_000_000_000)
     agent.add_link(link)
     return asyncio.get_running_loop().create_task(agent.run())
+
+
+class _Latching(OpenGate):
+    """Newcomers get the profile at once, as in a real master."""
+
+    def is_latched(self, topic: str) -> bool:
+        return topic == plug.PROFILE_TOPIC
 
 
 class SmallMaster:
@@ -192,7 +193,7 @@ class SmallMaster:
         """Begin; the leases of an earlier life are unknown."""
         self.parts.clear()
         own = InprocHub()
-        agent = Agent(MemorySpace(), epoch_ns=lambda: 0)
+        agent = Agent(MemorySpace(), gate=_Latching(), epoch_ns=lambda: 0)
         agent.add_link(self._server)
         agent.add_link(own.server)
         self.agent = agent
@@ -234,25 +235,23 @@ class SmallMaster:
         except RemoteProtocolError:
             self.requests.append(("rubbish", body.hex()))
             return
-        if isinstance(request, plug.Claim):
+        if isinstance(request, plug.ClaimMessage):
             self.askers[request.part_number] = identity[:16]
         answer = self._answer(request, client_key_of(identity[:16]))
         if answer is not None and self.client.has_room():
             self.client.reply(self._replier, identity, answer.encode())
 
-    def _answer(
-        self, request: plug.Beat | plug.ConfigurationRequest | plug.Proof | plug.Claim, key: int
-    ) -> plug.Reply | None:
+    def _answer(self, request: plug.Request, key: int) -> plug.Reply | None:
         assert key
         match request:
-            case plug.Claim(part_number=number):
+            case plug.ClaimMessage(part_number=number):
                 self.requests.append(("claim", number))
                 return self._verdict(number) if self.nonce is None else plug.Challenge(nonce=self.nonce)
             case plug.Proof(proof=proof):
                 self.requests.append(("proof", ""))
                 self.proofs.append(proof)
                 return self._verdict(next(iter(self.bindings)))
-            case plug.Beat(lease=lease):
+            case plug.Beat(lease=lease) | plug.StoppedBeat(lease=lease):
                 self.requests.append(("beat", self.parts.get(lease, "")))
                 known = lease in self.parts
                 return (
@@ -261,22 +260,22 @@ class SmallMaster:
             case plug.ConfigurationRequest(lease=lease):
                 number = self.parts.get(lease, "")
                 self.requests.append(("configuration", number))
-                return plug.Configuration(
+                return plug.ConfigurationMessage(
                     version=self.version,
                     slot=f"slot of {number}",
                     bindings=self.bindings[number],
                     settings=self.settings,
                 )
 
-    def _verdict(self, number: str) -> plug.Verdict | None:
+    def _verdict(self, number: str) -> plug.VerdictMessage | None:
         if self.refuse is not None:
-            return plug.Verdict(lease=0, configuration_version=0, beat_period_ms=0, reason=self.refuse)
+            return plug.VerdictMessage(lease=0, configuration_version=0, beat_period_ms=0, reason=self.refuse)
         if number not in self.bindings:
             return None
         lease = self._next_lease
         self._next_lease += 1
         self.parts[lease] = number
-        return plug.Verdict(lease=lease, configuration_version=self.version, beat_period_ms=self.beat_ms)
+        return plug.VerdictMessage(lease=lease, configuration_version=self.version, beat_period_ms=self.beat_ms)
 
 
 def publishes(port: str, topic: str, type_name: str = "HelloWorld", *, reliable: bool = True) -> plug.PortBinding:

@@ -8,7 +8,8 @@ from random import Random
 
 from msbot.agent import Agent
 from msbot.link import InprocHub, LinkInfo
-from msbot.part import Client, Service, plug
+from msbot.part import Client, Service
+from msbot.part.join import plug
 from msbot.pnp import (
     PROFILE_TOPIC,
     PROFILE_TYPE,
@@ -19,10 +20,10 @@ from msbot.pnp import (
     MemoryStore,
     PartState,
     Profile,
-    compat,
 )
+from msbot.pnp import thesis_programs as compat
 from msbot.space import MemorySpace
-from msbot.xrce import STREAM_BEST_EFFORT
+from msbot.xrce.messages import STREAM_BEST_EFFORT
 from tests.pnp.robot import uid
 
 INVENTORY = Service(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
@@ -89,10 +90,10 @@ class Visitor:
         await asyncio.sleep(patience_s)
         return self.replies[-1] if self.replies else None
 
-    async def claim(self, number: str = "ABCD", serial: int = 1) -> plug.Verdict | None:
-        message = plug.Claim(part_number=number, local_name="", uid=uid(serial), session_nonce=1)
+    async def claim(self, number: str = "ABCD", serial: int = 1) -> plug.VerdictMessage | None:
+        message = plug.ClaimMessage(part_number=number, local_name="", uid=uid(serial), session_nonce=1)
         reply = await self.ask(message.encode())
-        return None if reply is None else plug.Verdict.decode(reply)
+        return None if reply is None else plug.VerdictMessage.decode(reply)
 
     def publish(self, payload: bytes) -> None:
         self.client.write(self.writer, payload)

@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 
 from msbot.agent.gate import ClientInfo, Gate
-from msbot.part import plug
-from msbot.pnp import PROFILE_TOPIC, Binding, Configuration, PartState, compat
+from msbot.part.join import plug
+from msbot.pnp import PROFILE_TOPIC, Binding, Configuration, PartState
+from msbot.pnp import thesis_programs as compat
 from msbot.pnp.access import INVENTORY_REPLY_TOPIC, INVENTORY_REQUEST_TOPIC, INVENTORY_SERVICE, RESERVED_TOPICS, Access
 from tests.pnp.robot import Rig, sample_store
 

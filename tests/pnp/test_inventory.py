@@ -331,7 +331,7 @@ def test_a_changed_configuration_shows_in_the_next_beat_and_renews_the_rights() 
 def test_beats_never_touch_the_store() -> None:
     rig = Rig()
     rig.claim(AA, "ABCD")
-    rig.inventory._store = rig.inventory._claims._store = MemoryStore()
+    rig.inventory._store = rig.inventory._admission._store = MemoryStore()
     for _ in range(10):
         assert rig.beat(AA) == 1
 

@@ -49,7 +49,7 @@ def test_a_part_is_late_when_more_than_one_and_a_half_beat_periods_are_silent() 
     life.register(0.0)
     assert not life.is_late(0.375)
     assert life.is_late(0.376)
-    life.stop()
+    life.end()
     assert not life.is_late(10.0)
 
 

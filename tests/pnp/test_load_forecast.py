@@ -10,9 +10,10 @@ import pytest
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
-from msbot.link import Framing, run_virtual
+from msbot.link.can.protocol import Framing
 from msbot.pnp import forecast
 from msbot.registry import open_registry
+from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce import compress
 
 SETTLED_S = 5.0
@@ -40,7 +41,7 @@ def measured_load(
         with open_registry(folder / "robot.db") as registry:
             robot = DemoRobot(
                 blueprint,
-                registry.store_for(registry.apply_blueprint(blueprint, library)),
+                registry.runs.begin(registry.robots.apply_blueprint(blueprint, library)),
                 wire=wire,
                 bitrate=bitrate,
                 random=Random(7),

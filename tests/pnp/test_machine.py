@@ -12,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from msbot.errors import LocalProtocolError
 from msbot.pnp import FAST_TIMING, THESIS_TIMING, PartState, Slot, Timing
 from msbot.pnp.life import TRANSITIONS
-from msbot.pnp.seating import PLACEABLE
+from msbot.pnp.slot_assignment import PLACEABLE
 from tests.pnp.robot import Rig, sample_store
 
 keys = st.integers(1, 5)
@@ -118,7 +118,7 @@ class InventoryMachine(RuleBasedStateMachine):
         """Whether one UID would be in two slots."""
         view = [part for part in self.rig.inventory.view(self.rig.now) if not part.state.is_over]
         there = {part.client_key: part for part in view}
-        holders = {record.client_key: slot for slot, record in self.rig.inventory._book.holders.items()}
+        holders = {record.client_key: slot for slot, record in self.rig.inventory._index.holders.items()}
         after = {key: slot for key, slot in holders.items() if slot not in moves.values()} | moves
         uids = [there[key].uid or key for key, slot in after.items() if slot is not None]
         return len(set(uids)) < len(uids)
@@ -174,7 +174,7 @@ class InventoryMachine(RuleBasedStateMachine):
     def the_index_of_free_slots_is_true(self) -> None:
         inventory = self.rig.inventory
         free = {name for slots in inventory._matcher._free.values() for name in slots}
-        assert free == {slot.name for slot in self.rig.store.slot_list} - set(inventory._book.holders)
+        assert free == {slot.name for slot in self.rig.store.slot_list} - set(inventory._index.holders)
 
     @invariant()
     def events_are_told_in_order_and_by_the_table(self) -> None:

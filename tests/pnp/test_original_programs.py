@@ -6,10 +6,11 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
-from msbot.link import run_virtual
 from msbot.part import Client, Entity, HelloWorld
-from msbot.pnp import Binding, MemoryStore, PartState, compat
-from msbot.xrce import Format, ObjectKind, ObjectVariant
+from msbot.pnp import Binding, MemoryStore, PartState
+from msbot.pnp import thesis_programs as compat
+from msbot.runtime.virtual_time import run_virtual
+from msbot.xrce.messages import Format, ObjectKind, ObjectVariant
 from tests.pnp.robot import configuration, sample_store
 from tests.pnp.scene import Robot, epoch_ns
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 
-from msbot.part import plug
+from msbot.part.join import plug
 from msbot.pnp import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
 
 

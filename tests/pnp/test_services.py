@@ -7,11 +7,13 @@ import asyncio
 import pytest
 
 from msbot.errors import LinkFull, RequestError
-from msbot.link import InprocHub, run_virtual
-from msbot.part import Client, Entity, plug
+from msbot.link import InprocHub
+from msbot.part import Client, Entity
+from msbot.part.join import plug
 from msbot.pnp import Binding, Configuration, InventoryService, MasterService, Profile
 from msbot.pnp.services import profile_message
-from msbot.xrce import STREAM_RELIABLE
+from msbot.runtime.virtual_time import run_virtual
+from msbot.xrce.messages import STREAM_RELIABLE
 from tests.pnp.robot import sample_store
 from tests.pnp.scene import Robot, Visitor, epoch_ns, with_robot
 
@@ -80,7 +82,7 @@ def test_a_part_registers_beats_and_fetches_its_configuration_through_the_agent(
             assert await visitor.ask(beat) == plug.BeatReply(configuration_version=1).encode()
             reply = await visitor.ask(plug.ConfigurationRequest(lease=verdict.lease, have_version=0).encode())
             assert reply is not None
-            assert plug.Configuration.decode(reply).slot == "AA"
+            assert plug.ConfigurationMessage.decode(reply).slot == "AA"
             (part,) = robot.inventory.view(0.0)
             assert (part.client_key, part.address, part.beats) == (0xA1, "in-process client 1", 1)
 
@@ -102,7 +104,7 @@ def test_a_configuration_longer_than_a_packet_arrives_whole() -> None:
             assert verdict is not None
             reply = await visitor.ask(plug.ConfigurationRequest(lease=verdict.lease, have_version=0).encode())
             assert reply is not None
-            assert len(plug.Configuration.decode(reply).bindings) == 100
+            assert len(plug.ConfigurationMessage.decode(reply).bindings) == 100
 
         await with_robot(robot, visitor, play=play)
 
@@ -163,7 +165,7 @@ def test_an_answer_that_finds_no_room_is_counted_and_the_part_asks_again() -> No
 
         async def play() -> None:
             assert await visitor.claim() is None
-            assert robot.service.desk.dropped == {"answer: the stream is full": 1}
+            assert robot.service.requests.dropped == {"answer: the stream is full": 1}
             assert await visitor.claim() is not None
 
         await with_robot(robot, visitor, play=play)

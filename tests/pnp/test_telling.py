@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.link import run_virtual
-from msbot.part import plug
-from msbot.pnp import PartState, compat
+from msbot.part.join import plug
+from msbot.pnp import PartState
+from msbot.pnp import thesis_programs as compat
+from msbot.runtime.virtual_time import run_virtual
 from tests.pnp.robot import configuration, sample_store, uid
 from tests.pnp.scene import ORIGINAL, Robot, Visitor, with_robot
 
@@ -58,7 +59,7 @@ def test_a_spare_is_told_its_new_lease_at_once_and_its_beats_are_answered() -> N
             await first.client.close()
             await asyncio.sleep(SOON_S)
             (verdict,) = [plug.decode_reply(payload) for payload in spare.replies]
-            assert isinstance(verdict, plug.Verdict)
+            assert isinstance(verdict, plug.VerdictMessage)
             assert verdict.lease
             assert verdict.beat_period_ms == 1000
             answer = await spare.ask(plug.Beat(lease=verdict.lease).encode())
@@ -121,18 +122,19 @@ def test_stop_reaches_all_parts_and_those_that_come_in_until_go() -> None:
 
         async def play() -> None:
             await early.claim("ABCD", 1)
-            assert robot.service.stop_all() == 1
+            robot.service.stop_all("ann", "", 0)
+            assert robot.service.stop.status().silent == ("AA",)
             assert await told(early) == [stop]
             verdict = await late.claim("EFGH", 2)
             assert verdict is not None
             late.client.write(late.requester, plug.ConfigurationRequest(lease=verdict.lease, have_version=0).encode())
             assert stop in await told(late)
             early.replies.clear()
-            assert robot.service.go_all() == 2
+            assert robot.service.go_all("ann") == 2
             go = replace_kind(stop, plug.NoticeKind.GO)
             assert await told(late) == [go]
             assert [plug.decode_reply(payload) for payload in early.replies] == [go]
-            assert not robot.service.is_stopped
+            assert not robot.service.stop.holds
 
         await with_robot(robot, early, late, play=play)
 
@@ -155,11 +157,22 @@ def test_stop_is_repeated_with_every_beat_and_go_with_the_next_three() -> None:
                 return [reply.kind for reply in replies if isinstance(reply, plug.Notice)]
 
             assert await kinds() == []
-            robot.service.stop_all()
+            robot.service.stop_all("ann", "", 0)
             assert plug.NoticeKind.STOP in await kinds()
-            assert await kinds() == await kinds() == [plug.NoticeKind.STOP]
-            robot.service.go_all()
-            assert [await kinds() for _ in range(5)][1:] == [[plug.NoticeKind.GO], [plug.NoticeKind.GO], [], []]
+            assert await kinds() == await kinds() == [plug.NoticeKind.STOP], (
+                "a beat without its number confirms nothing"
+            )
+            assert robot.service.stop.status().silent == ("AA",)
+            beat = plug.StoppedBeat(lease=verdict.lease, number=2).encode()
+            assert await kinds() == [plug.NoticeKind.STOP], "another STOP"
+            beat = plug.StoppedBeat(lease=verdict.lease, number=1).encode()
+            assert await kinds() == []
+            assert [one.part for one in robot.service.stop.status().confirmed] == ["AA"]
+            robot.service.go_all("ann")
+            assert plug.NoticeKind.GO in await kinds()
+            assert await kinds() == [plug.NoticeKind.GO], "it has not heard of GO, as its beats say"
+            beat = plug.Beat(lease=verdict.lease).encode()
+            assert [await kinds() for _ in range(4)] == [[plug.NoticeKind.GO]] * 3 + [[]]
 
         await with_robot(robot, part, play=play)
 
@@ -199,7 +212,8 @@ def test_an_original_program_is_told_nothing_that_it_did_not_ask_for() -> None:
             visitor.replies.clear()
             store.configurations["AA"] = configuration("AA", version=2)
             robot.inventory.configuration_changed("AA")
-            assert robot.service.stop_all() == 0
+            robot.service.stop_all("ann", "", 0)
+            assert robot.service.stop.status().silent == ("ABCD-local",), "it cannot confirm, so it is named"
             await asyncio.sleep(SOON_S)
             assert visitor.replies == []
 

@@ -12,7 +12,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 from itertools import count
@@ -24,14 +24,15 @@ from sqlalchemy import select as select_rows
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.errors import MsbotError
-from msbot.link import InprocHub, LinkInfo, run_virtual
+from msbot.link import InprocHub, LinkInfo
 from msbot.master import Master
-from msbot.operations import Operations
+from msbot.operations.operations import RunningOperations
 from msbot.registry import open_registry, registry, upkeep
-from msbot.registry.edits import Author, Cells, read_cells
 from msbot.registry.engine import Address, make_engine
 from msbot.registry.tables import edits
-from tests.operations.stage import AA_IS_A_DIAL, DIAL, Stage
+from msbot.registry.undo import read_cell
+from msbot.runtime.virtual_time import run_virtual
+from tests.operations.stage import AA_IS_A_DIAL, DIAL, Deeds, Stage
 
 MOST_EDITS = 3
 LONGER_S = 0.01
@@ -51,20 +52,20 @@ def robot_in(folder: Path) -> tuple[Blueprint, Library]:
     return load_blueprint(folder / "robot.toml", library), library
 
 
-def change(operations: Operations, dice: Random) -> int | None:
+async def change(do: Deeds, dice: Random) -> int | None:
     """Do one thing; gives the number of the edit."""
     deeds = (
-        lambda: operations.set_value("AA", "period_s", f"{dice.randint(1, 90) / 10}", who="Ann"),
-        lambda: operations.reset_value("AA", "period_s", who="Ann"),
-        lambda: operations.swap("AA", dice.choice(("one", "two")), who="Ann"),
-        lambda: operations.swap("AA", dice.choice(("one", "two")), who="Ann"),
-        lambda: operations.unbind(TOPIC, "BB.in", who="Ann"),
-        lambda: operations.bind(TOPIC, "HelloWorld", "AA.out", ["BB.in"], who="Ann"),
-        lambda: operations.block("ABCD", "why not", who="Ann"),
-        lambda: operations.unblock("ABCD", who="Ann"),
-        lambda: operations.undo(who="Ann"),
+        lambda: do.set("AA", "period_s", f"{dice.randint(1, 90) / 10}", who="Ann"),
+        lambda: do.reset("AA", "period_s", who="Ann"),
+        lambda: do.swap("AA", dice.choice(("one", "two")), who="Ann"),
+        lambda: do.swap("AA", dice.choice(("one", "two")), who="Ann"),
+        lambda: do.unbind(TOPIC, "BB.in", who="Ann"),
+        lambda: do.bind(TOPIC, "HelloWorld", "AA.out", ["BB.in"], who="Ann"),
+        lambda: do.block("ABCD", "why not", who="Ann"),
+        lambda: do.unblock("ABCD", who="Ann"),
+        lambda: do.undo(who="Ann"),
     )
-    return dice.choice(deeds)().edit_id
+    return (await dice.choice(deeds)()).edit_id
 
 
 ENGINES: dict[str, Engine] = {}
@@ -86,14 +87,16 @@ def live(
 
     async def main() -> None:
         with open_registry(folder / "robot.db") as database:
-            known = database.find_robot(blueprint)
+            known = database.robots.find(blueprint)
             # Applying the blueprint takes half of the start; once in a while is enough.
-            robot = database.apply_blueprint(blueprint, library) if known is None or dice.random() < 0.2 else known
-            master = Master(blueprint, database.store_for(robot), random=dice, epoch_ns=time.time_ns)
+            robot = (
+                database.robots.apply_blueprint(blueprint, library) if known is None or dice.random() < 0.2 else known
+            )
+            master = Master(blueprint, database.runs.begin(robot), random=dice, epoch_ns=time.time_ns)
             hub = InprocHub()
             hub.server.info = LinkInfo("wire", 65535)
             master.add_link(hub.server)
-            stage = Stage(master, Operations(master, database, robot, library=library), database, hub)
+            stage = Stage(master, RunningOperations(master, database, robot, library=library), database, hub)
             async with asyncio.TaskGroup() as tasks:
                 stage.tasks = tasks
                 running = tasks.create_task(master.run())
@@ -104,7 +107,7 @@ def live(
                 os.write(told, b"ready\n")
                 for _ in deeds:
                     with suppress(MsbotError):
-                        os.write(told, f"{change(stage.do, dice) or 0}\n".encode())
+                        os.write(told, f"{await change(stage.do, dice) or 0}\n".encode())
                     await asyncio.sleep(0.05)
                 stage.pull_all()
                 running.cancel()
@@ -140,10 +143,12 @@ def faults_of(folder: Path, told: int, before: int) -> tuple[list[str], int]:
     path = folder / "robot.db"
     faults = upkeep.check(str(path))
     with open_registry(path, read_only=True) as database:
-        (robot,) = database.robots()
-        if [value.name for value in database.values(robot, "AA")] != ["period_s"]:
+        (robot,) = database.robots.all()
+        if [value.name for value in database.robots.values(robot, "AA")] != ["period_s"]:
             faults.append("slot AA has lost its settings")
-        rows = database._read(lambda connection: connection.execute(select_rows(edits).order_by(edits.c.id)).all())
+        rows = database.storage.read(
+            lambda connection: connection.execute(select_rows(edits).order_by(edits.c.id)).all()
+        )
         numbers = [row.id for row in rows]
         if len(numbers) < max(told, before):
             faults.append(f"edit {max(told, before)} was told and is not there; the newest is {len(numbers)}")
@@ -151,8 +156,7 @@ def faults_of(folder: Path, told: int, before: int) -> tuple[list[str], int]:
             faults.append("the numbers of the edits have a gap")
         held = {json.dumps([_key(row.after, name) for name in KEYS]): row for row in rows if row.after}
         for row in held.values():
-            author = Author(robot.id, "", 0)
-            present = database._read(partial(read_cells, author=author, like=row.after))
+            present = database.storage.read(partial(read_cell(row.after).as_it_is, robot_id=robot.id)).as_json()
             if _of_people(present) != _of_people(row.after):
                 faults.append(f"edit {row.id} left {row.after}, and it is {present}")
     return faults, len(numbers)
@@ -162,12 +166,12 @@ KEYS = ("of", "slot", "name", "topic", "key", "parts")
 """What says which thing an edit is about; the newest edit of a thing must say how that thing is."""
 
 
-def _key(cells: Cells, name: str) -> object:
+def _key(cells: Mapping[str, object], name: str) -> object:
     value = cells.get(name)
     return sorted(value) if isinstance(value, dict) else value
 
 
-def _of_people(cells: Cells) -> Cells:
+def _of_people(cells: Mapping[str, object]) -> Mapping[str, object]:
     """Without what the inventory changes as well: the slot that a part was in last."""
     parts = cells.get("parts")
     return {**cells, "parts": [place[1] for place in parts.values()]} if isinstance(parts, dict) else cells

@@ -42,7 +42,7 @@ EYE = PartType(
     ),
     parameters=(PERIOD, INVERT),
     compatible_with=("EYE-0",),
-    source="eye.toml",
+    source="msbot library, eye.toml",
 )
 LEG = PartType("LEG", "Motor", ports=(Port("goal", Direction.SUBSCRIBE, "Light"),))
 LIBRARY = Library([EYE, LEG])
@@ -53,12 +53,12 @@ ROBOT = Blueprint(
 
 
 def _query(registry: Registry, *columns: object) -> list[tuple[object, ...]]:
-    with registry._engine.connect() as connection:
+    with registry.storage.engine.connect() as connection:
         return [tuple(row) for row in connection.execute(select(*columns))]  # type: ignore[call-overload]  # any columns
 
 
 def _apply(registry: Registry, blueprint: Blueprint, part_types: Library = LIBRARY) -> RobotStore:
-    return registry.store_for(registry.apply_blueprint(blueprint, part_types))
+    return registry.runs.begin(registry.robots.apply_blueprint(blueprint, part_types))
 
 
 def _versions(store: RobotStore, names: Sequence[str] = ("left", "right", "leg")) -> list[int]:
@@ -71,12 +71,12 @@ def _set_by_hand(registry: Registry, slot: str, name: str, value: float) -> None
         row = {"slot_id": slot_id, "name": name, "origin": "hand", "value": value, "changed_ns": 1}
         connection.execute(insert(settings).values(row))
 
-    registry._write(write)
+    registry.storage.write(write)
 
 
 def test_a_robot_is_stored_with_all_it_has(registry: Registry) -> None:
     timing, options = Timing("fast", 0.25, 0.5, 4, 1.0), Options(explain=True, free_topics=("chat",))
-    robot = registry.apply_blueprint(replace(ROBOT, timing=timing, options=options), LIBRARY)
+    robot = registry.robots.apply_blueprint(replace(ROBOT, timing=timing, options=options), LIBRARY)
     assert robot == RobotRecord(1, "R2", "007", "V1", "today", "us", 1_700_000_000_000_000_000)
     columns = [robots.c[name] for name in ("beat_period_s", "tick_period_s", "life", "profile_period_s", "explain")]
     assert _query(registry, *columns, robots.c.free_topics) == [(0.25, 0.5, 4, 1.0, True, ["chat"])]
@@ -99,7 +99,7 @@ def test_a_robot_is_stored_with_all_it_has(registry: Registry) -> None:
 
 
 def test_the_library_is_stored_whole(registry: Registry) -> None:
-    registry.apply_blueprint(ROBOT, LIBRARY)
+    registry.robots.apply_blueprint(ROBOT, LIBRARY)
     rows = _query(registry, library.c.number, library.c.compatible_with, library.c.ports, library.c.parameters)
     assert rows[0] == (
         "EYE",
@@ -138,7 +138,7 @@ def test_applying_the_same_again_changes_nothing_but_the_time(registry: Registry
     assert _versions(_apply(registry, ROBOT)) == [1, 1, 1]
     assert [_query(registry, table) for table in tables] == before
     assert len(_query(registry, bindings)) == 2
-    assert [robot.id for robot in registry.robots()] == [1]
+    assert [robot.id for robot in registry.robots.all()] == [1]
 
 
 def test_only_a_changed_configuration_gets_another_version(registry: Registry) -> None:
@@ -181,7 +181,7 @@ def test_a_slot_that_is_taken_out_and_comes_back_has_lost_nothing(registry: Regi
     store = _apply(registry, ROBOT)
     store.remember(UID, "left", CLAIM)
     _set_by_hand(registry, "left", "period_s", 7)
-    registry.flush()
+    registry.storage.flush()
     without = _apply(registry, replace(ROBOT, slots=ROBOT.slots[1:], bindings=()))
     assert [slot.name for slot in without.slots()] == ["right", "leg"]
     assert without.remembered_slot(UID) is None
@@ -208,24 +208,24 @@ def test_several_robots_share_a_database_and_nothing_else(registry: Registry) ->
     other = replace(ROBOT, robot=replace(PROFILE, serial_number="008"), slots=(Slot("left", "LEG"),), bindings=())
     second = _apply(registry, other)
     first.remember(UID, "left", CLAIM)
-    registry.flush()
-    assert [robot.serial_number for robot in registry.robots()] == ["008", "007"]
+    registry.storage.flush()
+    assert [robot.serial_number for robot in registry.robots.all()] == ["008", "007"]
     assert [slot.name for slot in first.slots()] == ["left", "right", "leg"]
     assert [slot.part_number for slot in second.slots()] == ["LEG"]
     assert _apply(registry, other).remembered_slot(UID) is None
 
 
 def test_a_new_version_of_a_robot_is_the_same_robot(registry: Registry) -> None:
-    first = registry.apply_blueprint(ROBOT, LIBRARY)
-    second = registry.apply_blueprint(replace(ROBOT, robot=replace(PROFILE, version="V2")), LIBRARY)
+    first = registry.robots.apply_blueprint(ROBOT, LIBRARY)
+    second = registry.robots.apply_blueprint(replace(ROBOT, robot=replace(PROFILE, version="V2")), LIBRARY)
     assert (second.id, second.version) == (first.id, "V2")
 
 
 def test_the_library_forgets_what_no_slot_needs(registry: Registry) -> None:
     spare = PartType("SPARE", "not used")
-    registry.apply_blueprint(ROBOT, Library([EYE, LEG, spare]))
+    registry.robots.apply_blueprint(ROBOT, Library([EYE, LEG, spare]))
     other = replace(ROBOT, robot=replace(PROFILE, name="R3"), slots=(Slot("leg", "LEG"),), bindings=())
-    registry.apply_blueprint(other, Library([replace(LEG, name="Better motor")]))
+    registry.robots.apply_blueprint(other, Library([replace(LEG, name="Better motor")]))
     assert sorted(_query(registry, library.c.number, library.c.name)) == [
         ("EYE", "Light sensor"),
         ("LEG", "Better motor"),
@@ -233,11 +233,11 @@ def test_the_library_forgets_what_no_slot_needs(registry: Registry) -> None:
 
 
 def test_all_or_nothing(registry: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
-    registry.apply_blueprint(ROBOT, LIBRARY)
+    registry.robots.apply_blueprint(ROBOT, LIBRARY)
     before = [_query(registry, table) for table in metadata.sorted_tables]
     lost = replace(ROBOT, slots=(Slot("x", "LEG"), Slot("y", None)))  # type: ignore[arg-type]  # a mistake on purpose
     with pytest.raises(RegistryError, match=r"part_number.*: mend that"):
-        registry.apply_blueprint(lost, LIBRARY)
+        registry.robots.apply_blueprint(lost, LIBRARY)
     assert [_query(registry, table) for table in metadata.sorted_tables] == before
 
 

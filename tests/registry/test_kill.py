@@ -26,19 +26,19 @@ from tests.registry.events import changed
 library = load_library()
 blueprint = load_blueprint(Path(sys.argv[1]), library)
 registry = open_registry(sys.argv[2])
-store = registry.store_for(registry.apply_blueprint(blueprint, library))
-number = len(registry.journal(1_000_000))
+store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
+number = len(registry.robots.journal(1_000_000))
 while True:
     for _ in range(5):
         number += 1
         uid = number.to_bytes(8, "big")
         store.remember(uid, "AA", Claim("ABCD", f"n{number}", uid))
         store.journal(changed(PartState.LOST, uid=uid, local_name=f"n{number}", reason=str(number)))
-    registry.flush()
+    registry.storage.flush()
     print(number, flush=True)
     if number % 20 == 0:
         slots = blueprint.slots if number % 40 else (*blueprint.slots, Slot("DD", "ABCD"))
-        registry.apply_blueprint(replace(blueprint, slots=slots), library)
+        registry.robots.apply_blueprint(replace(blueprint, slots=slots), library)
 """
 
 
@@ -64,12 +64,12 @@ def test_nothing_committed_is_lost_when_the_process_is_killed(
             assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
             assert connection.execute("PRAGMA foreign_key_check").fetchall() == []
         with open_registry(path) as registry:
-            numbers = [int(entry.event.reason) for entry in registry.journal(1_000_000)]
+            numbers = [int(entry.event.reason) for entry in registry.robots.journal(1_000_000)]
             assert numbers == list(range(1, len(numbers) + 1))
             assert len(numbers) >= stored
-            parts = {part.uid: part.slot for part in registry.parts()}
+            parts = {part.uid: part.slot for part in registry.robots.parts()}
             assert all(parts[number.to_bytes(8, "big")] == "AA" for number in numbers)
-            store = registry.store_for(registry.apply_blueprint(blueprint, library))
+            store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
             assert [len(store.configuration(slot.name).bindings) for slot in store.slots()] == [2, 2, 2]
 
 

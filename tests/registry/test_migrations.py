@@ -11,6 +11,7 @@ from sqlalchemy import Engine, create_engine, make_url, text
 from msbot.registry import open_registry, schema, upkeep
 from msbot.registry.engine import make_engine, parse_address
 from msbot.registry.schema import Migrations, bring_up_to_date, folder_migrations, own_migrations
+from tests.registry.hand import Hand
 
 FIRST_ROWS = (
     "INSERT INTO robots VALUES (1, 'R2', '007', 'V1', 'today', 'us', 1.0, 2.0, 3, 5.0, {false}, '[]', 5)",
@@ -72,17 +73,17 @@ def test_the_first_database_is_brought_up_to_date(old_address: str, first: Migra
     assert upkeep.migrate(old_address) == upkeep.Migrated(1, own_migrations().newest)
     assert upkeep.check(old_address) == []
     with open_registry(old_address) as registry:
-        (robot,) = registry.robots()
-        (value,) = registry.values(robot, "left")
+        (robot,) = registry.robots.all()
+        (value,) = registry.robots.values(robot, "left")
         assert (value.value, value.origin, value.who) == (2, "hand", "")
-        store = registry.store_for(robot)
+        store = registry.runs.begin(robot)
         assert store.configuration("left").version == 4
         assert [binding.topic for binding in store.configuration("left").bindings] == ["light"]
         assert store.remembered_slot(bytes.fromhex("0011223344556677")) == "left"
         assert store.placed_slot(bytes.fromhex("0011223344556677")) is None
         assert store.blocked(b"", "LEG") == "hot"
-        assert registry.blueprint(robot).options.authentication == "open"
-        assert (registry.edits(robot), registry.users(), registry.keys()) == ([], [], [])
-        assert registry.set_value(robot, "left", "period_s", None, "Ann").words == (
+        assert registry.robots.blueprint(robot).options.authentication == "open"
+        assert (registry.edits.latest(robot), registry.users.all(), registry.keys.all()) == ([], [], [])
+        assert Hand(registry).set_value(robot, "left", "period_s", None, "Ann").words == (
             "period_s of left: 2 s -> 0.5 s (the library's)"
         )

@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import Engine, event
 from sqlalchemy.pool import ConnectionPoolEntry, PoolProxiedConnection
 
-from msbot.operations import Operations
+from msbot.operations.operations import RunningOperations
 from msbot.pnp import PartState
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
@@ -44,7 +44,7 @@ def test_the_robot_goes_on_and_says_so(tmp_path: Path, words: str, caplog: pytes
 
     async def scene(stage: Stage) -> None:
         registry, master = stage.registry, stage.master
-        fault = Fault(registry._engine, *FAULTS[words])
+        fault = Fault(registry.storage.engine, *FAULTS[words])
         assert stage.slot("one") == "AA"
         fault.is_on = True
         # Parts come and go as ever, a spare takes over, and a part gets its settings.
@@ -58,31 +58,33 @@ def test_the_robot_goes_on_and_says_so(tmp_path: Path, words: str, caplog: pytes
         for _ in range(300):  # there may be room in the last page
             for entry in stage.events:
                 master.inventory._store.journal(entry)
-            if not registry.flush():
+            if not registry.storage.flush():
                 break
-        assert registry.trouble is not None
-        assert registry.trouble.startswith(f"the database {database} {words}; changes kept in memory until it can")
+        assert registry.storage.health.trouble is not None
+        assert registry.storage.health.trouble.startswith(
+            f"the database {database} {words}; changes kept in memory until it can"
+        )
         assert any(message.endswith(f"{words}; until then changes are kept in memory") for message in caplog.messages)
         # What people want to change is refused, with the reason, and nothing is otherwise.
-        refused = stage.refusal(lambda: stage.do.set_value("AA", "period_s", "2", who="Ann"))
+        refused = await stage.refusal(stage.do.set("AA", "period_s", "2", who="Ann"))
         assert words in refused
-        assert _period(stage.do) == ("1.0", "library")
-        assert words in stage.refusal(lambda: stage.do.swap("BB", "spare", who="Ann")) or stage.slot("spare") == "AA"
+        assert await _period(stage.operations) == ("1.0", "library")
+        assert words in await stage.refusal(stage.do.swap("BB", "spare", who="Ann")) or stage.slot("spare") == "AA"
         # Mended: everything is stored in order, and people can change things again.
         fault.is_on = False
-        assert registry.flush()
-        assert registry.trouble is None
-        assert registry.lost == 0
+        assert registry.storage.flush()
+        assert registry.storage.health.trouble is None
+        assert registry.storage.health.lost == 0
         assert caplog.messages[-1] == f"the database {database} can be written again"
-        stage.do.set_value("AA", "period_s", "2", who="Ann")
-        assert _period(stage.do) == ("2.0", "hand")
-        states = [entry.event.to_state for entry in registry.journal(100_000, "spare")]
+        await stage.do.set("AA", "period_s", "2", who="Ann")
+        assert await _period(stage.operations) == ("2.0", "hand")
+        states = [entry.event.to_state for entry in registry.robots.journal(100_000, "spare")]
         assert PartState.STANDBY in states
         assert PartState.ACTIVE in states
 
     play(tmp_path, scene, AA_IS_A_DIAL, parts=("one=DIAL",))
 
 
-def _period(operations: Operations) -> tuple[str, str]:
-    (value,) = operations.values("AA")
+async def _period(operations: RunningOperations) -> tuple[str, str]:
+    (value,) = await operations.settings.read("AA")
     return str(float(value.value)), value.origin

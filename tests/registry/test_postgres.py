@@ -22,7 +22,7 @@ import sys
 from msbot.registry import open_registry
 
 registry = open_registry(sys.argv[1])
-registry.store_for(registry.robots()[0])
+registry.runs.begin(registry.robots.all()[0])
 print("running", flush=True)
 sys.stdin.read()
 """
@@ -59,32 +59,32 @@ def test_the_robot_goes_on_when_the_server_is_restarted(
     database: str, engine: Engine, blueprint: Blueprint, library: Library
 ) -> None:
     with open_registry(database) as registry:
-        robot = registry.apply_blueprint(blueprint, library)
-        store = registry.store_for(robot)
+        robot = registry.robots.apply_blueprint(blueprint, library)
+        store = registry.runs.begin(robot)
         configuration = store.configuration("AA")
         _cut_all(engine)
         assert store.configuration("AA") == configuration
         store.journal(changed(PartState.ACTIVE))
-        registry.flush()
-        assert registry.flush()
-        assert [entry.event.slot for entry in registry.journal()] == ["AA"]
-        assert registry.trouble is None
+        registry.storage.flush()
+        assert registry.storage.flush()
+        assert [entry.event.slot for entry in registry.robots.journal()] == ["AA"]
+        assert registry.storage.health.trouble is None
 
 
 def test_a_second_master_is_refused_until_the_first_is_killed(
     clean_server_database: str, blueprint: Blueprint, library: Library
 ) -> None:
     with open_registry(clean_server_database, busy_timeout_s=0.05) as registry:
-        robot = registry.apply_blueprint(blueprint, library)
+        robot = registry.robots.apply_blueprint(blueprint, library)
         command = [sys.executable, "-W", "error", "-c", HOLDER, clean_server_database]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as master:
             assert master.stdout is not None
             assert master.stdout.readline() == "running\n"
             with pytest.raises(RegistryError, match="is being run by another msbot master"):
-                registry.store_for(robot)
+                registry.runs.begin(robot)
             master.kill()
     with open_registry(clean_server_database) as registry:
-        registry.store_for(robot)
+        registry.runs.begin(robot)
 
 
 def test_reading_only_is_kept_by_the_server(clean_server_database: str) -> None:
@@ -99,7 +99,7 @@ def test_an_older_database_is_copied_within_and_brought_up_to_date(
     caplog: pytest.LogCaptureFixture,
 ) -> None:  # fmt: skip
     with open_registry(database) as registry:
-        registry.apply_blueprint(blueprint, library)
+        registry.robots.apply_blueprint(blueprint, library)
     with pytest.raises(RegistryError, match='syntax error at or near "this"'):
         open_registry(database, migrations=_migrations(tmp_path / "broken", BROKEN))
     open_registry(database, migrations=_migrations(tmp_path / "good", NEXT)).close()

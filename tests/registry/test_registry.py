@@ -13,6 +13,7 @@ from msbot.errors import RegistryError
 from msbot.pnp import PartState
 from msbot.registry import Registry, open_registry
 from tests.registry.events import changed
+from tests.registry.hand import Hand
 
 LOCKED = (
     "is locked by another program: close the other msbot or database tool that writes to it, or choose another --db"
@@ -27,10 +28,10 @@ def _refused(path: Path) -> str:
 
 def test_a_database_is_made_and_opened_again(path: Path, blueprint: Blueprint, library: Library) -> None:
     with open_registry(path) as registry:
-        robot = registry.apply_blueprint(blueprint, library)
+        robot = registry.robots.apply_blueprint(blueprint, library)
         assert registry.database == str(path)
     with open_registry(f"sqlite:///{path}", create=False) as registry:
-        assert registry.robots() == [robot]
+        assert registry.robots.all() == [robot]
 
 
 def test_nothing_is_made_when_it_shall_not_be(path: Path) -> None:
@@ -51,34 +52,36 @@ def test_a_new_database_that_another_program_holds(path: Path, lock: str) -> Non
 def test_a_database_that_another_program_writes_can_be_read_but_not_changed(
     impatient: Registry, path: Path, blueprint: Blueprint, library: Library
 ) -> None:
-    robot = impatient.apply_blueprint(blueprint, library)
+    robot = impatient.robots.apply_blueprint(blueprint, library)
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
-        assert impatient.robots() == [robot]
+        assert impatient.robots.all() == [robot]
         with pytest.raises(RegistryError) as caught:
-            impatient.apply_blueprint(blueprint, library)
+            impatient.robots.apply_blueprint(blueprint, library)
         assert str(caught.value) == f"the database {path} {LOCKED}"
-    impatient.apply_blueprint(blueprint, library)
+    impatient.robots.apply_blueprint(blueprint, library)
 
 
 def test_a_running_robot_is_not_disturbed_by_a_lock(
     impatient: Registry, path: Path, blueprint: Blueprint, library: Library
 ) -> None:
-    store = impatient.store_for(impatient.apply_blueprint(blueprint, library))
+    store = impatient.runs.begin(impatient.robots.apply_blueprint(blueprint, library))
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
         store.journal(changed(PartState.ACTIVE))
-        assert not impatient.flush()
-        assert impatient.trouble == (f"the database {path} {LOCKED}; changes kept in memory until it can be written: 1")
-    assert impatient.flush()
-    assert impatient.trouble is None
-    assert impatient.lost == 0
-    assert [part.state for part in impatient.parts()] == ["active"]
+        assert not impatient.storage.flush()
+        assert impatient.storage.health.trouble == (
+            f"the database {path} {LOCKED}; changes kept in memory until it can be written: 1"
+        )
+    assert impatient.storage.flush()
+    assert impatient.storage.health.trouble is None
+    assert impatient.storage.health.lost == 0
+    assert [part.state for part in impatient.robots.parts()] == ["active"]
 
 
 def test_a_damaged_database(path: Path, blueprint: Blueprint, library: Library) -> None:
     with open_registry(path) as registry:
-        registry.apply_blueprint(blueprint, library)
+        registry.robots.apply_blueprint(blueprint, library)
     octets = bytearray(path.read_bytes())
     octets[100:] = b"\xff" * (len(octets) - 100)
     path.write_bytes(octets)
@@ -88,19 +91,19 @@ def test_a_damaged_database(path: Path, blueprint: Blueprint, library: Library) 
 
 
 def test_reading_only_changes_nothing(registry: Registry, path: Path, blueprint: Blueprint, library: Library) -> None:
-    robot = registry.apply_blueprint(blueprint, library)
-    store = registry.store_for(robot)
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    store = registry.runs.begin(robot)
     store.journal(changed(PartState.ACTIVE))
-    registry.flush()
+    registry.storage.flush()
     with open_registry(path, read_only=True) as reader:
-        assert [part.state for part in reader.parts(robot)] == ["active"]
-        assert [entry.number for entry in reader.journal()] == [1]
-        assert (reader.trouble, reader.lost, reader.flush()) == (None, 0, True)
+        assert [part.state for part in reader.robots.parts(robot)] == ["active"]
+        assert [entry.number for entry in reader.robots.journal()] == [1]
+        assert (reader.storage.health.trouble, reader.storage.health.lost, reader.storage.flush()) == (None, 0, True)
         for write in (
-            lambda: reader.apply_blueprint(blueprint, library),
-            lambda: reader.store_for(robot),
-            lambda: reader.node_ids(robot, "can:can0"),
-            lambda: reader.block(robot, "number", "ABCD", "why", "Ann"),
+            lambda: reader.robots.apply_blueprint(blueprint, library),
+            lambda: reader.runs.begin(robot),
+            lambda: reader.runs.node_ids(robot, "can:can0"),
+            lambda: Hand(reader).block(robot, "number", "ABCD", "why", "Ann"),
         ):
             with pytest.raises(RegistryError, match="was opened for reading only"):
                 write()
@@ -121,7 +124,7 @@ print("ready", flush=True)
 last = 0
 with open_registry(sys.argv[1], read_only=True) as registry:
     while last < int(sys.argv[2]):
-        numbers = [entry.number for entry in registry.journal(10_000)]
+        numbers = [entry.number for entry in registry.robots.journal(10_000)]
         assert numbers == list(range(1, len(numbers) + 1)), numbers
         assert len(numbers) >= last
         last = len(numbers)
@@ -132,7 +135,7 @@ print("read", last)
 def test_another_process_reads_while_this_one_writes(
     registry: Registry, path: Path, blueprint: Blueprint, library: Library
 ) -> None:
-    store = registry.store_for(registry.apply_blueprint(blueprint, library))
+    store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
     command = [sys.executable, "-W", "error", "-c", READER, str(path), "300"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as reader:
         assert reader.stdout is not None
@@ -140,21 +143,21 @@ def test_another_process_reads_while_this_one_writes(
         assert reader.stdout.readline() == "ready\n"
         for _ in range(300):
             store.journal(changed(PartState.ACTIVE))
-            assert registry.flush()
+            assert registry.storage.flush()
         out, err = reader.communicate(timeout=60)
     assert (out, err) == ("read 300\n", "")
 
 
 def test_parts_are_lost_with_their_master(path: Path, blueprint: Blueprint, library: Library) -> None:
     with open_registry(path) as registry:
-        store = registry.store_for(registry.apply_blueprint(blueprint, library))
+        store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
         store.journal(changed(PartState.ACTIVE))
-        registry.flush()
+        registry.storage.flush()
         with open_registry(path, read_only=True) as reader:
-            assert [(part.state, part.reason) for part in reader.parts()] == [("active", "because")]
+            assert [(part.state, part.reason) for part in reader.robots.parts()] == [("active", "because")]
     with open_registry(path, read_only=True) as reader:
-        assert [(part.state, part.reason) for part in reader.parts()] == [("lost", "the master has ended")]
-        (*_, last) = reader.journal(part="AA")
+        assert [(part.state, part.reason) for part in reader.robots.parts()] == [("lost", "the master has ended")]
+        (*_, last) = reader.robots.journal(part="AA")
         assert last.event.sentences() == ["ABCD-local: active -> lost in slot AA: the master has ended"]
 
 
@@ -165,10 +168,10 @@ from msbot.registry import open_registry
 from tests.registry.events import changed
 
 registry = open_registry(sys.argv[1])
-store = registry.store_for(registry.robots()[0])
+store = registry.runs.begin(registry.robots.all()[0])
 store.journal(changed(PartState.ACTIVE))
 store.journal(changed(PartState.LEFT, slot="BB", number="EFGH", uid=b"part BB."))
-registry.flush()
+registry.storage.flush()
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -177,10 +180,10 @@ def test_after_the_master_was_killed_no_part_is_shown_as_active(
     path: Path, blueprint: Blueprint, library: Library
 ) -> None:
     with open_registry(path) as registry:
-        registry.apply_blueprint(blueprint, library)
+        registry.robots.apply_blueprint(blueprint, library)
     subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False)
     with open_registry(path, read_only=True) as reader:
-        assert [(part.state, part.reason) for part in reader.parts()] == [
+        assert [(part.state, part.reason) for part in reader.robots.parts()] == [
             ("lost", "its robot has no master at the moment"),
             ("left", "because"),
         ]

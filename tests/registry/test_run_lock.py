@@ -21,7 +21,7 @@ import sys
 from msbot.registry import open_registry
 
 registry = open_registry(sys.argv[1])
-registry.store_for(registry.robots()[0])
+registry.runs.begin(registry.robots.all()[0])
 print("running", flush=True)
 sys.stdin.read()
 """
@@ -30,55 +30,55 @@ sys.stdin.read()
 def test_a_second_master_is_refused_and_disturbs_nothing(
     registry: Registry, impatient: Registry, path: Path, blueprint: Blueprint, library: Library
 ) -> None:
-    robot = registry.apply_blueprint(blueprint, library)
-    registry.store_for(robot).journal(changed(PartState.ACTIVE))
-    registry.flush()
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    registry.runs.begin(robot).journal(changed(PartState.ACTIVE))
+    registry.storage.flush()
     with pytest.raises(RegistryError) as caught:
-        impatient.store_for(impatient.apply_blueprint(blueprint, library))
+        impatient.runs.begin(impatient.robots.apply_blueprint(blueprint, library))
     assert str(caught.value) == (
         f"robot MSBOT_MASTER is being run by another msbot master with the database {path}: stop that one, "
         "or give this one another --db and another port"
     )
-    assert [part.state for part in registry.parts()] == ["active"]
+    assert [part.state for part in registry.robots.parts()] == ["active"]
     registry.close()
-    impatient.store_for(robot)
-    assert [part.state for part in impatient.parts()] == ["lost"]
+    impatient.runs.begin(robot)
+    assert [part.state for part in impatient.robots.parts()] == ["lost"]
 
 
 def test_two_robots_of_one_database_are_run_by_two_masters(
     registry: Registry, impatient: Registry, blueprint: Blueprint, library: Library
 ) -> None:
-    registry.store_for(registry.apply_blueprint(blueprint, library))
+    registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
     other = replace(blueprint, robot=replace(blueprint.robot, serial_number="2"))
-    impatient.store_for(impatient.apply_blueprint(other, library))
+    impatient.runs.begin(impatient.robots.apply_blueprint(other, library))
 
 
 def test_the_same_master_may_ask_again(registry: Registry, blueprint: Blueprint, library: Library) -> None:
-    robot = registry.apply_blueprint(blueprint, library)
-    registry.store_for(robot)
-    registry.store_for(robot)
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    registry.runs.begin(robot)
+    registry.runs.begin(robot)
 
 
 def test_a_killed_master_leaves_no_lock(path: Path, blueprint: Blueprint, library: Library) -> None:
     with open_registry(path, busy_timeout_s=0.01) as registry:
-        robot = registry.apply_blueprint(blueprint, library)
+        robot = registry.robots.apply_blueprint(blueprint, library)
         command = [sys.executable, "-c", HOLDER, str(path)]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
             assert holder.stdout is not None
             assert holder.stdout.readline() == "running\n"
             with pytest.raises(RegistryError, match="is being run by another msbot master"):
-                registry.store_for(robot)
+                registry.runs.begin(robot)
             holder.kill()
-        registry.store_for(robot)
+        registry.runs.begin(robot)
 
 
 def test_a_lock_that_cannot_be_made_is_told(
     registry: Registry, path: Path, blueprint: Blueprint, library: Library
 ) -> None:
-    robot = registry.apply_blueprint(blueprint, library)
+    robot = registry.robots.apply_blueprint(blueprint, library)
     path.with_name(f"robot.db.running{robot.id}").mkdir()
     with pytest.raises(RegistryError, match=r"robot.db cannot be opened: look at the permissions of the file"):
-        registry.store_for(robot)
+        registry.runs.begin(robot)
 
 
 class _Server:
@@ -111,7 +111,7 @@ class _Server:
 
 
 def test_on_a_server_it_is_an_advisory_lock(registry: Registry, blueprint: Blueprint, library: Library) -> None:
-    robot = registry.apply_blueprint(blueprint, library)
+    robot = registry.robots.apply_blueprint(blueprint, library)
     address = parse_address("postgresql://teacher:secret@host/robots")
     server = _Server("")
     lock = RunLock(server, address, robot, 2.0)  # type: ignore[arg-type]  # see _Server
@@ -135,7 +135,7 @@ def test_on_a_server_it_is_an_advisory_lock(registry: Registry, blueprint: Bluep
 def test_on_a_server_a_second_master_is_refused(
     registry: Registry, blueprint: Blueprint, library: Library, sqlstate: str, words: str
 ) -> None:
-    robot = registry.apply_blueprint(blueprint, library)
+    robot = registry.robots.apply_blueprint(blueprint, library)
     server = _Server(sqlstate)
     with pytest.raises(RegistryError, match=words):
         RunLock(server, parse_address("postgresql://teacher:secret@host/robots"), robot, 2.0)  # type: ignore[arg-type]

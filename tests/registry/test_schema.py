@@ -93,9 +93,9 @@ def test_an_older_database_is_copied_and_brought_up_to_date(
     path: Path, tmp_path: Path, blueprint: Blueprint, library: Library, caplog: pytest.LogCaptureFixture
 ) -> None:
     with open_registry(path) as registry:
-        registry.apply_blueprint(blueprint, library)
+        registry.robots.apply_blueprint(blueprint, library)
     with open_registry(path, migrations=_migrations(tmp_path, NEXT)) as registry:
-        assert [robot.name for robot in registry.robots()] == ["MSBOT_MASTER"]
+        assert [robot.name for robot in registry.robots.all()] == ["MSBOT_MASTER"]
     copy = path.with_name(f"robot.db.schema{NOW}.1.backup")
     assert caplog.messages == [
         f"the database {path} is of schema {NOW} and is brought to {NOW + 1}; a copy is kept in {copy}"
@@ -161,7 +161,7 @@ def test_another_program_with_alembic_is_refused(path: Path, version: str | None
 
 def test_a_database_for_reading_only_must_be_up_to_date(path: Path, registry: Registry, tmp_path: Path) -> None:
     with open_registry(path, read_only=True) as reader:
-        assert reader.robots() == []
+        assert reader.robots.all() == []
     with pytest.raises(RegistryError, match="is empty or of an older MsBOT: `msbot db migrate --db"):
         open_registry(path, read_only=True, migrations=_migrations(tmp_path, NEXT))
-    assert registry.robots() == []
+    assert registry.robots.all() == []

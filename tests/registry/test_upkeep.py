@@ -14,29 +14,30 @@ from msbot.pnp import PartState
 from msbot.registry import Registry, open_registry, upkeep
 from msbot.registry.tables import metadata
 from tests.registry.events import CLAIM, UID, changed
+from tests.registry.hand import Hand
 from tests.registry.test_schema import NEXT, NOW, _migrations
 
 
 @pytest.fixture
 def full(registry: Registry, blueprint: Blueprint, library: Library) -> Registry:
     """A registry with rows in every table."""
-    robot = registry.apply_blueprint(blueprint, library)
-    store = registry.store_for(robot)
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    store = registry.runs.begin(robot)
     store.remember(UID, "AA", CLAIM)
     store.journal(changed(PartState.ACTIVE))
-    registry.place(robot, UID, "BB", "Ann")
-    registry.undo(robot, None, "Ann")
-    registry.block(robot, "number", "WXYZ", "hot", "Ann")
-    registry.keep_user("ann", "administrator", "ann", password_hash="salt", tokens=(("desk", "abc"),))
-    registry.keep_key(UID, b"\x00secret", "ann")
-    registry.node_ids(robot, "can:0").keep(7, UID)
-    registry.flush()
+    Hand(registry).place(robot, UID, "BB", "Ann")
+    Hand(registry).undo(robot, None, "Ann")
+    Hand(registry).block(robot, "number", "WXYZ", "hot", "Ann")
+    registry.users.keep("ann", "administrator", "ann", password_hash="salt", tokens=(("desk", "abc"),))
+    registry.keys.keep(UID, b"\x00secret", "ann")
+    registry.runs.node_ids(robot, "can:0").keep(7, UID)
+    registry.storage.flush()
     return registry
 
 
 def _rows(registry: Registry, table: Table) -> list[tuple[object, ...]]:
     order = list(table.primary_key.columns)
-    with registry._engine.connect() as connection:
+    with registry.storage.engine.connect() as connection:
         return [tuple(row) for row in connection.execute(select(table).order_by(*order))]
 
 
@@ -77,7 +78,7 @@ def test_a_backup_is_brought_back_and_what_was_there_is_kept(
     upkeep.back_up(address, backup)
     with open_registry(address) as registry:
         before = _content(registry)
-        registry.remove_key(UID, "ann")
+        registry.keys.remove(UID, "ann")
         later = _content(registry)
     kept = upkeep.restore(backup, address)
     assert kept is not None
@@ -85,7 +86,7 @@ def test_a_backup_is_brought_back_and_what_was_there_is_kept(
         assert _content(registry) == before
         assert _content(copy) == later
         # Counters go on behind the rows.
-        assert registry.keep_key(UID, b"new", "ann").id == before["edits"][-1][0] + 1  # type: ignore[operator]  # an int
+        assert registry.keys.keep(UID, b"new", "ann").id == before["edits"][-1][0] + 1  # type: ignore[operator]  # an int
 
 
 def test_a_backup_goes_to_a_new_database(full: Registry, address: str, tmp_path: Path) -> None:
@@ -140,14 +141,14 @@ def test_a_sound_database_has_no_findings(full: Registry, address: str) -> None:
     ],
 )  # fmt: skip
 def test_a_contradiction_is_found(full: Registry, address: str, statement: str, sentence: str) -> None:
-    full._write(lambda connection: connection.execute(text(statement)))
+    full.storage.write(lambda connection: connection.execute(text(statement)))
     (finding,) = upkeep.check(address)
     assert finding.startswith(f"robot MSBOT_MASTER: {sentence}")
 
 
 def test_edits_and_journal_are_looked_at(full: Registry, address: str) -> None:
-    full._write(lambda connection: connection.execute(text("UPDATE edits SET undone_by = 77 WHERE id = 3")))
-    full._write(lambda connection: connection.execute(text("UPDATE journal SET to_state = 'asleep'")))
+    full.storage.write(lambda connection: connection.execute(text("UPDATE edits SET undone_by = 77 WHERE id = 3")))
+    full.storage.write(lambda connection: connection.execute(text("UPDATE journal SET to_state = 'asleep'")))
     assert upkeep.check(address) == [
         "edit 3 was undone by an edit that is not there",
         "1 lines of the journal tell of a state that does not exist",

@@ -27,14 +27,14 @@ from tests.registry.test_blueprint_store import EYE, LEG, ROBOT
 def test_number_and_version_find_the_entry(registry: Registry, versions: str, shown: str, found: str | None) -> None:
     parsed = parse_versions(versions)
     assert parsed is not None
-    robot = registry.apply_blueprint(ROBOT, Library([replace(EYE, versions=parsed), LEG]))
-    part_type = registry.store_for(robot).part_type(shown)
+    robot = registry.robots.apply_blueprint(ROBOT, Library([replace(EYE, versions=parsed), LEG]))
+    part_type = registry.runs.begin(robot).part_type(shown)
     assert (None if part_type is None else part_type.number) == found
 
 
 def test_an_entry_with_exactly_the_number_comes_first(registry: Registry) -> None:
     exact = replace(EYE, number="EYE@2", name="The second eye")
-    robot = registry.apply_blueprint(ROBOT, Library([EYE, LEG, exact]))
-    part_type = registry.store_for(robot).part_type("EYE@2")
+    robot = registry.robots.apply_blueprint(ROBOT, Library([EYE, LEG, exact]))
+    part_type = registry.runs.begin(robot).part_type("EYE@2")
     assert part_type is not None
     assert part_type.name == "The second eye"

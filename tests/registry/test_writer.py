@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import Connection, Engine, event, text
 
 from msbot.registry.engine import make_engine, parse_address, use_write_ahead_log
-from msbot.registry.writer import Change, Writer
+from msbot.registry.writer import Note, Writer
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def writer(engine: Engine) -> Iterator[Writer]:
     writer.close()
 
 
-def _line(number: int) -> Change:
+def _line(number: int) -> Note:
     def write(connection: Connection) -> None:
         connection.execute(text("INSERT INTO lines VALUES (:n)"), {"n": number})
 

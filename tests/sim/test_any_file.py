@@ -10,13 +10,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from msbot.config import Control, ControlKind, Direction, PartType, Scalar, standard_message_types
-from msbot.config.document import parse_document
-from msbot.config.library_reader import open_library_file, read_part_type
-from msbot.config.problems import Problems
+from msbot.config.library.reader import open_library_file, read_part_type
+from msbot.config.toml.document import parse_document
+from msbot.config.toml.problems import Problems
 from msbot.sim import message_class
 from msbot.sim.world import World
 
-TEXTS = [entry.read_text() for entry in sorted((files("msbot.config") / "library").iterdir(), key=lambda e: e.name)]
+TEXTS = [
+    entry.read_text() for entry in sorted((files("msbot.config.library") / "types").iterdir(), key=lambda e: e.name)
+]
 KEYS = [
     "follows", "scale", "offset", "divide_by", "start", "text", "random_every", "equals", "above", "negate", "function",
     "min", "max", "integrate", "lag_s", "slew_per_s", "noise", "step", "wrap", "pattern", "rows", "columns", "lasts",

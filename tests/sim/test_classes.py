@@ -4,7 +4,7 @@ import pytest
 
 from msbot.config import FieldKind, MessageType, standard_message_types
 from msbot.part import Message
-from msbot.part.messages import Light
+from msbot.part.messages.standard import Light
 from msbot.sim import message_class
 
 EVERY_KIND = MessageType("EveryKind", {f"f_{kind.value}": kind for kind in FieldKind}, description="All there is.")

@@ -10,9 +10,11 @@ import pytest
 
 from msbot.config import PartType, Scalar, load_library
 from msbot.errors import ConfigError
-from msbot.link import Signal, run_virtual
-from msbot.part import JoinState, Setting
-from msbot.part.messages import Level
+from msbot.link import Signal
+from msbot.part import JoinState
+from msbot.part.join.plug import Setting
+from msbot.part.messages.standard import Level
+from msbot.runtime.virtual_time import run_virtual
 from msbot.sim import make_simulator
 from tests.sim.robot import LIBRARY, Bench, play
 

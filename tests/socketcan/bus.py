@@ -8,9 +8,11 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from msbot.link import BusState, CanSettings, Codec, Frame, Link, Peer, Signal, open_can_bus
-from msbot.link.can_driver import CanDriver
-from msbot.link.can_notation import parse_log_line
+from msbot.link import Link, Peer, Signal
+from msbot.link.can import BusState, CanSettings, Codec, open_can_bus
+from msbot.link.can.adapters.driver import CanDriver
+from msbot.link.can.protocol import Frame
+from msbot.link.can.protocol.notation import parse_log_line
 from msbot.xrce import compress, decompress, is_whole
 
 PATIENCE_S = 60.0
@@ -44,8 +46,8 @@ class Ear:
         self.bus = bus
         self.frames: list[Frame] = []
         self.states: list[tuple[BusState, str]] = []
-        bus.on_frame(lambda frame, now: self.frames.append(frame))
-        bus.on_state(lambda state, words, now: self.states.append((state, words)))
+        bus.attach(frame=lambda frame, now: self.frames.append(frame))
+        bus.attach(state=lambda state, words, now: self.states.append((state, words)))
 
     async def heard(self, frames: int) -> list[Frame]:
         """Everything heard, once it is that many frames."""
@@ -122,8 +124,8 @@ class End:
         self.link = link
         self.packets: list[tuple[bytes, Peer]] = []
         self.signals: list[tuple[Signal, Peer | None, str]] = []
-        link.on_packet(lambda packet, peer, now: self.packets.append((packet, peer)))
-        link.on_signal(lambda signal, peer, words, now: self.signals.append((signal, peer, words)))
+        link.attach(packet=lambda packet, peer, now: self.packets.append((packet, peer)))
+        link.attach(signal=lambda signal, peer, words, now: self.signals.append((signal, peer, words)))
 
     def told(self, signal: Signal) -> list[str]:
         """The words of all signals of that kind."""

@@ -6,10 +6,12 @@ from random import Random
 
 import pytest
 
-from msbot.link import CanMasterLink, CanPartLink, Frame, open_can_bus, open_link
-from msbot.link.can_ids import CanIds
-from msbot.link.can_notation import parse_frame
-from msbot.link.can_selftest import selftest
+from msbot.link import open_link
+from msbot.link.can import CanMasterLink, CanPartLink, open_can_bus
+from msbot.link.can.protocol import Frame
+from msbot.link.can.protocol.ids import CanIds
+from msbot.link.can.protocol.notation import parse_frame
+from msbot.link.can.selftest import selftest
 from tests.socketcan.bus import SETTINGS, candump, cansend, listening, running
 
 FRAMES = [

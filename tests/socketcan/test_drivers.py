@@ -15,7 +15,9 @@ from random import Random
 import pytest
 
 from msbot.errors import LinkDown
-from msbot.link import CanPartLink, Frame, Signal, open_link
+from msbot.link import Signal, open_link
+from msbot.link.can import CanPartLink
+from msbot.link.can.protocol import Frame
 from tests.socketcan.bus import SETTINGS, cansend, ip, listening, running
 
 pytestmark = pytest.mark.controllers

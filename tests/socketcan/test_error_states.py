@@ -17,7 +17,9 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.link import BusState, CanMasterLink, Frame, Signal, open_link
+from msbot.link import Signal, open_link
+from msbot.link.can import BusState, CanMasterLink
+from msbot.link.can.protocol import Frame
 from tests.socketcan.bus import SETTINGS, ip, listening, running, until
 
 N_SLCAN = 17

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 from msbot.errors import LinkDown
-from msbot.link import BusState, Frame, Link, Signal, open_link
+from msbot.link import Link, Signal, open_link
+from msbot.link.can import BusState
+from msbot.link.can.protocol import Frame
 from msbot.part import JoinState
 from tests.socketcan.bus import SETTINGS, add_vcan, ip, listening, running, until
 from tests.socketcan.test_robot import RING, robot_on

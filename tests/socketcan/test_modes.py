@@ -10,12 +10,15 @@ import pytest
 
 from msbot.agent import Agent
 from msbot.errors import LinkDown
-from msbot.link import CanPartLink, Frame, Link, Signal, open_link
-from msbot.link.can_assign import STARTING_S
-from msbot.link.can_legacy_link import COMPONENT, MASTER
+from msbot.link import Link, Signal, open_link
+from msbot.link.can import CanPartLink
+from msbot.link.can.legacy_link import COMPONENT, MASTER
+from msbot.link.can.protocol import Frame
+from msbot.link.can.protocol.join_master import STARTING_S
 from msbot.part import Client
 from msbot.space import MemorySpace
-from msbot.xrce import EndpointQos, Header, WriteData, encode_message
+from msbot.xrce.messages import Header, WriteData, encode_message
+from msbot.xrce.objects import EndpointQos
 from tests.socketcan.bus import HASH, SETTINGS, candump, listening, running, until
 
 NATIVE = ["can:vcan0", "can:vcan0?compression=0", "can:vcan0?fd=1", "can:vcan0?fd=1&compression=0"]

@@ -14,7 +14,8 @@ import pytest
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.link import Link, open_link
 from msbot.master import Master
-from msbot.part import Part, make_sample
+from msbot.part import Part
+from msbot.part.sample_parts import make_sample
 from msbot.pnp import PartState
 from msbot.registry import open_registry
 from tests.socketcan.bus import SETTINGS, cansend, listening, until
@@ -72,7 +73,7 @@ async def robot_on(address: str, folder: Path, *names: str) -> AsyncIterator[Rob
     library = load_library()
     blueprint = load_blueprint(folder / "robot.toml", library)
     with open_registry(folder / "robot.db") as registry:
-        master = Master(blueprint, registry.store_for(registry.apply_blueprint(blueprint, library)))
+        master = Master(blueprint, registry.runs.begin(registry.robots.apply_blueprint(blueprint, library)))
         can = replace(SETTINGS, profile_hash=master.profile.profile_hash())
         link = open_link(address, serve=True, can=can)
         master.add_link(link)

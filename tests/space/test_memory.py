@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from msbot.errors import LocalProtocolError
 from msbot.space import MemorySpace, Qos, Reader, Sample, Space, Topic, Writer
-from msbot.space.memory import FAIR_SHARE, FEEDBACK_LIMIT
+from msbot.space.history import FAIR_SHARE
+from msbot.space.memory import FEEDBACK_LIMIT
 
 LIGHT = Topic("light", "Light")
 LATCHED = Qos(transient_local=True, depth=1)
@@ -86,7 +87,7 @@ def test_a_reliable_reader_needs_a_reliable_writer(space: Space, offered: bool, 
     space.reader(LIGHT, Qos(reliable=requested), early)
     writer = space.writer(LIGHT, Qos(reliable=offered, transient_local=True), guid(1))
     writer.write(b"x")
-    space.reader(LIGHT, Qos(reliable=requested), late)
+    space.reader(LIGHT, Qos(reliable=requested, transient_local=True), late)
     assert bool(early.samples) is bool(late.samples) is meets
 
 
@@ -95,11 +96,32 @@ def test_a_late_reader_gets_what_the_writer_keeps_and_only_then_what_follows(spa
     for number in range(4):
         writer.write(bytes([number]))
     inbox = Inbox()
-    reader = space.reader(LIGHT, Qos(), inbox)
+    reader = space.reader(LIGHT, LATCHED, inbox)
     assert inbox.payloads == [b"\2", b"\3"]
     writer.write(b"\4")
     assert inbox.payloads == [b"\2", b"\3", b"\4"]
     assert reader.delivered == 3
+
+
+@pytest.mark.parametrize(
+    ("writer_durable", "reader_durable", "old", "new"),
+    [
+        # DDS 1.4 §2.2.3.4 and §2.2.3: what a late reader gets of what was written before it came, and of what follows.
+        (True, True, True, True),
+        (True, False, False, True),
+        (False, True, False, False),
+        (False, False, False, True),
+    ],
+)
+def test_what_a_late_reader_gets_by_durability(
+    space: Space, writer_durable: bool, reader_durable: bool, old: bool, new: bool
+) -> None:
+    writer = space.writer(LIGHT, Qos(transient_local=writer_durable), guid(1))
+    writer.write(b"old")
+    inbox = Inbox()
+    space.reader(LIGHT, Qos(transient_local=reader_durable), inbox)
+    writer.write(b"new")
+    assert inbox.payloads == [b"old"] * old + [b"new"] * new
 
 
 def test_a_volatile_or_closed_writer_leaves_nothing_for_late_readers(space: Space) -> None:
@@ -135,7 +157,7 @@ def test_what_a_reader_leaves_waits_in_order_and_the_oldest_is_pushed_out(space:
 
 def test_kept_samples_wait_too_when_the_reader_does_not_take_them(space: Space) -> None:
     space.writer(LIGHT, LATCHED, guid(1)).write(b"x")
-    reader = space.reader(LIGHT, Qos(), Inbox(takes=False))
+    reader = space.reader(LIGHT, LATCHED, Inbox(takes=False))
     sample = reader.take()
     assert sample is not None
     assert sample.payload == b"x"
@@ -187,7 +209,7 @@ def test_a_reader_made_during_a_delivery_gets_the_sample_once_if_it_is_kept(spac
     def make_reader(sample: Sample) -> bool:
         if sample.sequence_nr == 1:
             writer.write(b"2")
-            space.reader(LIGHT, Qos(), late)
+            space.reader(LIGHT, LATCHED, late)
         return True
 
     space.reader(LIGHT, Qos(), make_reader)
@@ -225,7 +247,7 @@ def test_what_is_written_while_a_reader_catches_up_waits_behind_the_kept_samples
             writer.write(b"3")
         return True
 
-    space.reader(LIGHT, Qos(), answer)
+    space.reader(LIGHT, Qos(transient_local=True), answer)
     assert got == [b"1", b"2", b"3"]
 
 
@@ -327,7 +349,8 @@ def test_the_space_does_what_a_simple_model_does(script: list[tuple[str, Qos | i
     readers: list[ModelReader] = []
 
     def meets(writer: ModelWriter, reader: ModelReader) -> bool:
-        return writer.qos.reliable or not reader.qos.reliable
+        durable = writer.qos.transient_local or not reader.qos.transient_local
+        return durable and (writer.qos.reliable or not reader.qos.reliable)
 
     for number, (verb, argument) in enumerate(script):
         payload = number.to_bytes(2)
@@ -339,7 +362,7 @@ def test_the_space_does_what_a_simple_model_does(script: list[tuple[str, Qos | i
                 reader = ModelReader(argument, inbox, space.reader(LIGHT, argument, inbox))
                 for writer in writers:
                     if meets(writer, reader):
-                        for old in writer.kept:
+                        for old in writer.kept if reader.qos.transient_local else ():
                             reader.accept(old)
                 readers.append(reader)
         elif verb == "write" and argument < len(writers):
@@ -384,7 +407,7 @@ def test_order_holds_whatever_the_readers_do_during_a_delivery(script: list[tupl
         if verb == "write":
             writers[which % 2].write(b"")
         elif verb == "reader" and len(seen) < 6:
-            readers.append(space.reader(LIGHT, Qos(), listener()))
+            readers.append(space.reader(LIGHT, Qos(transient_local=True), listener()))
         elif verb == "close" and which < len(readers):
             readers[which].close()
 

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
+import inspect
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 
 from msbot.config import load_library
 from msbot.errors import ConfigError, MsbotError
+from msbot.operations.outcome import Outcome
+from msbot.operations.rights import Role
 from msbot.part import HelloWorld
-from msbot.web.accounts import Accounts, MemoryUsers, Session
-from msbot.web.bench import Bench
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.sessions import Session
+from msbot.web.access.users import MemoryUsers
+from msbot.web.api.models import Control, Robot, Scalar
 from msbot.web.frames import FrameRing
 from msbot.web.live import Live
-from msbot.web.models import Control, Robot, Scalar
+from msbot.web.neighbours import Neighbour, Neighbours
 from msbot.web.records import registry_records
-from msbot.web.roles import Role
 from msbot.web.service import Service
+from msbot.web.simulated.bench import Bench
 from msbot.web.timeline import Timeline
 from msbot.web.views import Views
 from tests.operations.stage import Stage, play
-from tests.web.test_accounts import PlainHasher
+from tests.web.access.test_accounts import PlainHasher, user
 
 PASSWORD = "correct horse"
 
@@ -56,6 +61,13 @@ class ToyBench:
         return {"turned": self.turned[slot]}
 
 
+class Alone(Neighbours):
+    """No other master is on this computer; a thread that looks for them would know nothing of virtual time."""
+
+    async def look(self) -> Sequence[Neighbour]:
+        return ()
+
+
 class Rig:
     """The web room around a robot on its stage, without a server."""
 
@@ -66,42 +78,50 @@ class Rig:
         timeline = Timeline()
         stage.master.inventory.on_event(timeline.note)
         library = load_library(folder / "library")
-        (record,) = stage.registry.robots()
+        (record,) = stage.registry.robots.all()
         self.views = Views(
             stage.master,
-            blueprint=lambda: stage.registry.blueprint(record),
+            blueprint=lambda: stage.registry.robots.blueprint(record),
             library=library,
             live=Live(stage.master.space, {"HelloWorld": HelloWorld}.get, clock),
             frames=self.frames,
             timeline=timeline,
             bench=bench,
             clock=clock,
-            ignored=stage.do.is_ignored,
+            ignored=stage.operations.showing.is_ignored,
+            by_hand=stage.operations.by_hand.said,
         )
-        self.accounts = Accounts(MemoryUsers(), clock=clock, hasher=PlainHasher())
-        self.accounts.set_up(self.accounts.setup_token(), "ada", PASSWORD)
-        for role in (Role.VIEWER, Role.STUDENT, Role.TEACHER):
-            self.accounts.add_user(role.word, role, PASSWORD, who="ada")
+        people = [user(role.word, role, PASSWORD) for role in (Role.VIEWER, Role.STUDENT, Role.TEACHER)]
+        users = MemoryUsers(user("ada", Role.ADMINISTRATOR, PASSWORD), *people)
+        self.accounts = Accounts(users, clock=clock, hasher=PlainHasher())
         self.service = Service(
             views=self.views,
-            operations=stage.do,
+            operations=stage.operations,
             accounts=self.accounts,
-            records=registry_records(stage.registry, record, stage.do, library, address=str(folder / "robot.db")),
+            records=registry_records(
+                stage.registry, record, stage.operations, library, address=str(folder / "robot.db")
+            ),
             robot=self._describe,
             clock=clock,
+            neighbours=Alone(),
         )
 
     def _describe(self) -> Robot:
         return Robot(
             name="R", version="1", serial_number="2", released="", manufacturer="", links=[], beat_s=1.0, tick_s=2.0,
-            life=3, stopped=self.stage.do.stop_report is not None, window_s=self.stage.do.window_s, trouble="",
+            life=3, stopped=self.stage.operations.stopping.status.stopped,
+            window_s=self.stage.operations.placement.window_s, trouble="",
             slots=[], arrivals=0,
         )  # fmt: skip
 
     def session(self, role: Role) -> Session:
         """Somebody who has signed in."""
         name = "ada" if role is Role.ADMINISTRATOR else role.word
-        return self.accounts.sign_in(name, PASSWORD, "a desk")
+        return self.accounts.sessions.begin(name, role)
+
+    async def act(self, session: Session, operation: str, **arguments: object) -> Outcome:
+        """Have an operation done for somebody who has signed in."""
+        return await self.stage.operations.do(operation, who=self.service.asker(session), **arguments)
 
     async def look(self, seconds: float) -> None:
         """Let time pass while the room looks at the robot."""
@@ -128,10 +148,12 @@ def show(
     play(folder, on_stage, *changes, parts=parts)
 
 
-def refusal(deed: Callable[[], object]) -> MsbotError:
+async def refusal(deed: Callable[[], object]) -> MsbotError:
     """The error that a deed is refused with."""
     try:
         done = deed()
+        if inspect.isawaitable(done):
+            done = await done
     except MsbotError as error:
         return error
     raise AssertionError(f"it was done: {done}")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.link import Frame
-from msbot.link.can_ids import NODES, Beacon, CanIds, beacon_frame, stop_frame
+from msbot.link.can.protocol import Frame
+from msbot.link.can.protocol.ids import NODES, Beacon, CanIds, beacon_frame, stop_frame
 from msbot.web.frames import KEPT, FrameRing
 
 IDS = CanIds()

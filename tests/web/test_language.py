@@ -14,7 +14,7 @@ from msbot.web.language import COOKIE, language_named, language_of, languages
 
 
 def texts_of_the_pages() -> set[str]:
-    """Every text that is handed to `say` as it stands, and the titles of the menu."""
+    """Every text that is handed to `say` as it stands, the titles of the menu, and the help."""
     found = set()
     for path in Path(str(msbot.web.__path__[0])).rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
@@ -25,6 +25,10 @@ def texts_of_the_pages() -> set[str]:
                 found |= _strings(node.args[0])
             elif called == "Way":
                 found |= _strings(node.args[2])
+            elif called in ("PageHelp", "TourStep"):
+                found |= _strings(node.args[0])
+    for path in (Path(str(msbot.web.__path__[0])) / "templates").glob("*.html"):
+        found |= set(re.findall(r'\bsay\("([^"]+)"', path.read_text()))
     return found
 
 

@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 from nicegui import ui
 
-from msbot.errors import RegistryError
+from msbot.errors import NotThere, RegistryError
+from msbot.operations.rights import Right, Role
+from msbot.web.api.models import Done
 from msbot.web.language import language_named
-from msbot.web.models import Done
 from msbot.web.pages import layout
 from msbot.web.pages.layout import Page
-from msbot.web.roles import Right, Role
-from msbot.web.views import NotThere
 from tests.web.rig import Rig, show
 
 
@@ -85,14 +84,14 @@ def test_a_deed_is_told_refused_in_words_or_leads_to_the_sign_in(tmp_path: Path,
     async def scene(rig: Rig) -> None:
         page, looks = open_page(rig), []
         page.every_look(lambda: looks.append(rig.stage.now()))
-        assert page.do(lambda session: rig.service.open_window(session, 9.0)) is not None
+        assert await page.act("window", seconds=9.0) is not None
         assert len(looks) == 2  # at once, not at the next look
-        assert page.do(lambda _: Done(words="quietly"), quiet=True) is not None
-        assert page.do(lambda session: rig.service.remove_user(session, "student")) is None
+        assert await page.do(lambda _: Done(words="quietly"), quiet=True) is not None
+        assert await page.do(lambda session: rig.service.remove_user(session, "student")) is None
         assert len(screen.notes) == 2
         assert screen.notes[1] == "a teacher may not administer users, keys and backups; an administrator may"
         rig.accounts.sign_out(page.session)
-        assert page.do(lambda session: rig.service.open_window(session, 9.0)) is None
+        assert await page.act("window", seconds=9.0) is None
         assert screen.scripts == ["msbotSignIn()"]
 
     show(tmp_path, scene, parts=())
@@ -109,7 +108,7 @@ def test_a_page_ends_with_its_session_and_looking_keeps_none_alive(tmp_path: Pat
         assert screen.scripts == []
         assert idle.session.used_at == used_at
         assert page.may(Right.SET)
-        rig.accounts.change_user("student", who="ada", role="viewer")
+        rig.accounts.change_role("student", "viewer", who="ada")
         page.check_session()
         assert not page.may(Right.SET)
         rig.accounts.remove_user("student", who="ada")
@@ -118,13 +117,3 @@ def test_a_page_ends_with_its_session_and_looking_keeps_none_alive(tmp_path: Pat
         assert page.refreshers == []
 
     show(tmp_path, scene, parts=())
-
-
-def test_stop_says_how_long_it_took(tmp_path: Path, screen: Screen) -> None:
-    async def scene(rig: Rig) -> None:
-        layout.press_stop(open_page(rig, Role.VIEWER))
-        assert rig.service.robot().stopped
-        (said,) = screen.notes
-        assert "STOP" in said
-
-    show(tmp_path, scene)

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.part import HelloWorld, Message, float64
+from msbot.part import HelloWorld, Message
+from msbot.part.messages.wire_types import float64
 from msbot.space import MemorySpace, Qos, Topic, Writer
-from msbot.web.live import HISTORY, LONGEST_TEXT, Live
-from tests.web.test_accounts import Clock
+from msbot.web.live import LONGEST_TEXT, MOST_KEPT_IN_ALL, SPARK_POINTS, Live
+from tests.web.access.test_accounts import Clock
 
 
 class Place(Message):
@@ -96,21 +97,56 @@ def test_the_rate_is_that_of_the_last_seconds(period_s: float, hz: float) -> Non
     assert watch.rate_hz(rig.clock.now + 5.0) == 0.0
 
 
-def test_of_a_quick_topic_a_minute_is_kept_and_of_a_slow_one_every_value() -> None:
+def series(rig: Rig, topic: str, field: str) -> list[tuple[float, float]]:
+    """The whole curve: it is taken apart bit by bit."""
+    points: list[tuple[float, float]] = []
+    while len(more := rig.live.series(topic, field)) > len(points):
+        points = more
+    return points
+
+
+def test_five_minutes_are_kept_at_full_rate() -> None:
     rig = Rig()
     rig.live.watch({"quick": "HelloWorld", "slow": "HelloWorld"})
     quick, slow = rig.writer("quick"), rig.writer("slow")
-    for index in range(10_000):
+    for index in range(40_000):
         rig.clock.now = index * 0.01
         quick.write(hello(index))
         if index % 1000 == 0:
             slow.write(hello(index))
-    points = rig.live.series("quick", "index")
-    assert len(points) == HISTORY
-    assert points[-1][0] - points[0][0] == pytest.approx(60, rel=0.1)
-    assert [value for _, value in rig.live.series("slow", "index")] == [1000.0 * number for number in range(10)]
-    assert rig.live.series("slow", "index", since=85.0) == [(90.0, 9000.0)]
+    points = series(rig, "quick", "index")
+    assert [value for _, value in points] == [float(index) for index in range(10_000, 40_000)]
+    assert [value for _, value in series(rig, "slow", "index")] == [1000.0 * number for number in range(10, 40)]
     assert rig.live.series("slow", "message") == rig.live.series("slow", "nothing") == rig.live.series("no", "x") == []
+
+
+def test_a_curve_follows_and_what_is_kept_is_shared_by_many_topics() -> None:
+    rig = Rig()
+    topics = {f"t{number}": "HelloWorld" for number in range(100)}
+    rig.live.watch(topics)
+    writer = rig.writer("t0")
+    for index in range(3 * MOST_KEPT_IN_ALL // 100):
+        writer.write(hello(index))
+    points = series(rig, "t0", "index")
+    assert len(points) == MOST_KEPT_IN_ALL // 100
+    writer.write(hello(4711))
+    assert rig.live.series("t0", "index")[-1][1] == 4711
+
+
+def test_the_small_curve_is_the_last_minute() -> None:
+    rig = Rig()
+    rig.live.watch({"a": "HelloWorld"})
+    writer = rig.writer("a")
+    for index in range(1000):
+        rig.clock.now = index * 0.1
+        writer.write(hello(index))
+    watch = rig.live.topic("a")
+    assert watch is not None
+    assert watch.period_s == pytest.approx(0.1)
+    values = rig.live.spark(watch, "index")
+    assert SPARK_POINTS - 2 <= len(values) <= SPARK_POINTS
+    assert values == sorted(values)
+    assert values[0] >= 380
 
 
 def test_nested_values_lists_octets_and_what_is_no_number_are_shown() -> None:

@@ -6,10 +6,13 @@ import asyncio
 
 import pytest
 
-from msbot.link import Frame, InprocHub, Link, LinkInfo, SimBus, run_virtual
+from msbot.link import InprocHub, Link, LinkInfo
+from msbot.link.can.protocol import Frame
+from msbot.link.can.sim import SimBus
+from msbot.runtime.virtual_time import run_virtual
 from msbot.web.real_buses import LinkMeter, seen_of_links
 from tests.link.can_robot import Robot
-from tests.web.test_accounts import Clock
+from tests.web.access.test_accounts import Clock
 
 
 def test_the_load_is_that_of_the_last_second() -> None:

@@ -6,10 +6,11 @@ import asyncio
 from pathlib import Path
 
 from msbot.config import blueprint_toml
-from msbot.registry import held, open_registry
-from msbot.web.accounts import User
+from msbot.operations.rights import Role
+from msbot.registry import open_registry
+from msbot.registry import waiting_restore as held
+from msbot.web.access.users import User
 from msbot.web.records import RegistryUsers, robot_tiles
-from msbot.web.roles import Role
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, refusal, show
 
@@ -21,44 +22,44 @@ def test_users_are_kept_with_role_and_tokens(tmp_path: Path) -> None:
         bob = User("bob", Role.STUDENT, "salt", (("desk", "abc"),))
         users.keep_user(bob, "ada")
         users.keep_user(User("Zoe", Role.VIEWER, "pepper"), "ada")
-        assert users.user("bob") == bob
+        assert bob in users.users()
         assert {user.name for user in users.users()} == {"bob", "Zoe"}
         promoted = User("bob", Role.TEACHER, "salt", ())
         users.keep_user(promoted, "ada")
-        assert users.user("bob") == promoted
+        assert promoted in users.users()
         users.remove_user("bob", "ada")
-        assert users.user("bob") is None
+        assert [user.name for user in users.users()] == ["Zoe"]
 
 
 def test_the_journal_is_told_newest_first_with_its_evidence(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
-        rig.stage.registry.flush()
-        lines = rig.service.journal(100)
+        rig.stage.registry.storage.flush()
+        lines = await rig.service.journal(100)
         assert [line.number for line in lines] == sorted((line.number for line in lines), reverse=True)
         entered = next(line for line in lines if line.part == "AA" and line.to_state == "active")
         assert (entered.slot, entered.from_state) == ("AA", "checking")
         assert entered.evidence
-        assert len(rig.service.journal(2)) == 2
-        assert {line.part for line in rig.service.journal(100, "AA")} == {"AA"}
+        assert len(await rig.service.journal(2)) == 2
+        assert {line.part for line in await rig.service.journal(100, "AA")} == {"AA"}
 
     show(tmp_path, scene)
 
 
 def test_the_class_view_counts_the_slots_that_are_held(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
-        rig.stage.registry.flush()
-        (tile,) = rig.service.robots()
+        rig.stage.registry.storage.flush()
+        (tile,) = await rig.service.robots()
         assert (tile.name, tile.here, tile.running, tile.slots, tile.active) == ("MSBOT_MASTER", True, True, 3, 3)
         assert tile.last_event
         rig.stage.pull("AA")
         await asyncio.sleep(7.0)
-        rig.stage.registry.flush()
-        (tile,) = rig.service.robots()
+        rig.stage.registry.storage.flush()
+        (tile,) = await rig.service.robots()
         assert tile.active == 2
         assert tile.last_event.startswith("AA")
-        (record,) = rig.stage.registry.robots()
-        entry = rig.stage.registry.journal(1, robot=record)[-1]
-        (tile,) = robot_tiles(rig.stage.registry, record, epoch_ns=lambda: entry.at_ns + 90 * 10**9)()
+        (record,) = rig.stage.registry.robots.all()
+        entry = rig.stage.registry.robots.journal(1, robot=record)[-1]
+        (tile,) = await robot_tiles(rig.stage.registry, record, epoch_ns=lambda: entry.at_ns + 90 * 10**9)()
         assert tile.last_event_age_s == 90.0
 
     show(tmp_path, scene)
@@ -67,17 +68,17 @@ def test_the_class_view_counts_the_slots_that_are_held(tmp_path: Path) -> None:
 def test_a_blueprint_goes_out_is_compared_and_comes_in(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         teacher = rig.session(Role.TEACHER)
-        text = rig.service.blueprint()
-        assert rig.service.blueprint_diff(text).changes == []
+        text = await rig.service.blueprint()
+        assert (await rig.service.blueprint_diff(teacher, text)).changes == []
         changed = text.replace("Light sensor, 5V", "<b>Dial</b>")
-        (line,) = rig.service.blueprint_diff(changed).changes
+        (line,) = (await rig.service.blueprint_diff(teacher, changed)).changes
         assert "AA" in line
-        assert rig.service.blueprint() == text  # comparing changes nothing
-        done = rig.service.apply_blueprint(teacher, changed)
+        assert await rig.service.blueprint() == text  # comparing changes nothing
+        done = await rig.service.apply_blueprint(teacher, changed)
         assert done.words
         assert rig.views.slot("AA").description == "<b>Dial</b>"
-        assert rig.service.edits(1)[0].who == "teacher"
-        words = str(refusal(lambda: rig.service.blueprint_diff(text.replace('"ABCD"', '"ABCX"'))))
+        assert (await rig.service.edits(1))[0].who == "teacher"
+        words = str(await refusal(lambda: rig.service.blueprint_diff(teacher, text.replace('"ABCD"', '"ABCX"'))))
         assert "ABCX" in words
 
     show(tmp_path, scene)
@@ -85,11 +86,13 @@ def test_a_blueprint_goes_out_is_compared_and_comes_in(tmp_path: Path) -> None:
 
 def test_what_was_set_by_hand_goes_out_with_a_remark(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
-        rig.service.set_value(rig.session(Role.STUDENT), "AA", "period_s", 0.5)
-        text = rig.service.blueprint()
+        await rig.act(rig.session(Role.STUDENT), "set", slot="AA", name="period_s", value=0.5)
+        text = await rig.service.blueprint()
         assert "0.5" in text
-        (record,) = rig.stage.registry.robots()
-        assert text == blueprint_toml(rig.stage.registry.blueprint(record), rig.stage.registry.made_by_hand(record))
+        (record,) = rig.stage.registry.robots.all()
+        assert text == blueprint_toml(
+            rig.stage.registry.robots.blueprint(record), rig.stage.registry.robots.made_by_hand(record)
+        )
 
     show(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
 
@@ -97,11 +100,24 @@ def test_what_was_set_by_hand_goes_out_with_a_remark(tmp_path: Path) -> None:
 def test_a_backup_comes_back_with_the_next_start(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         ada = rig.session(Role.ADMINISTRATOR)
-        content = rig.service.backup(ada)
+        content = await rig.service.backup(ada)
         assert content.startswith(b"SQLite format 3")
-        assert "when the master starts anew" in rig.service.restore(ada, content).words
-        assert ("ada", "restore") in [(edit.who, edit.kind) for edit in rig.service.edits(5)]
-        assert "not used" in str(refusal(lambda: rig.service.restore(ada, b"something else")))
+        assert "when the master starts anew" in (await rig.service.restore(ada, content)).words
+        assert ("ada", "restore") in [(edit.who, edit.kind) for edit in await rig.service.edits(5)]
+        assert "not used" in str(await refusal(lambda: rig.service.restore(ada, b"something else")))
 
     show(tmp_path, scene)
     assert held.bring_back_held(str(tmp_path / "robot.db")) is not None
+
+
+def test_a_blueprint_that_costs_too_much_is_refused_and_the_robot_goes_on(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        teacher = rig.session(Role.TEACHER)
+        for text in ("a." * 20_000 + "a = 1", "[[slot]]\n" * 6000):
+            words = str(await refusal(lambda text=text: rig.service.blueprint_diff(teacher, text)))  # type: ignore[misc]
+            assert "robot.toml" in words
+            assert len(words) < 40_000
+        present = await rig.service.blueprint()
+        assert (await rig.service.blueprint_diff(teacher, present)).changes == []
+
+    show(tmp_path, scene)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from msbot.link import Frame
+from msbot.errors import NotThere
+from msbot.link.can.protocol import Frame
 from msbot.part import HelloWorld
-from msbot.web.views import NotThere
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, ToyBench, show
 
@@ -74,7 +74,7 @@ def test_arrivals_are_the_parts_without_a_slot_and_the_ignored_come_last(tmp_pat
             rig.stage.plug(name, "ABCD")
             await asyncio.sleep(1.0)
         assert [part.part for part in rig.views.arrivals()] == ["later", "spare"]
-        rig.stage.do.ignore("later", "ann")
+        await rig.stage.do.ignore("later", who="ann")
         assert [(part.part, part.ignored) for part in rig.views.arrivals()] == [("spare", False), ("later", True)]
         assert [part.part for part in rig.views.parts() if part.slot] == ["AA", "BB", "CC"]
         assert "spare" in rig.views.why("spare")[0]
@@ -153,3 +153,15 @@ def test_the_library_is_searched_by_all_words(tmp_path: Path) -> None:
         assert rig.views.types("no such thing") == []
 
     show(tmp_path, scene, AA_IS_A_DIAL, parts=())
+
+
+def test_a_card_shows_what_a_person_says_to_a_port_that_they_drive_by_hand(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        await rig.stage.do.publish("BB.in", ["7", "by hand"], who="ann")
+        (port,) = [port for port in rig.views.slot("BB").ports if port.port == "in"]
+        assert (port.held, port.stale, port.fields) == ("by hand", False, {"index": 7, "message": "by hand"})
+        await rig.stage.do.let_go("BB.in", who="ann")
+        (port,) = [port for port in rig.views.slot("BB").ports if port.port == "in"]
+        assert port.held == ""
+
+    show(tmp_path, scene)

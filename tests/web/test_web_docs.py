@@ -14,7 +14,7 @@ import httpx
 import pytest
 
 from tests.e2e.processes import running
-from tests.web.test_api import Site
+from tests.web.api.test_routes import Site
 
 ROOT = Path(__file__).parents[2]
 HOW_TO = (ROOT / "docs/howto/web_page.md").read_text()

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from msbot.xrce import (
+from msbot.xrce.messages import (
     Acknack,
     Create,
     CreateClient,
     Data,
     Delete,
     DeliveryControl,
-    EndpointQos,
     Format,
     Fragment,
     GetInfo,
@@ -33,6 +32,9 @@ from msbot.xrce import (
     Timestamp,
     TimestampReply,
     WriteData,
+)
+from msbot.xrce.objects import (
+    EndpointQos,
     participant_variant,
     publisher_variant,
     reader_variant,

@@ -6,22 +6,15 @@ import heapq
 import random
 from collections.abc import Callable
 
-from msbot.xrce import (
+from msbot.xrce import AgentSession, AgentSessionSettings, ClientSession, ClientSessionSettings, Status
+from msbot.xrce.messages import CreateClient, Header, StatusAgent, encode_message
+from msbot.xrce.sessions import (
     AgentEvent,
-    AgentSession,
-    AgentSessionSettings,
     ClientEvent,
-    ClientSession,
-    ClientSessionSettings,
-    CreateClient,
     CreateRequested,
     DeleteRequested,
-    Header,
     InfoRequested,
     SessionDeleteRequested,
-    Status,
-    StatusAgent,
-    encode_message,
 )
 
 KEY = 0xAABBCCDD

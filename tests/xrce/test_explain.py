@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.xrce import (
+from msbot.xrce import explain
+from msbot.xrce.messages import (
     Create,
     DeliveryControl,
-    EndpointQos,
     Format,
     Header,
     Info,
@@ -17,7 +17,9 @@ from msbot.xrce import (
     ReadData,
     Submessage,
     encode_message,
-    explain,
+)
+from msbot.xrce.objects import (
+    EndpointQos,
     publisher_variant,
     reader_variant,
     replier_variant,

@@ -10,19 +10,14 @@ from collections import Counter
 
 import pytest
 
-from msbot.xrce import (
-    AgentSession,
-    ClientSession,
-    CreateClient,
+from msbot.xrce import AgentSession, ClientSession
+from msbot.xrce.messages import CreateClient, Data, Fragment, StatusReply, iter_submessages
+from msbot.xrce.sessions import (
     CreateRequested,
-    Data,
     DeleteRequested,
-    Fragment,
     InfoRequested,
     ReadRequested,
     SessionDeleteRequested,
-    StatusReply,
-    iter_submessages,
 )
 
 from .captures import CAPTURES, Recorded, recorded

@@ -6,7 +6,8 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from msbot.xrce import ClientState, DataReceived, DataWritten
+from msbot.xrce import ClientState
+from msbot.xrce.sessions import DataReceived, DataWritten
 from tests.xrce.pair import Pair
 
 WRITER, READER = 0x15, 0x16

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.errors import RemoteProtocolError
-from msbot.xrce import (
+from msbot.xrce import Status, explain
+from msbot.xrce.messages import (
     Create,
     CreateClient,
     Data,
@@ -20,16 +21,14 @@ from msbot.xrce import (
     Fragment,
     Header,
     ObjectKind,
-    Status,
     StatusReply,
     Submessage,
     WriteData,
     decode_header,
     encode_message,
-    explain,
     iter_submessages,
-    parse_variant,
 )
+from msbot.xrce.objects import parse_variant
 
 from .captures import CAPTURES, HEADERLESS_ANSWER, VECTORS, recorded
 

@@ -11,9 +11,10 @@ import logging
 import socket
 import struct
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from msbot.errors import LinkDown, RemoteProtocolError
-from msbot.xrce import (
+from msbot.xrce.messages import (
     SESSION_NONE,
     GetInfo,
     Header,
@@ -43,7 +44,7 @@ def discovery_answer(packet: bytes, addresses: Callable[[], Sequence[str]], serv
 
     Args:
         packet: what came in on the discovery port.
-        addresses: gives the IPv4 addresses under which the agent serves; called for valid requests only.
+        addresses: gives the addresses under which the agent serves, IPv4 or IPv6; called for valid requests only.
         service_port: its UDP port.
     """
     try:
@@ -53,9 +54,25 @@ def discovery_answer(packet: bytes, addresses: Callable[[], Sequence[str]], serv
         return None
     if header.session_id != SESSION_NONE or not isinstance(request, GetInfo):
         return None
-    locators = tuple(Locator(LocatorFormat.MEDIUM, socket.inet_aton(address), service_port) for address in addresses())
+    locators = tuple(_locator(address, service_port) for address in addresses())
     info = Info(request.request_id, request.object_id, locators=locators)
     return encode_message(Header(SESSION_NONE), [info], pad_end=False)
+
+
+def _locator(address: str, port: int) -> Locator:
+    if ":" in address:
+        return Locator(LocatorFormat.LARGE, socket.inet_pton(socket.AF_INET6, address), port)
+    return Locator(LocatorFormat.MEDIUM, socket.inet_aton(address), port)
+
+
+def host_ipv6_addresses() -> list[str]:
+    """The IPv6 addresses of this machine, none that is good on one link only; loopback where it has no other."""
+    try:
+        lines = Path("/proc/net/if_inet6").read_text(encoding="ascii").splitlines()
+        found = [socket.inet_ntop(socket.AF_INET6, bytes.fromhex(line.split()[0])) for line in lines]
+    except OSError:  # not Linux
+        found = [str(entry[4][0]) for entry in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET6)]
+    return [address for address in found if not address.startswith("fe80")] or ["::1"]
 
 
 def host_addresses() -> list[str]:
@@ -82,7 +99,7 @@ class DiscoveryResponder:
 
     def __init__(
         self, service_port: int, *, port: int = DISCOVERY_PORT, group: str = DISCOVERY_GROUP,
-        interface: str | None = None,
+        interface: str | None = None, told: Callable[[], Sequence[str]] | None = None,
     ) -> None:  # fmt: skip
         """Answer for the service on that UDP port.
 
@@ -92,11 +109,14 @@ class DiscoveryResponder:
             group: multicast group that clients ask.
             interface: IPv4 address of the one interface to listen on and to announce; all if absent. With a loopback
                 address other machines are not answered.
+            told: gives the addresses that are announced; those of the interfaces if absent. An agent on IPv6 is asked
+                over IPv4, too, as the genuine one is, and tells IPv6 addresses.
         """
         self._service_port = service_port
         self._port = port
         self._group = group
         self._interface = interface
+        self._told = told or self._addresses
         self._is_local = interface is not None and interface.startswith(_LOOPBACK)
         self.address: tuple[str, int] | None = None
         """Where it listens, once it runs."""
@@ -163,7 +183,7 @@ class DiscoveryResponder:
                 packet, sender = sock.recvfrom(_DATAGRAM_MAX)
             except (BlockingIOError, ConnectionRefusedError):
                 return
-            answer = discovery_answer(packet, self._addresses, self._service_port)
+            answer = discovery_answer(packet, self._told, self._service_port)
             if answer is None or (self._is_local and not sender[0].startswith(_LOOPBACK)):
                 logger.debug("no discovery request from %s", sender)
                 continue

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from msbot.agent.rpc import IDENTITY_SIZE, PendingRequests, decode_identity
-from msbot.agent.shapes import ReplyShape, RequestShape
-from msbot.agent.sides import EndpointHost, ReadSide, Shape, WriteSide
+from msbot.agent.endpoint_sides import EndpointHost, ReadSide, Shape, WriteSide
+from msbot.agent.pending_requests import IDENTITY_SIZE, PendingRequests, decode_identity
+from msbot.agent.sample_identity import ReplyShape, RequestShape
 from msbot.space import Deliver, Qos, Reader, Topic
 
 
@@ -33,7 +33,7 @@ class Endpoint:
 
     def write(self, request_id: int, payload: bytes) -> None:  # noqa: ARG002 - overridden by all that can write
         """Take a WRITE_DATA of the client."""
-        self._host.drop("WRITE_DATA for an object that cannot write")
+        self._host.dropped.count("WRITE_DATA for an object that cannot write")
 
     def recheck(self) -> None:
         """Ask the gate again and enter or leave the space accordingly."""
@@ -41,6 +41,12 @@ class Endpoint:
             self.outgoing.recheck()
         if self.incoming is not None:
             self.incoming.recheck()
+
+    def troubles(self) -> tuple[str, ...]:
+        """Who should meet it in the space now and cannot, one sentence each."""
+        writer = None if self.outgoing is None else self.outgoing.writer
+        reader = None if self.incoming is None else self.incoming.reader
+        return (*(() if writer is None else writer.troubles()), *(() if reader is None else reader.troubles()))
 
     def close(self) -> None:
         """Leave the space for good."""
@@ -132,6 +138,6 @@ class Replier(Endpoint):
         """Send a reply; one that is too short to name its request is dropped and counted."""
         identity = decode_identity(payload)
         if identity is None:
-            self._host.drop("reply without the identity of its request")
+            self._host.dropped.count("reply without the identity of its request")
             return
         self._replies.write(payload[IDENTITY_SIZE:], identity)

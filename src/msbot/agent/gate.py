@@ -31,11 +31,17 @@ class Gate(Protocol):
     def may_join(self, client: ClientInfo) -> bool:
         """Whether a session may be opened; False answers STATUS_ERR_DENIED."""
 
+    def is_settled(self, client: ClientInfo) -> bool:
+        """Whether the client has a place that no stranger may take: its session is never put out for others."""
+
     def joined(self, client: ClientInfo) -> None:
         """A session was opened or opened again (also from another address): earlier grants are void."""
 
     def left(self, client: ClientInfo, reason: str) -> None:
         """The session has ended; `reason` in words ("session deleted", "replaced", "silent", ...)."""
+
+    def is_latched(self, topic: str) -> bool:
+        """Whether readers get the topic's last sample at once, although they ask for no durability."""
 
     def may_write(self, client: ClientInfo, topic: str) -> bool:
         """Whether samples of this client may enter the topic."""
@@ -51,11 +57,19 @@ class OpenGate:
         """Always True."""
         return True
 
+    def is_settled(self, client: ClientInfo) -> bool:  # noqa: ARG002 - the protocol's signature
+        """Always True: without a blueprint nobody is a stranger."""
+        return True
+
     def joined(self, client: ClientInfo) -> None:
         """Nothing to remember."""
 
     def left(self, client: ClientInfo, reason: str) -> None:
         """Nothing to forget."""
+
+    def is_latched(self, topic: str) -> bool:  # noqa: ARG002 - the protocol's signature
+        """Always False: the rules of DDS."""
+        return False
 
     def may_write(self, client: ClientInfo, topic: str) -> bool:  # noqa: ARG002 - the protocol's signature
         """Always True."""

@@ -7,15 +7,17 @@ wire). A CREATE_CLIENT inside a session is ignored.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 
-from msbot.agent.clients import ClientTable, Port
+from msbot.agent.client_table import ClientTable, Port
 from msbot.agent.gate import ClientInfo, Gate
+from msbot.agent.limits import MIN_MTU, AgentSettings
 from msbot.agent.proxy import Proxy
-from msbot.agent.settings import MIN_MTU, AgentSettings
+from msbot.agent.session_budget import SessionBudget
 from msbot.errors import RemoteProtocolError
 from msbot.link import Peer
-from msbot.xrce import (
+from msbot.xrce import Status
+from msbot.xrce.messages import (
     COOKIE,
     SESSION_NONE,
     SESSION_NONE_KEYED,
@@ -26,7 +28,6 @@ from msbot.xrce import (
     Header,
     Info,
     ObjectKind,
-    Status,
     StatusAgent,
     StatusReply,
     decode_header,
@@ -55,12 +56,13 @@ class Handshake:
     """Answers messages outside of a session and applies the rules of logging in (XRCE 1.0 §8.4.3)."""
 
     def __init__(
-        self, clients: ClientTable, gate: Gate, settings: AgentSettings, open_session: OpenSession,
-        end_session: EndSession,
+        self, clients: ClientTable, gate: Gate, settings: AgentSettings, *, budget: SessionBudget,
+        open_session: OpenSession, end_session: EndSession,
     ) -> None:  # fmt: skip
         self._clients = clients
         self._gate = gate
         self._settings = settings
+        self._budget = budget
         self._open_session = open_session
         self._end_session = end_session
 
@@ -70,7 +72,7 @@ class Handshake:
             header = decode_header(packet)
             submessage = next(iter(iter_submessages(packet, header.size)), None)
         except RemoteProtocolError:
-            port.dropped.add("packet that cannot be read")
+            port.dropped.count("packet that cannot be read")
             return None
         match submessage:
             case CreateClient() if header.session_id in (SESSION_NONE, SESSION_NONE_KEYED):
@@ -82,7 +84,7 @@ class Handshake:
                 return _info(header, submessage, is_known=is_outside and peer in port.clients)
             case Delete() if kind_of(submessage.object_id) == ObjectKind.CLIENT:
                 return _deleted(header, submessage)
-        port.dropped.add("packet without a session")
+        port.dropped.count("packet without a session")
         return None
 
     def _log_in(self, port: Port, peer: Peer, request: CreateClient, now: float) -> Status:
@@ -102,15 +104,30 @@ class Handshake:
         else:
             if known is not None:
                 self._end_session(known, "replaced by a new session of the same key")
-            if len(self._clients) >= self._settings.max_clients:
+            origin = link.origin(peer)
+            if not self._make_room((link.info.name, origin), now):
                 return Status.ERR_RESOURCES
             known = self._open_session(info, port, request, now)
+            self._budget.add(known, (link.info.name, origin))
         self._clients.place(known, port, peer)
         self._gate.joined(info)
         known.recheck()
         known.pull()
         logger.info("client %08X logged in from %s on %s", info.key, info.address, info.link)
         return Status.OK
+
+    def _make_room(self, origin: Hashable, now: float) -> bool:
+        """End what must go before another session is opened from there; False when nothing may."""
+        stranger = self._budget.who_makes_room(origin)
+        if stranger is not None:
+            self._end_session(stranger, "made room for a newcomer: too many clients that hold no place")
+        if len(self._clients) < self._settings.max_clients:
+            return True
+        forgotten = self._budget.who_is_forgotten(self._clients, now)
+        if forgotten is None:
+            return False
+        self._end_session(forgotten, "made room for a newcomer: too many clients")
+        return True
 
 
 def dead_after_s(request: CreateClient, default_s: float) -> float:

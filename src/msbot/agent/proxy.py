@@ -3,44 +3,50 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import count
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
+from msbot.agent.endpoint_sides import ReadSide, Shape
 from msbot.agent.gate import ClientInfo, Gate
-from msbot.agent.objects import ObjectBudget, ObjectTree
-from msbot.agent.replies import ReplyExchange
-from msbot.agent.rpc import client_key_of, make_guid
-from msbot.agent.settings import AgentSettings
-from msbot.agent.shapes import NoEchoShape
-from msbot.agent.sides import ReadSide, Shape
-from msbot.agent.stats import ClientView, ObjectView, StreamView, Tally, TopicTable, TopicTraffic
+from msbot.agent.limits import AgentSettings
+from msbot.agent.object_tree import ObjectBudget, ObjectTree
+from msbot.agent.pending_requests import client_key_of, make_guid
+from msbot.agent.reply_routing import ReplyExchange
+from msbot.agent.sample_identity import NoEchoShape
+from msbot.agent.statistics import ClientView, ObjectView, StreamView, TopicTable, TopicTraffic
 from msbot.errors import RemoteProtocolError
 from msbot.link import Peer
+from msbot.runtime.tally import Tally
 from msbot.space import Guid, Space
-from msbot.xrce import (
-    STREAM_RELIABLE,
+from msbot.xrce import AgentSession, References, Status
+from msbot.xrce.messages import STREAM_RELIABLE, ObjectKind
+from msbot.xrce.sessions import (
     AgentEvent,
-    AgentSession,
     CreateRequested,
+    DataHandler,
     DataWritten,
     DeleteRequested,
     InfoRequested,
-    ObjectKind,
     ReadRequested,
-    References,
     SessionDeleteRequested,
     SessionReset,
-    Status,
     WindowOpened,
 )
 
 if TYPE_CHECKING:
-    from msbot.agent.clients import Port
+    from msbot.agent.client_table import Port
 
 logger = logging.getLogger(__name__)
+
+
+class OpenSession(Protocol):
+    """Opens the session that the client asked for."""
+
+    def __call__(self, *, on_data: DataHandler) -> AgentSession: ...
 
 
 @dataclass(slots=True)
@@ -66,14 +72,13 @@ class Proxy:
     """Acts for one client in the data space; fits `EndpointHost`."""
 
     def __init__(
-        self, info: ClientInfo, session: AgentSession, surroundings: Surroundings, now: float, *,
+        self, info: ClientInfo, open_session: OpenSession, surroundings: Surroundings, now: float, *,
         dead_after_s: float, echo: bool = True,
     ) -> None:  # fmt: skip
         """`echo=False` keeps the client's own samples from it (property `uxr_sm`)."""
         settings = surroundings.settings
         self.info = info
-        self.session = session
-        session.on_data = self._write
+        self.session = open_session(on_data=self._write)
         self.space = surroundings.space
         self.replies = surroundings.replies
         self.clock = surroundings.clock
@@ -101,8 +106,10 @@ class Proxy:
         self._opened_at = self._gone_at = now
         self._timed: dict[ReadSide, float] = {}
         self._turn = 0
-        self._dropped = Tally()
-        self._refused = Tally()
+        self.dropped = Tally()
+        """What was not done for this client, by reason in words."""
+        self.refused = Tally()
+        """Samples that the gate kept out, by topic."""
         self._tree = ObjectTree(self, settings, surroundings.budget, surroundings.references)
         self._endpoints = self._tree.endpoints
 
@@ -113,11 +120,11 @@ class Proxy:
         self.bytes_in += len(packet)
         session = self.session
         try:
-            session.receive_packet(packet, now)
+            has_news = session.receive_packet(packet, now)
         except RemoteProtocolError:
-            self.drop("packet with a broken header")
+            self.dropped.count("packet with a broken header")
             return
-        while (event := session.next_event()) is not None:
+        while has_news and (event := session.next_event()) is not None:
             if type(event) is DataWritten:
                 self._write(event.object_id, event.request_id, event.payload)
             elif not self.is_over:
@@ -144,6 +151,13 @@ class Proxy:
         self._surroundings.mark(self)
 
     @property
+    def dead_after_s(self) -> float:
+        """The silence after which the client is probed; infinite = never."""
+        if self.is_settled():
+            return self._dead_after_s
+        return min(self._dead_after_s, self._settings.unsettled_dead_after_s)
+
+    @property
     def last_heard(self) -> float:
         """When the client spoke last, in its session or to log in."""
         return max(self.session.last_heard, self._opened_at)
@@ -151,9 +165,10 @@ class Proxy:
     def next_life_check(self, now: float) -> float | None:
         """Probe a silent client; returns when to look again, or None when it is gone for good."""
         if self.gone is not None:
-            kept_until = self._gone_at + self._dead_after_s
+            kept_s = self.dead_after_s if self.dead_after_s < math.inf else self._settings.gone_after_s
+            kept_until = self._gone_at + kept_s
             return kept_until if now < kept_until else None
-        silent_until = self.last_heard + self._dead_after_s
+        silent_until = self.last_heard + self.dead_after_s
         if now < silent_until:
             self._probes = 0
             return silent_until
@@ -214,17 +229,25 @@ class Proxy:
         self.is_blocked = blocked
         return taken
 
+    def topic_of(self, object_id: int) -> str | None:
+        """The topic of an endpoint; None when there is no such one."""
+        endpoint = self._endpoints.get(object_id)
+        return None if endpoint is None else endpoint.topic
+
     def close(self) -> None:
         """Leave the space with everything."""
         self._tree.clear()
         self._timed.clear()
         self.session.release()
 
+    def troubles(self) -> tuple[str, ...]:
+        """What keeps its endpoints apart from others in the space, each sentence once."""
+        return tuple(dict.fromkeys(trouble for _, entity in self._tree.items() for trouble in entity.troubles))
+
     def view(self, now: float) -> ClientView:
         """The client for people."""
-        dropped = Tally(limit=256)
-        dropped.add_all(self._dropped.as_dict())
-        dropped.add_all(self.session.dropped)
+        dropped = Tally(self.dropped, limit=256)
+        dropped.count_all(self.session.dropped)
         entities = list(self._tree.items())
         sides = [entity.endpoint for _, entity in entities if entity.endpoint is not None]
         return ClientView(
@@ -236,7 +259,13 @@ class Proxy:
             age_s=now - self._opened_at,
             silent_s=now - self.last_heard,
             objects=tuple(
-                ObjectView(object_id, ObjectKind(object_id & 0xF).name.lower(), entity.topic_name, entity.is_attached)
+                ObjectView(
+                    object_id,
+                    ObjectKind(object_id & 0xF).name.lower(),
+                    entity.topic_name,
+                    entity.is_attached,
+                    entity.troubles,
+                )
                 for object_id, entity in entities
             ),
             packets_in=self.session.counters.packets_in,
@@ -253,11 +282,19 @@ class Proxy:
             resent=self.session.counters.resent,
             repeated=self.session.counters.repeated,
             gone=self.gone,
-            dropped=dropped.as_dict(),
-            refused=self._refused.as_dict(),
+            dropped=dropped,
+            refused=Tally(self.refused),
         )
 
     # What the endpoints call (`EndpointHost`).
+
+    def is_settled(self) -> bool:
+        """The gate's verdict."""
+        return self._gate.is_settled(self.info)
+
+    def is_latched(self, topic: str) -> bool:
+        """The gate's verdict."""
+        return self._gate.is_latched(topic)
 
     def may_write(self, topic: str) -> bool:
         """The gate's verdict."""
@@ -288,20 +325,12 @@ class Proxy:
         """The counters of that topic."""
         return self._surroundings.topics.of(topic)
 
-    def drop(self, reason: str) -> None:
-        """Count something that was not done for this client."""
-        self._dropped.add(reason)
-
-    def refuse(self, topic: str) -> None:
-        """Count a sample that the gate kept out."""
-        self._refused.add(topic)
-
     # The rest.
 
     def _write(self, object_id: int, request_id: int, payload: bytes) -> None:
         endpoint = self._endpoints.get(object_id)
         if endpoint is None:
-            self.drop("WRITE_DATA for an unknown object")
+            self.dropped.count("WRITE_DATA for an unknown object")
         else:
             endpoint.write(request_id, payload)
 

@@ -13,7 +13,7 @@ import asyncio
 import math
 from collections.abc import Callable
 
-from msbot.agent.clients import Port
+from msbot.agent.client_table import Port
 from msbot.agent.proxy import Proxy
 from msbot.agent.timers import TimerHeap
 from msbot.errors import LinkDown, LinkFull
@@ -66,8 +66,9 @@ class Pump:
 
     def watch_life(self, proxy: Proxy, when: float) -> None:
         """Look at that time whether the client is still alive."""
-        self._lives.schedule(proxy, when)
-        self._set_alarm(when)
+        if when < math.inf:
+            self._lives.schedule(proxy, when)
+            self._set_alarm(when)
 
     def forget(self, proxy: Proxy) -> None:
         """The client is no more."""
@@ -104,7 +105,7 @@ class Pump:
         try:
             port.link.send(packet, peer)
         except (LinkFull, LinkDown) as error:
-            port.dropped.add(f"answer not sent: {type(error).__name__}")
+            port.dropped.count(f"answer not sent: {type(error).__name__}")
 
     def _serve(self, proxy: Proxy, now: float) -> None:
         """Send for a client; what was sent decides when to look again."""
@@ -140,7 +141,7 @@ class Pump:
             except LinkFull:
                 break
             except LinkDown:
-                proxy.drop("packet for a link that is down")
+                proxy.dropped.count("packet for a link that is down")
             else:
                 proxy.bytes_out += len(packet)
             outbox.popleft()
@@ -176,7 +177,7 @@ class Pump:
     def _check_life(self, proxy: Proxy, now: float) -> None:
         when = proxy.next_life_check(now)
         if when is not None:
-            self._lives.schedule(proxy, when)
+            self.watch_life(proxy, when)
             return
         silence = f"silent for {now - proxy.last_heard:.1f} s, and did not answer"
         self._end_session(proxy, silence if proxy.gone is None else f"{proxy.gone}, and did not come back")

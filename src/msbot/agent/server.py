@@ -13,19 +13,23 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from msbot.agent.clients import ClientTable, Port
+from msbot.agent.client_table import ClientTable, Port
 from msbot.agent.gate import ClientInfo, Gate, OpenGate
 from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
-from msbot.agent.objects import ObjectBudget
+from msbot.agent.limits import AgentSettings
+from msbot.agent.object_tree import ObjectBudget
 from msbot.agent.proxy import Proxy, Surroundings
 from msbot.agent.pump import Pump
-from msbot.agent.replies import ReplyExchange
-from msbot.agent.settings import AgentSettings
-from msbot.agent.stats import ClientView, TopicTable
+from msbot.agent.reply_routing import ReplyExchange
+from msbot.agent.session_budget import SessionBudget
+from msbot.agent.statistics import ClientView, TopicTable
 from msbot.errors import LinkDown
-from msbot.link import BurstLink, Link, Peer, Signal, Tap
+from msbot.link import Link, Peer, Signal, Tap
+from msbot.runtime.tally import Tally
 from msbot.space import Space
-from msbot.xrce import AgentSession, AgentSessionSettings, CreateClient, Memory, References
+from msbot.xrce import AgentSession, AgentSessionSettings, References
+from msbot.xrce.messages import CreateClient
+from msbot.xrce.sessions import Memory
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +43,7 @@ class Agent:
     def __init__(
         self, space: Space, *, gate: Gate | None = None, settings: AgentSettings | None = None,
         references: References | None = None, epoch_ns: Callable[[], int] = time.time_ns,
-        agent_id: bytes | None = None,
+        agent_id: bytes | None = None, signal: AgentSignalHandler | None = None,
     ) -> None:  # fmt: skip
         """Put an agent together; it serves once `run` is awaited.
 
@@ -48,13 +52,22 @@ class Agent:
             references: profiles that clients may name instead of describing objects.
             epoch_ns: wall clock for time synchronisation, nanoseconds since 1970.
             agent_id: 8 octets that begin the GUIDs of all writers; drawn at random if absent.
+            signal: hears every signal of every link.
         """
         self._settings = settings or AgentSettings()
         self._epoch_ns = epoch_ns
         self._gate = gate or OpenGate()
         self._ports: list[Port] = []
         self._clients = ClientTable()
-        self._handshake = Handshake(self._clients, self._gate, self._settings, self._open_session, self._end_session)
+        self._budget = SessionBudget(self._gate, self._settings)
+        self._handshake = Handshake(
+            self._clients,
+            self._gate,
+            self._settings,
+            budget=self._budget,
+            open_session=self._open_session,
+            end_session=self._end_session,
+        )
         self._pump = Pump(self._now, self._end_session)
         self._surroundings = Surroundings(
             space=space,
@@ -77,8 +90,7 @@ class Agent:
         self._ended = asyncio.Event()
         self._failure: LinkDown | None = None
         self._tap: Tap | None = None
-        self.on_signal: AgentSignalHandler | None = None
-        """Called with every signal of every link."""
+        self._signal_handler = signal
 
     # Life.
 
@@ -88,12 +100,12 @@ class Agent:
         port = Port(link, batch=None if link.info.bits_per_second is None else 1)
         self._ports.append(port)
         link.tap = self._tap
-        link.on_packet(partial(self._packet_received, port))
-        link.on_signal(partial(self._signal_received, port))
-        link.on_room(partial(self._pump.room_gained, port))
-        if isinstance(link, BurstLink):
-            port.in_bursts = True
-            link.on_burst_end(self._pump.flush)
+        link.attach(
+            packet=partial(self._packet_received, port),
+            signal=partial(self._signal_received, port),
+            room=partial(self._pump.room_gained, port),
+            burst_end=self._pump.flush,
+        )
         if self._group is not None:
             self._tasks[port] = self._group.create_task(self._serve(port))
 
@@ -145,6 +157,11 @@ class Agent:
         self._end_session(proxy, reason)
         return True
 
+    def troubles(self, client_key: int) -> tuple[str, ...]:
+        """Who should meet that client's writers and readers in the space now and cannot, one sentence each."""
+        proxy = self._clients.by_key(client_key)
+        return () if proxy is None else proxy.troubles()
+
     @property
     def links(self) -> list[Link]:
         """The links it serves or has served."""
@@ -158,25 +175,33 @@ class Agent:
         """The sessions one by one, each as it is when asked for: with thousands, do something else in between."""
         return (proxy.view(self._now()) for proxy in self._clients)
 
+    def topic_at(self, peer: Peer, object_id: int) -> tuple[int, str] | None:
+        """Client key and topic (of a service: its requests) of an endpoint of the client at that peer of any link."""
+        for port in self._ports:
+            proxy = port.clients.get(peer)
+            topic = None if proxy is None else proxy.topic_of(object_id)
+            if proxy is not None and topic is not None:
+                return proxy.info.key, topic
+        return None
+
     def topics(self) -> list[tuple[str, int, int]]:
         """`(name, published, delivered)` of every topic that clients used since the agent was made."""
         return self._surroundings.topics.counts()
 
     def dropped(self) -> dict[str, int]:
         """Packets that belonged to no client, by reason in words."""
-        total: dict[str, int] = {}
+        total = Tally()
         for port in self._ports:
-            for reason, count in port.dropped.as_dict().items():
-                total[reason] = total.get(reason, 0) + count
+            total.count_all(port.dropped)
         return total
 
     # What the links call.
 
     def _packet_received(self, port: Port, packet: bytes, peer: Peer, now: float) -> None:
         port.opened = True
-        self._pump.in_burst = port.in_bursts
+        self._pump.in_burst = port.link.info.in_bursts
         if len(packet) < 4:
-            port.dropped.add("packet shorter than a header")
+            port.dropped.count("packet shorter than a header")
             return
         session_id = packet[0]
         proxy: Proxy | None = None
@@ -215,13 +240,14 @@ class Agent:
         elif signal is Signal.PEER_BACK:
             for proxy in tuple(port.gone.get(peer, ())):
                 self._peer_back(proxy, port, peer)
-        if self.on_signal is not None:
-            self.on_signal(port.link, signal, peer, reason, now)
+        if self._signal_handler is not None:
+            self._signal_handler(port.link, signal, peer, reason, now)
 
     # Sessions begin, pause and end.
 
     def _open_session(self, info: ClientInfo, port: Port, request: CreateClient, now: float) -> Proxy:
-        session = AgentSession(
+        open_session = partial(
+            AgentSession,
             request.client_key,
             request.session_id,
             min(request.mtu, port.link.info.mtu),
@@ -231,8 +257,8 @@ class Agent:
             unacked=self._unacked,
         )
         silence_s = dead_after_s(request, self._settings.dead_after_s)
-        proxy = Proxy(info, session, self._surroundings, now, dead_after_s=silence_s, echo=wants_echo(request))
-        self._pump.watch_life(proxy, now + silence_s)
+        proxy = Proxy(info, open_session, self._surroundings, now, dead_after_s=silence_s, echo=wants_echo(request))
+        self._pump.watch_life(proxy, now + proxy.dead_after_s)
         return proxy
 
     def _peer_gone(self, proxy: Proxy, reason: str, now: float) -> None:
@@ -260,6 +286,7 @@ class Agent:
         if not self._clients.remove(proxy):
             return
         proxy.is_over = True
+        self._budget.remove(proxy)
         self._pump.forget(proxy)
         proxy.close()
         logger.info("client %08X on %s has left: %s", proxy.info.key, proxy.info.link, reason)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.errors import ConfigError
-from msbot.link.user_folder import check_owner, is_running, user_folder
+from msbot.runtime.user_folder import check_owner, is_running, user_folder
 
 PREFIX = "status-"
 

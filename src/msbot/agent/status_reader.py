@@ -8,10 +8,11 @@ import socket
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from msbot.agent.stats import ClientView, ObjectView, StreamView
-from msbot.agent.status import DESCRIBE, FORMAT
+from msbot.agent.statistics import ClientView, ObjectView, StreamView
 from msbot.agent.status_files import StatusFile, find_files, status_folder
+from msbot.agent.status_server import DESCRIBE, FORMAT
 from msbot.errors import ConfigError
 
 logger = logging.getLogger(__name__)
@@ -125,6 +126,10 @@ def _ask(file: StatusFile, request: Mapping[str, object]) -> dict[str, object]:
     return answer
 
 
+def _object(item: dict[str, Any]) -> ObjectView:
+    return ObjectView(**{**item, "troubles": tuple(item["troubles"])})
+
+
 def _read(file: StatusFile) -> AgentStatus:
     with socket.create_connection(("127.0.0.1", file.port), timeout=ANSWER_S) as connection:
         connection.sendall(file.token.encode() + b"\n")
@@ -139,7 +144,7 @@ def _read(file: StatusFile) -> AgentStatus:
         ClientView(
             **{
                 **client,
-                "objects": tuple(ObjectView(**item) for item in client["objects"]),
+                "objects": tuple(_object(item) for item in client["objects"]),
                 "streams": tuple(StreamView(**item) for item in client["streams"]),
             }
         )

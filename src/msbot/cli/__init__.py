@@ -6,40 +6,54 @@ import importlib
 import sys
 
 import click
+from click.shell_completion import CompletionItem
 
 from msbot.errors import MsbotError
+from msbot.operations.table import OPERATIONS
+
+CHANGING = (
+    "adopt",
+    "swap",
+    "release",
+    "block",
+    "unblock",
+    "set",
+    "publish",
+    "bind",
+    "unbind",
+    "undo",
+    "identify",
+    "stop",
+    "go",
+)
+"""The commands that change a robot: operations of the table."""
 
 COMMANDS = {
-    "demo": "Run the sample robot on this machine; no hardware needed.",
-    "init": "Write a commented robot.toml, the blueprint of a robot.",
-    "master": "Run a robot's master: profile, health inventory and agent.",
-    "part": "Run one part of a robot.",
-    "library": "List, search, check and add part types.",
-    "parts": "List the parts a robot's database knows, and how they are.",
-    "key": "Make, list and remove the keys of parts, for robots with authentication.",
-    "why": "Say in words why a part is, or is not, in the robot.",
-    "adopt": "Let a part into a slot, also one the library does not know.",
-    "swap": "Give a slot to another part.",
-    "release": "Take the part out of a slot.",
-    "block": "Let a part, or all parts of a number, in no more.",
-    "unblock": "Let a blocked part in again.",
-    "set": "Show and set the parameters of a slot.",
-    "bind": "Join ports by a topic.",
-    "unbind": "Take a port off a topic.",
-    "undo": "Take a change back, or show what was changed.",
-    "identify": "Have a part show itself: blink, beep.",
-    "stop": "STOP: all parts go to their safe states.",
-    "check": "Check a blueprint against the part library.",
-    "diff": "Show what a blueprint would change, and what was changed by hand.",
-    "apply": "Put a changed blueprint into force.",
-    "export": "Write a robot of the database down as a blueprint.",
-    "robots": "List the robots of a database.",
-    "db": "Take care of a robot's database: migrate, copy, restore, check.",
-    "bus": "Tools for a CAN bus: watch it, send, decode, count bits, load, simulate.",
-    "agent": "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint.",
-    "clients": "List the sessions of every agent and master that runs here.",
+    "demo": ("demo.demo", "Run the sample robot on this machine; no hardware needed."),
+    "init": ("blueprint.init", "Write a commented robot.toml, the blueprint of a robot."),
+    "master": ("run.master", "Run a robot's master: profile, health inventory and agent."),
+    "part": ("run.part", "Run one part of a robot."),
+    "library": ("library.library", "List, search, check and add part types."),
+    "parts": ("look.parts", "List the parts a robot's database knows, and how they are."),
+    "key": ("key", "Make, list and remove the keys of parts, for robots with authentication."),
+    "why": ("look.why", "Say in words why a part is, or is not, in the robot."),
+    **{name: ("change.verbs", OPERATIONS[name].summary) for name in CHANGING},
+    "check": ("blueprint.check", "Check a blueprint against the part library."),
+    "diff": ("blueprint.diff", "Show what a blueprint would change, and what was changed by hand."),
+    "apply": ("blueprint.apply", "Put a changed blueprint into force."),
+    "slot": ("blueprint.slot", "Give a robot a new slot: in its blueprint, and in force at once."),
+    "export": ("blueprint.export", "Write a robot of the database down as a blueprint."),
+    "robots": ("look.robots", "List the robots of a database."),
+    "user": ("user.user", "List, add and remove the people who may sign in on the page."),
+    "service": ("service.service", "Have a robot start with the computer, and back up its database."),
+    "db": ("db", "Take care of a robot's database: migrate, copy, restore, check."),
+    "idl": ("idl", "Turn message definitions (OMG IDL, ROS 2) into Python, C or IDL."),
+    "bus": ("bus.bus", "Tools for a CAN bus: watch it, send, decode, count bits, load, simulate."),
+    "agent": ("agent.agent", "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint."),
+    "clients": ("agent.clients", "List the sessions of every agent and master that runs here."),
+    "completion": ("completion", "Print what completes `msbot` commands in bash, zsh or fish."),
 }
-"""Every command and its line in `msbot --help`; the module `msbot.cli.<name>` holds it as `command`."""
+"""Every command: the module below `msbot.cli` that has it, and its line in `msbot --help`."""
 
 
 class LazyGroup(click.Group):
@@ -53,14 +67,23 @@ class LazyGroup(click.Group):
         """Import and return one command, or None when there is no such name."""
         if cmd_name not in COMMANDS:
             return None
-        command = importlib.import_module(f"msbot.cli.{cmd_name}").command
+        module = importlib.import_module(f"msbot.cli.{COMMANDS[cmd_name][0]}")
+        command = module.verb(cmd_name) if cmd_name in CHANGING else module.command
         assert isinstance(command, click.Command)
         return command
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """The commands that begin so, from the table above; click would import them all."""
+        if not incomplete.startswith("-"):
+            return [
+                CompletionItem(name, help=words) for name, (_, words) in COMMANDS.items() if name.startswith(incomplete)
+            ]
+        return super().shell_complete(ctx, incomplete)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Print the table above without importing anything."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, COMMANDS[name]) for name in self.list_commands(ctx)])
+            formatter.write_dl([(name, COMMANDS[name][1]) for name in self.list_commands(ctx)])
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
+from datetime import datetime
 from pathlib import Path
 
 import click
 
 from msbot.cli.options import db_option, existing_database
+from msbot.errors import ConfigError
 
 
 @click.group("db")
@@ -32,16 +35,41 @@ def migrate(db: str | None) -> None:
 
 
 @command.command("backup")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("target", metavar="FILE|FOLDER", type=click.Path(path_type=Path))
+@click.option("--keep", type=click.IntRange(1, 10_000), metavar="N",
+              help="The target is a folder: name the file by date and time, and keep the newest N.")  # fmt: skip
 @db_option
-def backup(file: Path, db: str | None) -> None:
+def backup(target: Path, db: str | None, *, keep: int | None) -> None:
     """Copy the database to FILE, also while a master uses it. FILE is an SQLite database, whatever --db is."""
     from msbot.registry import upkeep, without_password
 
     address = existing_database(db)
     words = without_password(address)
+    file = target
+    if keep is not None:
+        _make_folder(target)
+        stem = "robot" if "://" in address else Path(address).stem
+        file = target / f"{stem}-{datetime.now():%Y%m%d-%H%M%S}.db"
     rows = upkeep.back_up(address, file)
     click.echo(f"{file} is written: {rows} rows of {words}.")
+    if keep is not None:
+        for old in _older(target, stem, keep):
+            old.unlink()
+            click.echo(f"{old} is removed: the newest {keep} are kept.")
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # the keys of parts are in a backup
+    except OSError as error:
+        raise ConfigError(f"{folder} cannot be used for backups: {error.strerror}; name another folder") from None
+
+
+def _older(folder: Path, stem: str, keep: int) -> list[Path]:
+    """All backups of a database but the newest; files of other names are nobody's business."""
+    named = re.compile(re.escape(stem) + r"-\d{8}-\d{6}\.db")
+    found = sorted((path for path in folder.iterdir() if named.fullmatch(path.name)), key=lambda path: path.name)
+    return found[:-keep]
 
 
 @command.command("restore")

@@ -13,8 +13,9 @@ import click
 
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, existing_database
 from msbot.errors import ConfigError
-from msbot.part import KEY_OCTETS, UID_OCTETS, key_text, parse_uid
-from msbot.part.identity import kept_file, stored_uid
+from msbot.part.join.keys import KEY_OCTETS, key_text
+from msbot.part.join.plug import UID_OCTETS
+from msbot.part.join.uid import kept_file, parse_uid, stored_uid
 from msbot.registry import PartRecord, Registry, open_registry
 
 QR_VERSION = "MSBOT1"
@@ -45,7 +46,7 @@ def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no
         local_name = name or (known.local_name if known is not None else "") or number
         octets = _uid(uid, known, number, local_name, here=here)
         key = secrets.token_bytes(KEY_OCTETS)
-        edit = registry.keep_key(octets, key, WHO)
+        edit = registry.keys.keep(octets, key, WHO)
     click.echo(f"{edit.words}; it is not shown again.\n")
     click.echo(f"  part number   {number}")
     click.echo(f"  UID           {octets.hex()}")
@@ -67,8 +68,8 @@ def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no
 def list_keys(db: str | None, *, as_json: bool) -> None:
     """List the parts that have a key; the keys themselves are not shown."""
     with open_registry(existing_database(db), read_only=True) as registry:
-        rows = registry.keys()
-        names = {part.uid: part.name for part in registry.parts()}
+        rows = registry.keys.all()
+        names = {part.uid: part.name for part in registry.robots.parts()}
     if as_json:
         listed = [
             {"uid": row.uid.hex(), "part": names.get(row.uid), "created_at_ms": row.created_ns // 1_000_000}
@@ -93,7 +94,7 @@ def remove(part: str, db: str | None) -> None:
     """
     with open_registry(existing_database(db)) as registry:
         known = _known(registry, part)
-        edit = registry.remove_key(parse_uid(part) if known is None else known.uid, WHO)
+        edit = registry.keys.remove(parse_uid(part) if known is None else known.uid, WHO)
     click.echo(f"{edit.words}: it is not let in any more.")
 
 
@@ -123,7 +124,7 @@ def _known(registry: Registry, word: str) -> PartRecord | None:
     wanted = word.casefold()
     found = [
         part
-        for part in registry.parts()
+        for part in registry.robots.parts()
         if part.uid
         and wanted in (name.casefold() for name in (part.name, part.local_name, part.slot or "", part.uid.hex()))
     ]

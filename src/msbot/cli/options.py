@@ -3,14 +3,29 @@
 from __future__ import annotations
 
 import getpass
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
 from msbot.errors import ConfigError
+from msbot.space import SpaceAddress, parse_space
+
+if TYPE_CHECKING:
+    from msbot.config import Library
 
 DEFAULT_BLUEPRINT = Path("robot.toml")
 DEFAULT_LINK = "udp:127.0.0.1:8888"
+
+_C = TypeVar("_C", bound=Callable[..., object])
+
+library_option = click.option(
+    "--library", "folders", multiple=True, type=click.Path(path_type=Path),
+    help="A folder with more part types (TOML files), besides those that robot.toml names; may be given several times.",
+)  # fmt: skip
+robot_option = click.option("--robot", metavar="NAME", help="Which robot, when the database has several.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of words.")
 
 db_option = click.option(
     "--db",
@@ -19,9 +34,71 @@ db_option = click.option(
 )
 
 
+class SpaceType(click.ParamType[SpaceAddress]):
+    """`memory`, `dds`, `dds:5`, `dds:5?interface=eth0`."""
+
+    name = "space"
+
+    def convert(
+        self, value: str | SpaceAddress, param: click.Parameter | None, ctx: click.Context | None
+    ) -> SpaceAddress:
+        """The address of a data space."""
+        if isinstance(value, SpaceAddress):
+            return value
+        try:
+            return parse_space(value)
+        except ConfigError as error:
+            self.fail(str(error), param, ctx)
+
+
+space_option = click.option(
+    "--space",
+    type=SpaceType(),
+    metavar="memory|dds[:DOMAIN]",
+    default="memory",
+    show_default=True,
+    help="Where topics are: in this process, or in DDS, where ROS 2 and others see them (extra msbot[dds]).",
+)
+
+
+def robot_options(function: _C) -> _C:
+    """The options of every command that changes a robot: which one."""
+    robot = click.option("--robot", metavar="NAME", help="The robot's name, where several run or share a database.")
+    return db_option(robot(function))
+
+
+def answer_options(function: _C) -> _C:
+    """The options of a command whose answer is told in words, or as it is: which robot, and `--json`."""
+    as_json = click.option("--json", "as_json", is_flag=True, expose_value=False, callback=_note_json,
+                           help="Print the answer as a JSON object.")  # fmt: skip
+    return robot_options(as_json(function))
+
+
+def wants_json() -> bool:
+    """Whether the command that runs was given the `--json` of `answer_options`."""
+    return bool(click.get_current_context().meta.get(_JSON))
+
+
+_JSON = "msbot.json"
+
+
+def _note_json(context: click.Context, _: click.Parameter, value: bool) -> None:
+    context.meta[_JSON] = value
+
+
 def database_beside(blueprint: Path) -> str:
     """The database that belongs to a blueprint: same folder, same name, ending .db."""
     return str(blueprint.with_suffix(".db"))
+
+
+def database_identity(db: str) -> str:
+    """One spelling for each database: the whole path of a file; a server's address without user and password."""
+    scheme, separator, rest = db.partition("://")
+    if not separator:
+        return str(Path(db).absolute())
+    if scheme == "sqlite":
+        return str(Path(rest.removeprefix("/")).absolute())
+    return f"{scheme.partition('+')[0]}://{rest.rpartition('@')[2]}"
 
 
 def existing_database(db: str | None) -> str:
@@ -36,6 +113,18 @@ def existing_database(db: str | None) -> str:
             f"there is no database {path}: `msbot master` makes it when a robot runs; name another one with --db"
         )
     return path
+
+
+def library_here(folders: Sequence[Path]) -> Library:
+    """The part library for a command that takes no blueprint: what MsBOT brings, what the robot.toml here names, and
+    `folders`.
+
+    Raises:
+        ConfigError: something of it is wrong.
+    """
+    from msbot.config import library_folders, load_library
+
+    return load_library(*library_folders(DEFAULT_BLUEPRINT), *folders)
 
 
 def user_name() -> str:

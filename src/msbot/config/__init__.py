@@ -1,9 +1,25 @@
 """The files people write: the blueprint of a robot (`robot.toml`) and the part library."""
 
-from msbot.config.blueprint import Blueprint, load_blueprint, parse_blueprint
-from msbot.config.check import RESERVED_TOPICS, binding_faults
-from msbot.config.differences import Difference, differences
-from msbot.config.library import (
+from msbot.config.blueprint.check import RESERVED_TOPICS, binding_faults
+from msbot.config.blueprint.compare import compare_text
+from msbot.config.blueprint.differences import Difference, differences
+from msbot.config.blueprint.model import (
+    NOBODY,
+    PRESETS,
+    Binding,
+    Blueprint,
+    Endpoint,
+    InDds,
+    Options,
+    RobotProfile,
+    Slot,
+    Timing,
+)
+from msbot.config.blueprint.reader import library_folders, load_blueprint, open_blueprint, parse_blueprint
+from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML, SAMPLES, write_sample
+from msbot.config.blueprint.writer import blueprint_toml, preset_of, slot_toml
+from msbot.config.library.library import (
+    SHIPPED,
     Category,
     Direction,
     FieldKind,
@@ -19,21 +35,20 @@ from msbot.config.library import (
     load_library,
     scalar_text,
 )
-from msbot.config.library_messages import standard_message_types
-from msbot.config.library_simulator import Control, ControlKind, Operand, Output, Reading, Simulator
-from msbot.config.library_texts import format_text
-from msbot.config.library_versions import Versions, parse_versions, split_number
-from msbot.config.plan import PRESETS, Binding, Endpoint, Options, RobotProfile, Slot, Timing
-from msbot.config.problems import FoundProblems, path_words
-from msbot.config.reader import Scalar
-from msbot.config.sample import SAMPLE_ROBOT_TOML, SAMPLES, write_sample
-from msbot.config.writer import blueprint_toml, preset_of
+from msbot.config.library.message_types import standard_message_types
+from msbot.config.library.simulator import Control, ControlKind, Operand, Output, Reading, Simulator
+from msbot.config.library.text_templates import format_text
+from msbot.config.library.versions import Versions, parse_versions, split_number
+from msbot.config.toml.problems import FoundProblems, problems_json
+from msbot.config.toml.table import Scalar
 
 __all__ = [
+    "NOBODY",
     "PRESETS",
     "RESERVED_TOPICS",
     "SAMPLES",
     "SAMPLE_ROBOT_TOML",
+    "SHIPPED",
     "Binding",
     "Blueprint",
     "Category",
@@ -44,6 +59,7 @@ __all__ = [
     "Endpoint",
     "FieldKind",
     "FoundProblems",
+    "InDds",
     "Library",
     "MessageType",
     "Operand",
@@ -65,15 +81,19 @@ __all__ = [
     "Versions",
     "binding_faults",
     "blueprint_toml",
+    "compare_text",
     "differences",
     "format_text",
+    "library_folders",
     "load_blueprint",
     "load_library",
+    "open_blueprint",
     "parse_blueprint",
     "parse_versions",
-    "path_words",
     "preset_of",
+    "problems_json",
     "scalar_text",
+    "slot_toml",
     "split_number",
     "standard_message_types",
     "write_sample",

@@ -6,7 +6,8 @@ import asyncio
 from random import Random
 
 from msbot.config import Library
-from msbot.part import SAMPLE_PARTS, Part, SimGpio, make_sample
+from msbot.part import Part, SimGpio
+from msbot.part.sample_parts import SAMPLE_PARTS, make_sample
 from msbot.sim import SimulatedPart, make_simulator
 
 _SAMPLE_NAMES = {sample.part_number: name for name, sample in SAMPLE_PARTS.items()}

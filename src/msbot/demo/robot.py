@@ -16,11 +16,14 @@ from msbot.demo.plug import Plug
 from msbot.demo.snapshot import BusSnapshot, DemoEvent, DemoSnapshot, PartSnapshot, TopicSnapshot
 from msbot.demo.wiring import Wire, Wiring
 from msbot.errors import ConfigError, MsbotError
-from msbot.link import FrameTap, NodeIds, SimBusDriver
+from msbot.link.can import FrameTap
+from msbot.link.can.protocol import NodeIds
+from msbot.link.can.sim import SimBusDriver
 from msbot.master import Master, first_error
 from msbot.part import SimGpio
 from msbot.pnp import PartEvent, PartInfo, PartState, PartStore
 from msbot.sim import SimulatedPart
+from msbot.space import Space
 
 START_LOOK_S = 0.02
 """How often the demo looks whether the whole ring is wired up, until it is."""
@@ -44,6 +47,7 @@ class DemoRobot:
         names: slots whose parts take part; all if absent.
         spares: further parts by name, and for which slot each is meant; plugged in when all others are active.
         library: where parts other than the thesis' three are looked up; MsBOT's own if absent.
+        space: where the robot's topics are; memory if absent.
         random: draws everything that is drawn; a seeded one makes a run in virtual time repeatable.
         epoch_ns: wall clock, nanoseconds since 1970.
     """
@@ -61,6 +65,7 @@ class DemoRobot:
         names: tuple[str, ...] | None = None,
         spares: Mapping[str, str] | None = None,
         library: Library | None = None,
+        space: Space | None = None,
         random: Random | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
     ) -> None:
@@ -71,7 +76,7 @@ class DemoRobot:
         self._epoch_ns = epoch_ns
         self._loop = asyncio.get_running_loop()
         self._started_at = self._loop.time()
-        self.master = Master(blueprint, store, random=self._random, epoch_ns=epoch_ns)
+        self.master = Master(blueprint, store, space=space, random=self._random, epoch_ns=epoch_ns)
         self._wiring = Wiring(
             wire,
             bitrate=bitrate,
@@ -272,7 +277,7 @@ class DemoRobot:
 
     def _watch_start(self) -> None:
         """Traffic counts from the moment when every part of the ring can hear its partner for the first time."""
-        ends = [end for binding in self.master.blueprint.bindings for end in (binding.source, *binding.targets)]
+        ends = [end for binding in self.master.blueprint.bindings for end in binding.ends]
         wanted = sum(end.slot in self._plugs for end in ends)
         topics = {binding.topic for binding in self.master.blueprint.bindings}
         attached = sum(

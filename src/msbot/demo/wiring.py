@@ -5,17 +5,11 @@ from __future__ import annotations
 from enum import Enum
 from random import Random
 
-from msbot.link import (
-    CanMasterLink,
-    CanPartLink,
-    Codec,
-    Link,
-    NodeIds,
-    SimBus,
-    SimBusDriver,
-    UdpClientLink,
-    UdpServerLink,
-)
+from msbot.link import Link
+from msbot.link.can import CanMasterLink, CanPartLink, Codec
+from msbot.link.can.protocol import NodeIds
+from msbot.link.can.sim import SimBus, SimBusDriver
+from msbot.link.net import UdpClientLink, UdpServerLink
 from msbot.xrce import compress, decompress
 
 

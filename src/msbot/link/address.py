@@ -12,8 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from msbot.errors import ConfigError
-from msbot.link import Link
-from msbot.link.can_address import (
+from msbot.link.can.address import (
     CAN_EXAMPLE,
     CANFD_EXAMPLE,
     LEGACY_EXAMPLE,
@@ -22,12 +21,13 @@ from msbot.link.can_address import (
     open_can_legacy,
     open_canfd,
 )
-from msbot.link.lines import CLIENT_ADDRESS
-from msbot.link.pty import PtyServerLink
-from msbot.link.serial import AUTO, DEFAULT_BAUDRATE, SerialClientLink, SerialServerLink
-from msbot.link.sim_address import SIM_EXAMPLE, open_sim
-from msbot.link.tcp import TcpClientLink, TcpServerLink
-from msbot.link.udp import UdpClientLink, UdpServerLink
+from msbot.link.can.sim.address import SIM_EXAMPLE, open_sim
+from msbot.link.contract import Link
+from msbot.link.net.tcp import TcpClientLink, TcpServerLink
+from msbot.link.net.udp import UdpClientLink, UdpServerLink
+from msbot.link.serial.lines import CLIENT_ADDRESS
+from msbot.link.serial.port import AUTO, DEFAULT_BAUDRATE, SerialClientLink, SerialServerLink
+from msbot.link.serial.pty import PtyServerLink
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from msbot.runtime.tally import Tally
+
 FLAG = 0x7E
 ESCAPE = 0x7D
 ESCAPE_XOR = 0x20
@@ -60,7 +62,7 @@ class SerialReceiver:
     """Own address; frames for others are skipped."""
     max_packet: int = MAX_PACKET
     """Longer frames are dropped, in bytes."""
-    dropped: dict[str, int] = field(default_factory=dict)
+    dropped: Tally = field(default_factory=Tally)
     """Frames that were not delivered, by reason."""
     _frame: bytearray | None = None
     _escaped: bool = False
@@ -72,7 +74,7 @@ class SerialReceiver:
         self._append(pieces[0], packets)
         for piece in pieces[1:]:
             if self._frame:
-                self._drop("frame cut short")
+                self.dropped.count("frame cut short")
             self._frame = bytearray()
             self._escaped = False
             self._append(piece, packets)
@@ -115,11 +117,8 @@ class SerialReceiver:
         return bytes(plain)
 
     def _end(self, reason: str) -> None:
-        self._drop(reason)
+        self.dropped.count(reason)
         self._frame = None
-
-    def _drop(self, reason: str) -> None:
-        self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
 
 def encode_tcp(packet: bytes) -> bytes:

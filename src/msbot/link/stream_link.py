@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import asyncio
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from msbot.errors import LinkDown, LinkFull
-from msbot.link import LinkCounters, LinkInfo, PacketHandler, Peer, Signal, SignalHandler, Tap
-from msbot.link.handlers import ignore_packet, ignore_room, ignore_signal
+from msbot.link.base import BaseLink
+from msbot.link.contract import LinkInfo, Peer, Signal
 
 
 class Stream(ABC):
@@ -84,30 +84,12 @@ class Stream(ABC):
             self.link.stream_closed(self, words)
 
 
-class StreamLink(ABC):
-    """The face of a `Link` over streams."""
+class StreamLink(BaseLink, ABC):
+    """A `Link` over streams."""
 
-    def __init__(self, info: LinkInfo) -> None:
-        self.info = info
-        self.counters = LinkCounters()
-        self.tap: Tap | None = None
-        self.remote: Peer | None = None
+    def __init__(self, info: LinkInfo, *, remote: Peer | None = None) -> None:
+        super().__init__(info, remote=remote)
         self._streams: dict[Peer, Stream] = {}
-        self._packet_handler: PacketHandler = ignore_packet
-        self._signal_handler: SignalHandler = ignore_signal
-        self._room_handler: Callable[[Peer | None], None] = ignore_room
-
-    def on_packet(self, handler: PacketHandler) -> None:
-        """See `Link`."""
-        self._packet_handler = handler
-
-    def on_signal(self, handler: SignalHandler) -> None:
-        """See `Link`."""
-        self._signal_handler = handler
-
-    def on_room(self, handler: Callable[[Peer | None], None]) -> None:
-        """See `Link`."""
-        self._room_handler = handler
 
     def has_room(self, peer: Peer) -> bool:
         """See `Link`; False for a peer without a connection."""
@@ -127,10 +109,7 @@ class StreamLink(ABC):
         if stream.full:
             raise LinkFull(f"{self.info.name}: {self.describe(peer)} does not take its data")
         stream.transport.write(stream.encode(packet, peer))
-        self.counters.packets_out += 1
-        self.counters.bytes_out += len(packet)
-        if self.tap is not None:
-            self.tap(asyncio.get_running_loop().time(), "out", peer, packet)
+        self._sent(packet, peer, asyncio.get_running_loop().time())
 
     @abstractmethod
     def describe(self, peer: Peer) -> str:
@@ -144,13 +123,7 @@ class StreamLink(ABC):
 
     def received(self, packet: bytes, peer: Peer) -> None:
         """A whole packet has come."""
-        counters = self.counters
-        counters.packets_in += 1
-        counters.bytes_in += len(packet)
-        now = asyncio.get_running_loop().time()
-        if self.tap is not None:
-            self.tap(now, "in", peer, packet)
-        self._packet_handler(packet, peer, now)
+        self._received(packet, peer, asyncio.get_running_loop().time())
 
     def room_again(self, peer: Peer) -> None:
         """A slow peer has caught up."""

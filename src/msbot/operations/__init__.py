@@ -1,9 +1,5 @@
-"""What a person can do to a robot: adopt, swap, release, block, set, bind, undo, stop; for page and shell alike."""
+"""What a person can do to a robot: one table of operations, and what carries them out.
 
-from msbot.operations.live import Operations
-from msbot.operations.outcome import Outcome
-from msbot.operations.requests import perform
-from msbot.operations.stopping import StopReport
-from msbot.operations.stored import StoredOperations
-
-__all__ = ["Operations", "Outcome", "StopReport", "StoredOperations", "perform"]
+Page, API, commands and requests of other processes all follow `table.OPERATIONS`. This module imports nothing, so
+that a command can read the table without loading the database: import from the modules themselves.
+"""

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from msbot.registry import EditRecord
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Something was done."""
+    """Something was done, or a question is answered."""
 
-    words: str
-    """What, in one sentence."""
+    words: str = ""
+    """What was done, in one sentence; empty for a question."""
     edit_id: int | None = None
     """What `undo` takes to take it back; None: it changed nothing that is stored."""
-    latency_ms: float | None = None
-    """Of a STOP: until every part had confirmed it; None: not known yet (`Operations.stop_report` will)."""
+    answer: Mapping[str, object] = field(default_factory=dict)
+    """The answer to a question, as JSON."""
+
+    def as_json(self) -> dict[str, object]:
+        """The answer to another process."""
+        words = {"words": self.words} if self.words else {}
+        edit = {} if self.edit_id is None else {"edit": self.edit_id}
+        return {**words, **edit, **self.answer}
 
 
 def outcome_of(edit: EditRecord | None, words: str = "") -> Outcome:

@@ -1,71 +1,52 @@
-"""STOP: all parts go to their safe states, and how long that took."""
+"""STOP and GO as a person's deeds: said to the robot's master, and kept in its journal with who said it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
-from msbot.errors import ConfigError
+from msbot.master import answer_of
 from msbot.operations.outcome import Outcome
-from msbot.operations.running import RunningRobot
-
-
-@dataclass(slots=True)
-class StopReport:
-    """A STOP that holds."""
-
-    at: float
-    """When it was said, by the robot's clock."""
-    who: str
-    reason: str
-    told: int
-    """Parts that were told."""
-    waiting: set[int] = field(default_factory=set)
-    """Client keys of parts that have not confirmed it yet."""
-    latency_ms: float | None = None
-    """Until the last part had confirmed it; None: not all have yet."""
-
-    @property
-    def confirmed(self) -> int:
-        """Parts that have confirmed it."""
-        return self.told - len(self.waiting)
+from msbot.operations.running_robot import RunningRobot
+from msbot.pnp import StopStatus
+from msbot.registry import EditKind
 
 
 class Stopping:
-    """Says STOP and GO to the parts of one running robot."""
+    """Says STOP and GO to the parts of one running robot, and journals both, whoever says them and by whatever way."""
 
     def __init__(self, running: RunningRobot) -> None:
         self._running = running
-        self.report: StopReport | None = None
-        """The STOP that holds, or None."""
-        running.master.on_stop = lambda reason: self.stop(reason, "somebody at the robot")
+        running.master.stop_listeners.append(self._said)
+
+    @property
+    def status(self) -> StopStatus:
+        """STOP as it stands: who said it, which parts have confirmed it, which have not."""
+        return self._running.master.stop
 
     def stop(self, reason: str, who: str) -> Outcome:
         """Say STOP to all parts, first of all; what is to be written comes after."""
-        now = self._running.now()
-        told = self._running.master.stop_parts()
-        registered = {info.client_key for info in self._running.inventory.view(now) if info.state.is_registered}
-        self.report = StopReport(now, who, reason, len(registered), registered)
-        self._running.inventory.beat_heard = self._confirmed
+        told = self._running.master.say_stop(who, reason).told
         why = f": {reason}" if reason else ""
-        words = f"STOP: {told} parts are told to go to their safe states{why}"
-        self._running.note("stop", f"STOP by {who}{why}", who)
-        return Outcome(words)
+        return Outcome(f"STOP: {_parts(told)} told to go to the safe state{why}")
 
-    def go_on(self, who: str) -> Outcome:
-        """Let the parts work again."""
-        if self.report is None:
-            raise ConfigError("nobody said STOP: there is nothing to end")
-        told = self._running.master.go_parts()
-        self.report = None
-        self._running.inventory.beat_heard = None
-        self._running.note("go", f"{who} ended STOP", who)
-        return Outcome(f"STOP is over: {told} parts may work again")
+    def go(self, who: str) -> Outcome:
+        """Let the parts work again.
 
-    def _confirmed(self, client_key: int, now: float) -> None:
-        report = self.report
-        if report is None or client_key not in report.waiting:
-            return
-        report.waiting.discard(client_key)
-        if not report.waiting:
-            report.latency_ms = (now - report.at) * 1000
-            self._running.inventory.beat_heard = None
+        Raises:
+            ConfigError: nobody said STOP.
+        """
+        told = self._running.master.say_go(who)
+        return Outcome(f"STOP is over: {told} part{'' if told == 1 else 's'} may work again")
+
+    def stop_report(self) -> Outcome:
+        """STOP as it stands, as JSON: who said it, which parts have confirmed it in how many ms, which have not."""
+        return Outcome(answer=answer_of(self.status))
+
+    def _said(self, status: StopStatus) -> None:
+        if status.stopped:
+            why = f": {status.reason}" if status.reason else ""
+            self._running.note(EditKind.STOP, f"STOP by {status.by}{why}", status.by)
+        else:
+            self._running.note(EditKind.GO, f"{status.by} ended STOP", status.by)
+
+
+def _parts(count: int) -> str:
+    return f"{count} part is" if count == 1 else f"{count} parts are"

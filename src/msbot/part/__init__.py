@@ -1,149 +1,38 @@
-"""What a part is made of: messages, the client of the agent, plug-and-play from the part's side."""
+"""What a part is made of: the student's `Part`, and the client of a DDS-XRCE agent on which it stands.
+
+Messages are in `msbot.part.messages`, what a part and its inventory say to each other in `msbot.part.join`.
+"""
 
 from __future__ import annotations
 
-from msbot.part.boards import PINS, PinDirection, PinListener, SimGpio, UsbGpio
-from msbot.part.client import ENDLESS, IDENTITY_OCTETS, Client, Service
-from msbot.part.client_settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
-from msbot.part.discovery import FoundAgent, find_agents
-from msbot.part.entities import Entity
-from msbot.part.hello import HelloWorld
-from msbot.part.identity import parse_uid, stored_uid
-from msbot.part.joining import ExpectedRobot, JoinState
-from msbot.part.keys import KEY_OCTETS, KEY_VARIABLE, check_key, is_same, key_text, parse_key, prove
-from msbot.part.message import Field, Message, fields_of
-from msbot.part.numato import ByteStream, NumatoGpio, NumatoSimulator
-from msbot.part.part import Part, PartCounters
-from msbot.part.plug import (
-    INVENTORY_REPLY_TOPIC,
-    INVENTORY_REPLY_TYPE,
-    INVENTORY_REQUEST_TOPIC,
-    INVENTORY_REQUEST_TYPE,
-    INVENTORY_SERVICE,
-    NO_BINDING,
-    NONCE_OCTETS,
-    PROFILE_PERIOD_S,
-    PROFILE_TOPIC,
-    PROFILE_TYPE,
-    UID_OCTETS,
-    Beat,
-    BeatReply,
-    Challenge,
-    Claim,
-    Configuration,
-    ConfigurationRequest,
-    Direction,
-    Notice,
-    NoticeKind,
-    PortBinding,
-    ProfileMessage,
-    Proof,
-    Refusal,
-    Setting,
-    Verdict,
-    decode_reply,
-    decode_request,
-    safe_setting,
-)
+from msbot.part.boards.gpio import PinDirection, SimGpio, UsbGpio
+from msbot.part.boards.numato import NumatoGpio
+from msbot.part.client.client import Client, Service
+from msbot.part.client.discovery import FoundAgent, find_agents
+from msbot.part.client.entities import Entity
+from msbot.part.client.settings import ClientSettings, ConnectionState
+from msbot.part.join.joining import ExpectedRobot, JoinState
+from msbot.part.messages.hello import HelloWorld
+from msbot.part.messages.message import Message
+from msbot.part.part import Part
 from msbot.part.run import run
-from msbot.part.samples import SAMPLE_PARTS, SamplePart, make_sample
-from msbot.part.wire_types import (
-    FLOAT32_MAX,
-    AtMost,
-    Octets,
-    float32,
-    float64,
-    int8,
-    int16,
-    int32,
-    int64,
-    uint8,
-    uint16,
-    uint32,
-    uint64,
-)
 
 __all__ = [
-    "ENDLESS",
-    "FLOAT32_MAX",
-    "IDENTITY_OCTETS",
-    "INVENTORY_REPLY_TOPIC",
-    "INVENTORY_REPLY_TYPE",
-    "INVENTORY_REQUEST_TOPIC",
-    "INVENTORY_REQUEST_TYPE",
-    "INVENTORY_SERVICE",
-    "KEY_OCTETS",
-    "KEY_VARIABLE",
-    "NONCE_OCTETS",
-    "NO_BINDING",
-    "PINS",
-    "PROFILE_PERIOD_S",
-    "PROFILE_TOPIC",
-    "PROFILE_TYPE",
-    "SAMPLE_PARTS",
-    "UID_OCTETS",
-    "AtMost",
-    "Beat",
-    "BeatReply",
-    "ByteStream",
-    "Challenge",
-    "Claim",
     "Client",
-    "ClientCounters",
     "ClientSettings",
-    "Configuration",
-    "ConfigurationRequest",
     "ConnectionState",
-    "Direction",
     "Entity",
     "ExpectedRobot",
-    "Field",
     "FoundAgent",
     "HelloWorld",
     "JoinState",
     "Message",
-    "Notice",
-    "NoticeKind",
     "NumatoGpio",
-    "NumatoSimulator",
-    "Octets",
     "Part",
-    "PartCounters",
     "PinDirection",
-    "PinListener",
-    "PingAnswer",
-    "PortBinding",
-    "ProfileMessage",
-    "Proof",
-    "Refusal",
-    "SamplePart",
     "Service",
-    "Setting",
     "SimGpio",
     "UsbGpio",
-    "Verdict",
-    "check_key",
-    "decode_reply",
-    "decode_request",
-    "fields_of",
     "find_agents",
-    "float32",
-    "float64",
-    "int8",
-    "int16",
-    "int32",
-    "int64",
-    "is_same",
-    "key_text",
-    "make_sample",
-    "parse_key",
-    "parse_uid",
-    "prove",
     "run",
-    "safe_setting",
-    "stored_uid",
-    "uint8",
-    "uint16",
-    "uint32",
-    "uint64",
 ]

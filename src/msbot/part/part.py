@@ -13,47 +13,38 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
+import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from random import Random, SystemRandom
 
 from msbot.errors import ConfigError, LocalProtocolError, RemoteProtocolError
 from msbot.link import Link, Peer, Signal
-from msbot.part.boards import UsbGpio
-from msbot.part.client import Client
-from msbot.part.client_settings import ClientSettings
-from msbot.part.joining import ANY, PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
-from msbot.part.keys import check_key, parse_key, prove
-from msbot.part.membership import Membership
-from msbot.part.message import Message
-from msbot.part.plug import TEXT_OCTETS, UID_OCTETS, Claim, Configuration, Notice, NoticeKind
+from msbot.part.beginner import SILENCE_S, part_is_run, part_was_made, silence_words
+from msbot.part.boards.gpio import UsbGpio
+from msbot.part.client.client import Client
+from msbot.part.client.settings import ClientSettings
+from msbot.part.counters import PartCounters
+from msbot.part.join.joining import ANY, PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
+from msbot.part.join.keys import check_key, parse_key, prove
+from msbot.part.join.membership import Membership
+from msbot.part.join.plug import (
+    STOP_SETTING,
+    TEXT_OCTETS,
+    UID_OCTETS,
+    ClaimMessage,
+    ConfigurationMessage,
+    Notice,
+    NoticeKind,
+)
+from msbot.part.messages.message import Message
 from msbot.part.ports import Ports
 from msbot.part.program import Program
-from msbot.part.safety import Safety
+from msbot.part.safe_state import Safety
 
 _log = logging.getLogger("msbot.part")
-
-
-@dataclass(slots=True)
-class PartCounters:
-    """What happened to a part since it began to run."""
-
-    messages_in: int = 0
-    """Samples handed to a handler."""
-    messages_out: int = 0
-    """Samples published."""
-    not_sent: int = 0
-    """Samples for which stream or link had no room."""
-    dropped: int = 0
-    """Samples that came and could not be used."""
-    held: int = 0
-    """Samples that came after STOP and were not used."""
-    beats: int = 0
-    """Beats that the inventory answered."""
-    missed_beats: int = 0
-    handler_errors: int = 0
 
 
 class Part(Program):
@@ -107,6 +98,8 @@ class Part(Program):
         self._client: Client | None = None
         self._ports: Ports | None = None
         self._membership: Membership | None = None
+        self._loop_thread = 0
+        part_was_made(self)
 
     # What a student's program says.
 
@@ -118,8 +111,15 @@ class Part(Program):
             ConfigError: no such port, or a message of another type; the part ends with this sentence.
         """
         if self._ports is None or self._joining.state is not JoinState.ACTIVE:
+            if self._client is None:
+                raise LocalProtocolError("the part does not run: publish in a function below @part.every or @part.on")
             raise LocalProtocolError(
                 f"the part is {self.state.value}, not active ({self.reason}): publish after on_join"
+            )
+        if threading.get_ident() != self._loop_thread:
+            name = threading.current_thread().name
+            raise LocalProtocolError(
+                f"publish was called from another thread ({name}): call it in a function below @part.every or @part.on"
             )
         sent = self._ports.publish(port, message)
         if sent:
@@ -171,6 +171,11 @@ class Part(Program):
         return self._safety.stopped
 
     @property
+    def busy_with(self) -> tuple[str, float] | None:
+        """The function that runs at this moment and since when, by the loop's clock; None: none does."""
+        return self._guard.running
+
+    @property
     def counters(self) -> PartCounters:
         """What happened since the part began to run."""
         self._counters.beats = self._joining.beats
@@ -182,6 +187,7 @@ class Part(Program):
 
     def run(self, args: list[str] | None = None) -> None:
         """Run the part until Ctrl-C; reads `--link` and `--uid` from the command line, see `msbot.run`."""
+        part_is_run(self)
         from msbot.part.run import run  # the facade is not needed by those who run on a loop of their own
 
         run(self, args=args)
@@ -193,7 +199,7 @@ class Part(Program):
         settings: ClientSettings | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        """Run the part on the present loop until `stop` (polite) or cancellation (without a word to the master).
+        """Run the part on the present loop until `end` (polite) or cancellation (without a word to the master).
 
         Args:
             link: the way to the master's agent; the part takes it over.
@@ -207,6 +213,8 @@ class Part(Program):
         """
         if self._client is not None:
             raise LocalProtocolError(f"part {self.local_name} runs already")
+        part_is_run(self)
+        self._loop_thread = threading.get_ident()
         if self.uid is None:
             self.uid = self._random.randbytes(UID_OCTETS)
         self._joining = Joining(self.robot, PATIENT if link.info.shared_bus else QUICK)
@@ -222,7 +230,7 @@ class Part(Program):
             epoch_ns=epoch_ns,
             random=self._random,
         )
-        claim = Claim(
+        claim = ClaimMessage(
             part_number=self.part_number,
             local_name=self.local_name,
             uid=self.uid,
@@ -237,25 +245,34 @@ class Part(Program):
             changed=self._changed,
             configure=self._configure,
             noticed=self._noticed,
+            obeyed_stop=lambda: self._safety.number,
         )
         client.on_topic = self._sample_received
         client.on_signal = self._signal_received
         self._client, self._membership = client, membership
         self._ports = Ports(client, membership.participant, membership.subscriber)
         membership.start()
+        loop = asyncio.get_running_loop()
+        told = [loop.call_later(after_s, self._tell_of_silence, link.info.name) for after_s in SILENCE_S]
         try:
             await client.run()
         finally:
-            membership.stop("ended")
+            for timer in told:
+                timer.cancel()
+            membership.end("ended")
             self._client = self._ports = self._membership = None
         if self._mistake is not None:
             raise self._mistake
 
-    def stop(self) -> None:
+    def end(self) -> None:
         """End `run_async` politely: the session is deleted, the master knows at once."""
         if self._client is not None and self._membership is not None:
-            self._membership.stop("ended")
+            self._membership.end("ended")
             self._client.close_soon()
+
+    def _tell_of_silence(self, link: str) -> None:
+        if words := silence_words(self._joining.state, link, self.local_name):
+            _log.warning("%s", words)
 
     def _prove(self, nonce: bytes) -> bytes | None:
         if self.key is None or self.uid is None or self._client is None:
@@ -278,31 +295,31 @@ class Part(Program):
                 timed.start(self._guard)
         elif change.before is JoinState.ACTIVE:
             for timed in self._timed:
-                timed.stop()
+                timed.cancel()
             # Whoever takes the part back says STOP again if it still holds.
             self._safety.leave()
-        if change.after is JoinState.STOPPED:
-            self._tell("stop")
+        if change.after is JoinState.ENDED:
+            self._tell("end")
         elif change.before is JoinState.ACTIVE:
             self._tell("lost")
         if change.after is JoinState.LOST:
             # The next agent hears of topics only from a part that has joined its robot.
             self._ports.unbind_all()
 
-    def _configure(self, configuration: Configuration) -> None:
+    def _configure(self, configuration: ConfigurationMessage) -> None:
         assert self._ports is not None
         self._configurations += 1
         self._slot = configuration.slot
-        self._safety.configure(self._settings.take(configuration.settings))
+        settings = [setting for setting in configuration.settings if setting.name != STOP_SETTING]
+        self._safety.configure(self._settings.take(settings))
+        for setting in configuration.settings:
+            if setting.name == STOP_SETTING and setting.value.isdecimal():
+                self._stop_said("it holds in the robot that the part has joined", int(setting.value))
         self._ports.bind(configuration.bindings)
         for port, listener in self._listeners.items():
-            binding = self._ports.binding(port)
-            name = listener.message_class.type_name
-            if binding is None:
-                if not listener.optional:
-                    self._guard.report(f"port {port!r}", f"nothing will come in; {self._ports.words}")
-            elif binding.topic_type != name:
-                self._guard.report(f"port {port!r}", f"carries {binding.topic_type}, but its function expects {name}")
+            fault = self._ports.fault_of(port, listener.message_class.type_name, optional=listener.optional)
+            if fault:
+                self._guard.report(f"port {port!r}", fault)
         self._settings.tell()
 
     def _noticed(self, notice: Notice) -> None:
@@ -310,7 +327,8 @@ class Part(Program):
             case NoticeKind.STOP:
                 self._stop_said("said by the master", notice.number)
             case NoticeKind.GO:
-                self._safety.go(notice.number)
+                if self._safety.go(notice.number):
+                    self._tell("go")
             case NoticeKind.IDENTIFY:
                 _log.info("%s: somebody asks which part this is", self.local_name)
                 self._tell("identify")
@@ -318,7 +336,11 @@ class Part(Program):
                 self._partner_lost_at(notice)
 
     def _stop_said(self, reason: str, number: int | None = None) -> None:
-        if self._safety.stop(reason, number) and self._membership is not None:
+        before = self._safety.number
+        is_news = self._safety.stop(reason, number)
+        if is_news:
+            self._tell("stop")
+        if self._membership is not None and self._safety.number not in (0, before):
             self._membership.beat_soon()
 
     def _partner_lost_at(self, notice: Notice) -> None:
@@ -369,7 +391,7 @@ class Part(Program):
             self._guard.report(str(error), "since the configuration has changed")
             return
         self._mistake = self._mistake or error
-        self.stop()
+        self.end()
 
 
 def _name(what: str, text: str) -> str:

@@ -10,11 +10,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from msbot.errors import ConfigError, LinkFull
-from msbot.part.client import Client
-from msbot.part.entities import Entity
-from msbot.part.message import Message
-from msbot.part.plug import Direction, PortBinding
-from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, EndpointQos
+from msbot.part.client.client import Client
+from msbot.part.client.entities import Entity
+from msbot.part.join.plug import Direction, PortBinding
+from msbot.part.messages.message import Message
+from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
+from msbot.xrce.objects import EndpointQos
 
 
 @dataclass(slots=True)
@@ -85,6 +86,17 @@ class Ports:
         """What a port is tied to, or None."""
         bound = self._bound.get(port)
         return bound.binding if bound is not None else None
+
+    def fault_of(self, port: str, type_name: str, *, optional: bool) -> str:
+        """Why nothing useful will come in at a port that has a function, in words; "" = all is well."""
+        binding = self.binding(port)
+        if binding is None:
+            return "" if optional else f"nothing will come in; {self.words}"
+        if binding.direction == Direction.PUBLISH:
+            return f"publishes, so nothing comes in there: use part.publish({port!r}, ...), or another port"
+        if binding.topic_type != type_name:
+            return f"carries {binding.topic_type}, but its function expects {type_name}"
+        return ""
 
     def publish(self, port: str, message: Message) -> bool:
         """Send a message; False when the port's stream or the link had no room.

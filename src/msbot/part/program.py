@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from msbot.errors import ConfigError
-from msbot.part.handlers import Every, Guard, check_handler
-from msbot.part.message import Message
+from msbot.part.handler_guard import Every, Guard, check_handler
+from msbot.part.messages.message import Message
 from msbot.part.settings import Settings, V
 
 _M = TypeVar("_M", bound=Message)
@@ -18,6 +18,7 @@ _A = TypeVar("_A", bound=Action)
 PortAction = Callable[[str], object]
 """A student's function that gets the name of a port."""
 _P = TypeVar("_P", bound=PortAction)
+_F = TypeVar("_F")
 
 SHORTEST_PERIOD_S = 0.001
 """A setting cannot make a function be called more often."""
@@ -42,7 +43,9 @@ class Program:
         self._settings = Settings(self._guard)
         self._timed: list[Every] = []
         self._listeners: dict[str, Listener] = {}
-        self._when: dict[str, list[Action]] = {"join": [], "lost": [], "stop": [], "safe": [], "identify": []}
+        self._when: dict[str, list[Action]] = {
+            when: [] for when in ("join", "lost", "end", "stop", "go", "safe", "identify")
+        }
         self._partner_lost: list[PortAction] = []
 
     def every(self, period: float | str) -> Callable[[_A], _A]:
@@ -54,6 +57,9 @@ class Program:
         Raises:
             ConfigError: the period is not positive, or what is below is no plain function without arguments.
         """
+        if callable(period):
+            name = getattr(period, "__name__", "...")
+            raise ConfigError(f"@part.every above {name} needs the seconds in parentheses: @part.every(1.0)")
         if not isinstance(period, str) and not period > 0:
             raise ConfigError(f"every({period}): the period must be more than 0 seconds")
 
@@ -68,7 +74,7 @@ class Program:
         return remember
 
     def on(
-        self, port: str, message_class: type[_M], *, optional: bool = False
+        self, port: str, message_class: type[_M] | None = None, *, optional: bool = False
     ) -> Callable[[Callable[[_M], object]], Callable[[_M], object]]:
         """Call the function below with each message that comes in at the port.
 
@@ -80,8 +86,12 @@ class Program:
         Raises:
             ConfigError: not a message class, a port with two functions, or no plain function of one argument.
         """
+        if callable(port):
+            name = getattr(port, "__name__", "...")
+            raise ConfigError(f'@part.on above {name} needs port and message: @part.on("in", HelloWorld)')
         if not (isinstance(message_class, type) and issubclass(message_class, Message)):
-            raise ConfigError(f"on({port!r}, ...) needs a Message class, not {message_class!r}")
+            what = "" if message_class is None else f", not {message_class!r}"
+            raise ConfigError(f"@part.on({port!r}, ...) needs the class of the message{what}: on({port!r}, HelloWorld)")
         if port in self._listeners:
             raise ConfigError(f"port {port!r} has a function already: one function per port")
 
@@ -106,29 +116,38 @@ class Program:
 
         return remember
 
-    def on_join(self, function: _A) -> _A:
+    def on_join(self, function: _A | None = None) -> _A:
         """Call the function below whenever the part has become active."""
         return self._remember("join", function)
 
-    def on_lost(self, function: _A) -> _A:
+    def on_lost(self, function: _A | None = None) -> _A:
         """Call the function below whenever the part is no longer active though it did not end; see `reason`."""
         return self._remember("lost", function)
 
-    def on_stop(self, function: _A) -> _A:
+    def on_end(self, function: _A | None = None) -> _A:
         """Call the function below once when the part ends."""
+        return self._remember("end", function)
+
+    def on_stop(self, function: _A | None = None) -> _A:
+        """Call the function below when somebody says STOP, after every port has its safe value."""
         return self._remember("stop", function)
 
-    def on_identify(self, function: _A) -> _A:
+    def on_go(self, function: _A | None = None) -> _A:
+        """Call the function below when somebody says GO: messages reach the part's functions again."""
+        return self._remember("go", function)
+
+    def on_identify(self, function: _A | None = None) -> _A:
         """Call the function below when somebody asks which part this is: let it blink, beep or move."""
         return self._remember("identify", function)
 
-    def on_partner_lost(self, function: _P) -> _P:
+    def on_partner_lost(self, function: _P | None = None) -> _P:
         """Call the function below with the name of a port for which nobody sends any more."""
-        check_handler(function, "port")
-        self._partner_lost.append(function)
-        return function
+        handler = _given("on_partner_lost", function)
+        check_handler(handler, "port")
+        self._partner_lost.append(handler)
+        return handler
 
-    def safe_state(self, function: _A) -> _A:
+    def safe_state(self, function: _A | None = None) -> _A:
         """Call the function below when nobody is in command any more: master or partner lost, STOP, part ended."""
         return self._remember("safe", function)
 
@@ -145,10 +164,11 @@ class Program:
         """
         return self._settings.value(name, kind, default)
 
-    def _remember(self, when: str, function: _A) -> _A:
-        check_handler(function)
-        self._when[when].append(function)
-        return function
+    def _remember(self, when: str, function: _A | None) -> _A:
+        handler = _given("safe_state" if when == "safe" else f"on_{when}", function)
+        check_handler(handler)
+        self._when[when].append(handler)
+        return handler
 
     def _tell(self, *whens: str) -> None:
         for when in whens:
@@ -160,3 +180,9 @@ class Program:
             self._guard.report(f"setting {name!r}", f"{seconds} s is no period; {timed.period_s} s stays")
             return
         timed.change(seconds, self._guard)
+
+
+def _given(decorator: str, function: _F | None) -> _F:
+    if function is None:
+        raise ConfigError(f"@part.{decorator} is written without parentheses")
+    return function

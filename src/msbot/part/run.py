@@ -16,9 +16,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from msbot.errors import ConfigError, MsbotError
-from msbot.link import CanSettings, Codec, Link, open_link
-from msbot.part.identity import parse_uid, stored_uid
-from msbot.part.keys import KEY_VARIABLE, given_key
+from msbot.link import Link, open_link
+from msbot.link.can import CanSettings, Codec
+from msbot.part.beginner import HandlerWatch, part_is_run
+from msbot.part.join.keys import KEY_VARIABLE, given_key
+from msbot.part.join.uid import parse_uid, stored_uid
+from msbot.runtime.terminal_log import TerminalHandler
 from msbot.xrce import compress, decompress, is_whole
 
 if TYPE_CHECKING:
@@ -43,9 +46,11 @@ def run(*parts: Part, args: list[str] | None = None) -> None:
         SystemExit: status 2 after one sentence on stderr, when something is wrong that the user can mend.
     """
     options = _parse(args)
-    logging.basicConfig(
-        level=logging.WARNING if options.quiet else logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S"
-    )
+    logging.basicConfig(level=logging.WARNING if options.quiet else logging.INFO, handlers=[TerminalHandler()])
+    if options.verbose:
+        logging.getLogger("msbot.part").setLevel(logging.DEBUG)
+    for part in parts:
+        part_is_run(part)
     try:
         _give_uids(parts, options.uid)
         _give_keys(parts, options.key)
@@ -53,7 +58,7 @@ def run(*parts: Part, args: list[str] | None = None) -> None:
         with contextlib.suppress(KeyboardInterrupt):
             asyncio.run(_run_all(list(zip(parts, links, strict=True))))
     except MsbotError as error:
-        sys.stderr.write(f"{_sentence(error)}\n")
+        sys.stderr.write(f"{' '.join(str(error).split())}\n")
         raise SystemExit(2) from None
 
 
@@ -78,25 +83,28 @@ def _give_keys(parts: tuple[Part, ...], key: str | None) -> None:
 
 
 async def _run_all(pairs: list[tuple[Part, Link]]) -> None:
-    stop_on_signals([part for part, _ in pairs])
+    end_on_signals([part for part, _ in pairs])
+    watch = HandlerWatch(lambda: next((part.busy_with for part, _ in pairs if part.busy_with is not None), None))
     try:
         async with asyncio.TaskGroup() as group:
             for part, link in pairs:
                 group.create_task(part.run_async(link))
     except* MsbotError as errors:
         raise _first(errors) from None
+    finally:
+        watch.end()
 
 
-def stop_on_signals(parts: list[Part]) -> None:
+def end_on_signals(parts: list[Part]) -> None:
     """Have SIGINT and SIGTERM end the parts politely; where the loop cannot do that, Ctrl-C just ends them."""
 
-    def stop() -> None:
+    def end() -> None:
         for part in parts:
-            part.stop()
+            part.end()
 
     for number in (signal.SIGINT, signal.SIGTERM):
         with contextlib.suppress(NotImplementedError):
-            asyncio.get_running_loop().add_signal_handler(number, stop)
+            asyncio.get_running_loop().add_signal_handler(number, end)
 
 
 def _parse(args: list[str] | None) -> argparse.Namespace:
@@ -105,6 +113,7 @@ def _parse(args: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--link", default=default, help=f"the way to the master (now {default}; ${LINK_VARIABLE})")
     parser.add_argument("--uid", help="16 hexadecimal digits that identify the piece of hardware")
     parser.add_argument("--key", help=f"file with the part's key, or the key itself (${KEY_VARIABLE})")
+    parser.add_argument("-v", "--verbose", action="store_true", help="show the whole traceback of an error, and more")
     parser.add_argument("--quiet", action="store_true", help="say only what is wrong")
     return parser.parse_args(args)
 
@@ -115,7 +124,3 @@ def _first(errors: BaseExceptionGroup[MsbotError]) -> MsbotError:
         error = error.exceptions[0]
     assert isinstance(error, MsbotError)
     return error
-
-
-def _sentence(error: MsbotError) -> str:
-    return " ".join(str(error).split())

@@ -12,8 +12,8 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from msbot.errors import ConfigError
-from msbot.part.handlers import Guard
-from msbot.part.plug import SAFE_MARK, Setting
+from msbot.part.handler_guard import Guard
+from msbot.part.join.plug import SAFE_MARK, Setting
 
 Value = bool | int | float | str
 """What a setting can be."""

@@ -1,13 +1,16 @@
 """Plug-and-play: who may join the robot, who is in which slot, who is alive, and who may use which topic."""
 
+from msbot.part.join.plug import Refusal
 from msbot.pnp.access import RESERVED_TOPICS, Access
+from msbot.pnp.emergency_stop import StopConfirmation, StopRecord, StopStatus
+from msbot.pnp.explain_samples import KNOWN_TYPES, KnownObject, Overhearer
+from msbot.pnp.hand_control import HandControl, HeldPort
 from msbot.pnp.inventory import Inventory
-from msbot.pnp.keys import Keys
+from msbot.pnp.key_proof import Keys
 from msbot.pnp.life import TRANSITIONS
 from msbot.pnp.load_forecast import Flow, Forecast, forecast
 from msbot.pnp.matching import Match, Matcher
-from msbot.pnp.overhear import KNOWN_TYPES, Overhearer
-from msbot.pnp.parts import (
+from msbot.pnp.model import (
     FAST_TIMING,
     THESIS_TIMING,
     Binding,
@@ -20,15 +23,14 @@ from msbot.pnp.parts import (
     PartState,
     PartStore,
     PartType,
-    Refusal,
     Slot,
     Standing,
     Timing,
     Verdict,
 )
 from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
-from msbot.pnp.seating import TakeOver
 from msbot.pnp.services import InventoryService, MasterService
+from msbot.pnp.slot_assignment import TakeOver
 
 __all__ = [
     "FAST_TIMING",
@@ -46,9 +48,12 @@ __all__ = [
     "Evidence",
     "Flow",
     "Forecast",
+    "HandControl",
+    "HeldPort",
     "Inventory",
     "InventoryService",
     "Keys",
+    "KnownObject",
     "MasterService",
     "Match",
     "Matcher",
@@ -63,6 +68,9 @@ __all__ = [
     "Refusal",
     "Slot",
     "Standing",
+    "StopConfirmation",
+    "StopRecord",
+    "StopStatus",
     "TakeOver",
     "Timing",
     "Verdict",

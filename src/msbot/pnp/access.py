@@ -16,9 +16,10 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from typing import Protocol
 
-from msbot.pnp import compat
+from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.profile import PROFILE_TOPIC
+from msbot.runtime.tally import Tally
 
 INVENTORY_SERVICE = "msbot_inventory"
 INVENTORY_REQUEST_TOPIC = "msbot_inventory_Request"
@@ -40,8 +41,8 @@ RESERVED_TOPICS = frozenset(
 _MAX_PLUGS = 1024
 
 
-class Client(Protocol):
-    """What access needs to know about a client; `msbot.agent.ClientInfo` has it."""
+class AskingClient(Protocol):
+    """What access needs to know about a client that asks for something; `msbot.agent.ClientInfo` has it."""
 
     @property
     def key(self) -> int:
@@ -82,7 +83,7 @@ class Access:
         trusted_link: str = TRUSTED_LINK,
     ) -> None:
         self.recheck = None
-        self.denied: dict[str, int] = {}
+        self.denied = Tally()
         """Sessions that were refused, by reason in words."""
         self._inventory = inventory
         self._clock = clock
@@ -96,14 +97,22 @@ class Access:
         """Peers that a link has seen come and that have no session yet -> when."""
         inventory.on_rights(self._rights_changed)
 
-    def may_join(self, client: Client) -> bool:
+    def may_join(self, client: AskingClient) -> bool:
         """Whether the client may open a session: not with a key that is in use on another link."""
         if self._is_trusted(client) or self._links.get(client.key, client.link) == client.link:
             return True
-        self._deny("client key in use on another link")
+        self.denied.count("client key in use on another link")
         return False
 
-    def joined(self, client: Client) -> None:
+    def is_settled(self, client: AskingClient) -> bool:
+        """Whether the client is the robot's own or holds a slot: strangers cannot put it out."""
+        return self._is_trusted(client) or self._inventory.configuration_of(client.key) is not None
+
+    def is_latched(self, topic: str) -> bool:
+        """Whether readers get the topic's last sample although they do not ask for it, as the thesis' parts do not."""
+        return topic == PROFILE_TOPIC
+
+    def joined(self, client: AskingClient) -> None:
         """A session was opened, or opened again: the client's rights are void until it has registered."""
         self._links[client.key] = client.link
         plugged_in_at = self._plugs.pop((client.link, client.peer), None)
@@ -111,20 +120,20 @@ class Access:
             client.key, client.address, self._clock(), quiet=self._is_trusted(client), plugged_in_at=plugged_in_at
         )
 
-    def left(self, client: Client, reason: str) -> None:
+    def left(self, client: AskingClient, reason: str) -> None:
         """The session has ended; one that its own client opens anew keeps its slot meanwhile."""
         if reason.startswith(REPLACED):
             return
         self._links.pop(client.key, None)
         self._inventory.client_left(client.key, reason, self._clock(), politely=reason == GOODBYE)
 
-    def may_write(self, client: Client, topic: str) -> bool:
+    def may_write(self, client: AskingClient, topic: str) -> bool:
         """Whether samples of this client may enter the topic."""
         if self._is_trusted(client) or topic in self._writable:
             return True
         return self._is_bound(client.key, topic, publishes=True)
 
-    def may_read(self, client: Client, topic: str) -> bool:
+    def may_read(self, client: AskingClient, topic: str) -> bool:
         """Whether samples of the topic may go to this client; asking for the profile begins step 1."""
         if self._is_trusted(client) or topic in self._readable:
             return True
@@ -139,7 +148,7 @@ class Access:
             del self._plugs[next(iter(self._plugs))]
         self._plugs[link, peer] = now
 
-    def _is_trusted(self, client: Client) -> bool:
+    def _is_trusted(self, client: AskingClient) -> bool:
         return client.link == self._trusted_link
 
     def _is_bound(self, key: int, topic: str, *, publishes: bool) -> bool:
@@ -151,6 +160,3 @@ class Access:
     def _rights_changed(self, key: int) -> None:
         if self.recheck is not None:
             self.recheck(key)
-
-    def _deny(self, reason: str) -> None:
-        self.denied[reason] = self.denied.get(reason, 0) + 1

@@ -1,12 +1,12 @@
 """The health inventory: which part sits in which slot and how it is (thesis 3.10.3, 3.12.1.1, 3.12.1.2). Pure.
 
 Theory of operation. The agent's gate tells which sessions there are; a session is `new` until it asks for the
-profile or claims, which makes it `checking`. A claim is matched against the library and the slots (`claims`,
+profile or claims, which makes it `checking`. A claim is matched against the library and the slots (`admission`,
 `matching`); if a slot is found, the part gets a lease and is `active` from the moment the verdict exists. Beats
 carry the lease and keep the life status up; silence first makes the part `late`, then `lost`. A session that is
 opened again voids the lease at once, but the slot stays held until the life status has run out, so that nobody
 slips in while a part reconnects. A slot that falls free is given to a part that stands by within the same call
-(`seating`), and people move parts in the same way.
+(`slot_assignment`), and people move parts in the same way.
 
 Everything is told by values: verdicts to the asker, events to the subscribers and the journal.
 """
@@ -18,11 +18,12 @@ from functools import partial
 from random import Random
 
 from msbot.errors import LocalProtocolError
-from msbot.pnp.book import Book, Session
-from msbot.pnp.claims import PENDING, Adopter, Claims
-from msbot.pnp.ledger import Ledger
+from msbot.pnp.admission import PENDING, Admission, Adopter
+from msbot.pnp.hand_control import HandControl
+from msbot.pnp.inventory_index import InventoryIndex, PartSession
+from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.matching import Match, Matcher
-from msbot.pnp.parts import (
+from msbot.pnp.model import (
     THESIS_TIMING,
     Claim,
     Configuration,
@@ -34,8 +35,9 @@ from msbot.pnp.parts import (
     Timing,
     Verdict,
 )
-from msbot.pnp.record import Record
-from msbot.pnp.seating import PLACEABLE, Seating, TakeOver
+from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
+from msbot.pnp.state_changes import StateChanges
+from msbot.runtime.tally import Tally
 
 STANDBY_SILENCE_S = 6.0
 """A part that stands by and claims no more for that long, or for the longest detection time, is gone."""
@@ -59,16 +61,16 @@ class Inventory:
         self, store: PartStore, *, random: Random, now: float, timing: Timing = THESIS_TIMING, keep_ended: int = 256
     ) -> None:
         self.timing = timing
-        self.dropped: dict[str, int] = {}
+        self.dropped = Tally()
         """Messages without effect, by reason in words."""
-        self.beat_heard: Callable[[int, float], None] | None = None
-        """Hears every beat of a registered part, with its client key and the time; for measurements."""
         self._store = store
         self._matcher = Matcher(store)
-        self._book = Book(random, timing, keep_ended=keep_ended)
-        self._ledger = Ledger(store, self._book, self._matcher)
-        self._claims = Claims(store, self._book, self._matcher, self._ledger, timing)
-        self._seating = Seating(store, self._book, self._matcher, self._ledger)
+        self._index = InventoryIndex(random, timing, keep_ended=keep_ended)
+        self.hand = HandControl()
+        """Ports that people drive by hand."""
+        self._changes = StateChanges(store, self._index, self._matcher, self.hand)
+        self._admission = Admission(store, self._index, self._matcher, self._changes, timing)
+        self._assignment = SlotAssignment(store, self._index, self._matcher, self._changes)
         self._take_over_handlers: list[Callable[[TakeOver], None]] = []
         self._tick_at = now + timing.tick_s
         self._watch_at = now + timing.beat_s / 2
@@ -77,16 +79,16 @@ class Inventory:
 
     def on_event(self, handler: Callable[[PartEvent], None]) -> None:
         """Call the handler with every change of a part, after it is complete."""
-        self._ledger.event_handlers.append(handler)
+        self._changes.event_handlers.append(handler)
 
     def on_rights(self, handler: Callable[[int], None]) -> None:
         """Call the handler with the key of every client whose topics may have changed."""
-        self._ledger.rights_handlers.append(handler)
+        self._changes.rights_handlers.append(handler)
 
     def on_partner(self, handler: Callable[[int, str, bool], None]) -> None:
         """Call the handler with (client key, topic, is there) when what a registered part reads has no publisher any
         more, and when it has one again."""
-        self._ledger.partner_handlers.append(handler)
+        self._changes.partner_handlers.append(handler)
 
     def on_take_over(self, handler: Callable[[TakeOver], None]) -> None:
         """Call the handler when a part that stood by has got the slot of another one."""
@@ -94,43 +96,53 @@ class Inventory:
 
     def set_adopter(self, adopter: Adopter | None) -> None:
         """Ask that about every part that would be turned away though a person could let it in; None = nobody."""
-        self._claims.adopter = adopter
+        self._admission.adopter = adopter
 
     def find(self, word: str, now: float) -> list[PartInfo]:
         """Parts a person may mean by a word: name, slot, part number, UID, address or client key."""
-        return [record.info(now, self._book.slot_of(record)) for record in self._book.find(word)]
+        return [record.info(now, self._index.slot_of(record)) for record in self._index.find(word)]
 
     def holder(self, slot: str, now: float) -> PartInfo | None:
         """The part that holds a slot."""
-        record = self._book.holders.get(slot)
+        record = self._index.holders.get(slot)
         return None if record is None else record.info(now, slot)
 
     def view(self, now: float) -> list[PartInfo]:
         """All parts that are there or were there lately, in order of appearance."""
-        return [record.info(now, self._book.slot_of(record)) for record in self._book.records]
+        return [record.info(now, self._index.slot_of(record)) for record in self._index.records]
 
     def why(self, part: str, now: float) -> list[str]:
         """In sentences: how the part stands and which rules led there; by name, slot, number, UID, address or key."""
-        lines = [line for record in self._book.find(part) for line in record.sentences(now)]
+        lines = [line for record in self._index.find(part) for line in record.sentences(now)]
         if lines:
             return lines
-        names = ", ".join(dict.fromkeys(record.name for record in self._book.records)) or "none yet"
+        names = ", ".join(dict.fromkeys(record.name for record in self._index.records)) or "none yet"
         return [f"No part is known as {part!r}. Parts seen: {names}."]
 
     def configuration_of(self, client_key: int) -> Configuration | None:
         """The configuration of the registered part behind a session, or None: what it may use."""
-        session = self._book.sessions.get(client_key)
+        session = self._index.sessions.get(client_key)
         if session is None or session.record is None or not session.record.is_registered:
             return None
         return session.record.configuration
 
+    def member(self, client_key: int) -> tuple[bytes, str] | None:
+        """Identity and name of the registered part behind a session, or None."""
+        session = self._index.sessions.get(client_key)
+        record = None if session is None else session.record
+        return None if record is None or not record.is_registered else (record.identity, record.name)
+
+    def members(self) -> list[tuple[bytes, str]]:
+        """Identity and name of every registered part."""
+        return [(record.identity, record.name) for record in self._index.holders.values() if record.is_registered]
+
     def has_session(self, client_key: int) -> bool:
         """Whether a client with that key has a session open."""
-        return client_key in self._book.sessions
+        return client_key in self._index.sessions
 
     def standing_of(self, client_key: int) -> Standing | None:
         """How the part behind a session stands; None: there is no such session, or no part behind it."""
-        session = self._book.sessions.get(client_key)
+        session = self._index.sessions.get(client_key)
         record = None if session is None else session.record
         if record is None or record.state is None:
             return None
@@ -152,47 +164,47 @@ class Inventory:
             plugged_in_at: when the link saw the peer come; None = the session is the first sign.
         """
         start = now if plugged_in_at is None else plugged_in_at
-        session = self._book.sessions.get(key)
+        session = self._index.sessions.get(key)
         if session is None:
-            session = self._book.sessions[key] = Session(key, address, start)
+            session = self._index.sessions[key] = PartSession(key, address, start)
         else:
             session.address, session.plugged_in_at = address, start
         if session.record is not None:
             self._reopen(session, session.record, now)
         elif not quiet:
-            self._ledger.appear(session, now)
+            self._changes.appear(session, now)
         self._publish(now)
 
     def client_left(self, key: int, reason: str, now: float, *, politely: bool) -> None:
         """A session has ended: goodbye (`politely`), or seen to vanish; `reason` in words."""
-        session = self._book.sessions.pop(key, None)
+        session = self._index.sessions.pop(key, None)
         if session is None or session.record is None:
             return
         record = session.record
         if record.state is not None and not record.state.is_over:
             lost = not politely and (record.holds_slot or record.state is PartState.STANDBY)
-            self._ledger.retire(
+            self._changes.retire(
                 record, PartState.LOST if lost else PartState.LEFT, now, reason, (("session ended", reason),)
             )
-        self._book.detach(record)
+        self._index.detach(record)
         self._publish(now)
 
     def profile_asked(self, key: int, now: float) -> None:
         """A client has asked to read the profile: step 1 has begun."""
-        session = self._book.sessions.get(key)
+        session = self._index.sessions.get(key)
         if session is not None and session.record is not None and session.record.state is PartState.NEW:
-            self._ledger.move(session.record, PartState.CHECKING, now, "reads the robot's profile (step 1)")
+            self._changes.move(session.record, PartState.CHECKING, now, "reads the robot's profile (step 1)")
             self._publish(now)
 
     # Parts
 
     def claim(self, claim: Claim, client_key: int, now: float) -> Verdict:
         """Decide on a claim (step 2); the part is active when this returns a lease."""
-        session = self._book.sessions.get(client_key)
+        session = self._index.sessions.get(client_key)
         if session is None:
-            self._drop("claim of a client without a session")
+            self.dropped.count("claim of a client without a session")
             return PENDING
-        verdict = self._claims.claim(session, claim, now)
+        verdict = self._admission.claim(session, claim, now)
         self._publish(now)
         return verdict
 
@@ -205,33 +217,31 @@ class Inventory:
             match: why.
             now: the present time.
         """
-        session = self._book.sessions.get(client_key)
+        session = self._index.sessions.get(client_key)
         if session is None:
-            self._drop("claim of a client without a session")
+            self.dropped.count("claim of a client without a session")
             return PENDING
-        verdict = self._claims.refuse(session, claim, match, now)
+        verdict = self._admission.refuse(session, claim, match, now)
         self._publish(now)
         return verdict
 
     def beat(self, lease: int, client_key: int, now: float) -> int:
         """Take a beat; returns the configuration's version, or 0: the lease is unknown, claim again."""
-        record = self._book.by_lease(lease, client_key)
+        record = self._index.by_lease(lease, client_key)
         if record is None or record.configuration is None:
-            self._drop("beat with an unknown lease")
+            self.dropped.count("beat with an unknown lease")
             self._note_return(client_key, now)
             return 0
         version = record.configuration.version
-        self._claims.sign_of_life(record, now, is_beat=True)
-        if self.beat_heard is not None:
-            self.beat_heard(client_key, now)
+        self._admission.sign_of_life(record, now, is_beat=True)
         self._publish(now)
         return version
 
     def configuration_request(self, lease: int, client_key: int) -> Configuration | None:
         """The configuration of the part with that lease, or None: the lease is unknown, nothing is answered."""
-        record = self._book.by_lease(lease, client_key)
+        record = self._index.by_lease(lease, client_key)
         if record is None:
-            self._drop("request for a configuration with an unknown lease")
+            self.dropped.count("request for a configuration with an unknown lease")
             return None
         return record.configuration
 
@@ -243,11 +253,10 @@ class Inventory:
         Raises:
             RegistryError: it cannot be read.
         """
-        record = self._book.holders.get(slot)
+        record = self._index.holders.get(slot)
         if record is not None and record.is_registered:
-            record.configuration = self._store.configuration(slot)
-            self._ledger.rights_changed(record)
-            self._ledger.publish()
+            self._changes.configure(record, self._store.configuration(slot))
+            self._changes.publish()
 
     def rearrange(self, moves: Mapping[int, str | None], now: float, reason: str) -> None:
         """Put parts into slots, all at once, as a person decided; whoever held such a slot stands by.
@@ -261,9 +270,9 @@ class Inventory:
             LocalProtocolError: no such part or slot, the part cannot be moved now, or one UID would hold two slots.
             RegistryError: a configuration cannot be read; nothing has changed.
         """
-        records: dict[Record, str | None] = {}
+        records: dict[InventoryRecord, str | None] = {}
         for key, slot in moves.items():
-            session = self._book.sessions.get(key)
+            session = self._index.sessions.get(key)
             record = None if session is None else session.record
             if record is None or record.state not in PLACEABLE:
                 state = "not there" if record is None or record.state is None else record.state.value
@@ -271,10 +280,10 @@ class Inventory:
             if slot is not None and not self._matcher.has(slot):
                 raise LocalProtocolError(f"there is no slot {slot}")
             records[record] = slot
-        twin = self._seating.twin(records)
+        twin = self._assignment.twin(records)
         if twin is not None:
             raise LocalProtocolError(f"the UID of {twin.name} would be in two slots")
-        self._seating.rearrange(records, now, reason)
+        self._assignment.rearrange(records, now, reason)
         self._publish(now)
 
     def blocks_changed(self, now: float) -> None:
@@ -283,12 +292,12 @@ class Inventory:
         Raises:
             RegistryError: the blocks cannot be read.
         """
-        for record in list(self._book.records):
+        for record in list(self._index.records):
             is_in = record.is_registered or record.state is PartState.STANDBY
             if is_in and record.claim is not None:
                 why = self._store.blocked(record.claim.uid, record.claim.part_number)
                 if why is not None:
-                    self._seating.block(record, why, now)
+                    self._assignment.block(record, why, now)
         self._publish(now)
 
     @property
@@ -310,10 +319,10 @@ class Inventory:
         Raises:
             RegistryError: they cannot be read.
         """
-        self._matcher.reload(frozenset(self._book.holders))
-        for slot, record in list(self._book.holders.items()):
+        self._matcher.reload(frozenset(self._index.holders))
+        for slot, record in list(self._index.holders.items()):
             if not self._matcher.has(slot):
-                self._ledger.retire(record, PartState.LOST, now, f"the robot has no slot {slot} any more")
+                self._changes.retire(record, PartState.LOST, now, f"the robot has no slot {slot} any more")
         self._publish(now)
 
     # Time
@@ -340,47 +349,44 @@ class Inventory:
 
     def _watch(self, now: float) -> None:
         patience = max(STANDBY_SILENCE_S, self.timing.longest_detection_s)
-        for record in list(self._book.records):
+        for record in list(self._index.records):
             if record.state is PartState.ACTIVE and record.life.is_late(now):
                 self._late(record, now)
             elif record.state is PartState.STANDBY and now - record.heard_at > patience:
-                self._ledger.retire(record, PartState.LOST, now, f"claimed no more for {now - record.heard_at:.1f} s")
+                self._changes.retire(record, PartState.LOST, now, f"claimed no more for {now - record.heard_at:.1f} s")
 
     def _tick(self, now: float) -> None:
-        for record in list(self._book.holders.values()):
+        for record in list(self._index.holders.values()):
             if not record.life.tick():
                 continue
             if record.state is PartState.ACTIVE:
                 self._late(record, now)
             silence = f"no beat for {record.life.silence_s(now):.1f} s"
             rule = f"{self.timing.life} ticks of {self.timing.tick_s:g} s without a beat"
-            self._ledger.retire(record, PartState.LOST, now, f"{silence}: life status 0", ((rule, silence),))
+            self._changes.retire(record, PartState.LOST, now, f"{silence}: life status 0", ((rule, silence),))
 
-    def _late(self, record: Record, now: float) -> None:
+    def _late(self, record: InventoryRecord, now: float) -> None:
         silence = f"no beat for {record.life.silence_s(now):.1f} s"
         rule = f"a beat every {self.timing.beat_s:g} s, late after {self.timing.late_s:g} s"
-        self._ledger.move(record, PartState.LATE, now, silence, ((rule, silence),))
+        self._changes.move(record, PartState.LATE, now, silence, ((rule, silence),))
 
     # Helpers
 
-    def _reopen(self, session: Session, record: Record, now: float) -> None:
-        self._book.void_lease(record)
+    def _reopen(self, session: PartSession, record: InventoryRecord, now: float) -> None:
+        self._index.void_lease(record)
         record.address, record.plugged_in_at, record.contest = session.address, session.plugged_in_at, None
         if record.state not in (PartState.NEW, PartState.CHECKING):
-            self._ledger.move(record, PartState.CHECKING, now, "opened its session again: both steps from the start")
+            self._changes.move(record, PartState.CHECKING, now, "opened its session again: both steps from the start")
 
     def _publish(self, now: float) -> None:
-        for taken in self._seating.fill(now):
+        for taken in self._assignment.fill(now):
             for handler in self._take_over_handlers:
-                self._ledger.later(partial(handler, taken))
-        self._ledger.publish()
+                self._changes.later(partial(handler, taken))
+        self._changes.publish()
 
     def _note_return(self, client_key: int, now: float) -> None:
         """A delisted part is back on its open session: its way to `active` begins here."""
-        session = self._book.sessions.get(client_key)
+        session = self._index.sessions.get(client_key)
         record = None if session is None else session.record
         if record is not None and record.plugged_in_at is None:
             record.plugged_in_at = now
-
-    def _drop(self, reason: str) -> None:
-        self.dropped[reason] = self.dropped.get(reason, 0) + 1

@@ -13,7 +13,7 @@ DEVIATION: the thesis says "at zero" (3.10.3) and "after three missed in a row" 
 from __future__ import annotations
 
 from msbot.errors import LocalProtocolError
-from msbot.pnp.parts import PartState, Timing
+from msbot.pnp.model import PartState, Timing
 
 _NEW, _CHECKING, _ACTIVE, _LATE = PartState.NEW, PartState.CHECKING, PartState.ACTIVE, PartState.LATE
 _LOST, _REFUSED, _STANDBY, _LEFT = PartState.LOST, PartState.REFUSED, PartState.STANDBY, PartState.LEFT
@@ -110,7 +110,7 @@ class Life:
         self.status -= 1
         return self.status == 0
 
-    def stop(self) -> None:
+    def end(self) -> None:
         """Count no more: the part is delisted."""
         self.status = 0
 

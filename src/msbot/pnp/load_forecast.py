@@ -13,10 +13,12 @@ from random import Random
 from typing import Final
 
 from msbot.config import Binding, Blueprint, Library, PartType
-from msbot.link import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
-from msbot.part import SAMPLE_PARTS, Beat, BeatReply, HelloWorld
+from msbot.link.can.protocol import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
+from msbot.part import HelloWorld
+from msbot.part.join.plug import Beat, BeatReply
+from msbot.part.sample_parts import SAMPLE_PARTS
 from msbot.pnp.profile import Profile
-from msbot.xrce import (
+from msbot.xrce.messages import (
     FIRST_REQUEST,
     SESSION_DEFAULT,
     STREAM_BEST_EFFORT,
@@ -204,8 +206,10 @@ class _Samples:
 def _bound(
     binding: Binding, scribes: Mapping[str, _Scribe], rate_hz: float, payload: Callable[[int], bytes]
 ) -> list[Flow]:
-    source = scribes[binding.source.slot]
-    flows = source.publishes(binding.topic, rate_hz, reliable=binding.reliable, payload=payload)
+    flows = []
+    if binding.source.slot:
+        source = scribes[binding.source.slot]
+        flows = source.publishes(binding.topic, rate_hz, reliable=binding.reliable, payload=payload)
     for target in binding.targets:
         flows += scribes[target.slot].subscribes(binding.topic, rate_hz, reliable=binding.reliable, payload=payload)
     return flows

@@ -18,7 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from msbot.errors import RegistryError
-from msbot.pnp.parts import MAX_TEXT, Claim, Evidence, PartState, PartStore, PartType, Refusal, Slot
+from msbot.part.join.plug import Refusal
+from msbot.pnp.model import MAX_TEXT, Claim, Evidence, PartState, PartStore, PartType, Slot
 
 UID_BYTES = 8
 NO_UID = bytes(UID_BYTES)

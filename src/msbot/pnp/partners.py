@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from msbot.pnp.record import Record
+from msbot.pnp.inventory_record import InventoryRecord
 
 PartnerChange = tuple[int, str, bool]
 """Client key of the part that reads, topic, and whether somebody publishes it now."""
@@ -18,13 +18,13 @@ class Partners:
     """An index of the registered parts by the topics that they publish and read."""
 
     def __init__(self) -> None:
-        self._touched: deque[Record] = deque()
-        self._bound: dict[Record, tuple[frozenset[str], frozenset[str]]] = {}
+        self._touched: deque[InventoryRecord] = deque()
+        self._bound: dict[InventoryRecord, tuple[frozenset[str], frozenset[str]]] = {}
         """What each part publishes and reads, as in the two indexes."""
-        self._publishers: dict[str, set[Record]] = {}
-        self._readers: dict[str, dict[Record, None]] = {}
+        self._publishers: dict[str, set[InventoryRecord]] = {}
+        self._readers: dict[str, dict[InventoryRecord, None]] = {}
 
-    def touch(self, record: Record) -> None:
+    def touch(self, record: InventoryRecord) -> None:
         """Note that a part was registered, delisted, or configured anew."""
         self._touched.append(record)
 
@@ -32,7 +32,7 @@ class Partners:
         """Bring the indexes up to date; gives what changed for parts that were there before and still are."""
         there: dict[str, bool] = {}
         """Topics whose publishers changed -> whether they had one before."""
-        newcomers: set[Record] = set()
+        newcomers: set[InventoryRecord] = set()
         while self._touched:
             record = self._touched.popleft()
             publishes, reads = _topics_of(record)
@@ -60,7 +60,7 @@ class Partners:
         ]
 
 
-def _topics_of(record: Record) -> tuple[frozenset[str], frozenset[str]]:
+def _topics_of(record: InventoryRecord) -> tuple[frozenset[str], frozenset[str]]:
     if not record.is_registered or record.configuration is None:
         return frozenset(), frozenset()
     bindings = record.configuration.bindings

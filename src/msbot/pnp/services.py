@@ -1,7 +1,7 @@
 """The master's profile and the inventory as clients of the agent: parts of the robot like any other (R2, R3).
 
 Both speak through `msbot.part.Client` over any link; in a master over the in-process link, which is what makes them
-trusted (`msbot.pnp.access`). What they say is decided elsewhere: `profile`, `desk`, `inventory`.
+trusted (`msbot.pnp.access`). What they say is decided elsewhere: `profile`, `requests`, `inventory`.
 """
 
 from __future__ import annotations
@@ -11,14 +11,17 @@ import logging
 
 from msbot.agent import client_key_of
 from msbot.errors import LinkFull, LocalProtocolError, RequestError
-from msbot.part import Client, ConnectionState, Entity, Service, plug
-from msbot.pnp import compat
-from msbot.pnp.desk import Desk, verdict_message
+from msbot.part import Client, ConnectionState, Entity, Service
+from msbot.part.join import plug
+from msbot.pnp import thesis_programs as compat
+from msbot.pnp.emergency_stop import EmergencyStop
 from msbot.pnp.inventory import Inventory
-from msbot.pnp.keys import Keys
-from msbot.pnp.parts import PartState, Verdict
+from msbot.pnp.key_proof import Keys
+from msbot.pnp.model import PartEvent, PartState, Verdict, identity_of
 from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
-from msbot.xrce import STREAM_BEST_EFFORT, STREAM_RELIABLE, EndpointQos
+from msbot.pnp.requests import RequestHandler, verdict_message
+from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
+from msbot.xrce.objects import EndpointQos
 
 STATUS_TIMEOUT_S = 5.0
 """How long the agent may take to create what a service needs; then it is asked again."""
@@ -34,10 +37,7 @@ _GUID_BYTES = 16
 _NOBODYS_REQUEST = bytes(8)
 """Sequence number 0: the reply answers no request."""
 GO_TIMES = 3
-"""With so many answers to beats GO is said again, in case one is lost; STOP with every one while it holds."""
-_BEAT_OCTETS = 4
-_VERDICT_OCTETS = 12
-_CONFIGURATION_REQUEST_OCTETS = 8
+"""With so many answers to beats GO is said again, in case one is lost; STOP with every one until the part confirms."""
 
 _COMPACT = Service(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
 _COMPAT = Service(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
@@ -119,16 +119,21 @@ class InventoryService:
         inventory: decides.
         explain: answer refusals with their reason.
         keys: asks every claim for a proof; None: the robot is open.
+        stop: STOP of this robot, which may hold from before.
     """
 
     def __init__(
-        self, client: Client, inventory: Inventory, *, explain: bool = False, keys: Keys | None = None
+        self,
+        client: Client,
+        inventory: Inventory,
+        *,
+        explain: bool = False,
+        keys: Keys | None = None,
+        stop: EmergencyStop | None = None,
     ) -> None:
-        self.desk = Desk(inventory, explain=explain, keys=keys)
-        self.is_stopped = False
-        """STOP was said and GO was not: parts that come in are told so."""
-        self.stop_number = 0
-        """How often STOP was said; STOP and GO carry it."""
+        self.requests = RequestHandler(inventory, explain=explain, keys=keys)
+        self.stop = stop or EmergencyStop()
+        """Which STOP holds, and who has confirmed it."""
         self.told_unasked = 0
         """What was said to parts that did not ask."""
         self._client = client
@@ -149,6 +154,7 @@ class InventoryService:
         client.on_request = self._request_received
         inventory.on_rights(self._rights_changed)
         inventory.on_partner(self._partner_changed)
+        inventory.on_event(self._part_changed)
 
     async def run(self) -> None:
         """Serve until cancelled.
@@ -175,19 +181,24 @@ class InventoryService:
             await asyncio.sleep(self._inventory.timer() - loop.time())
             self._inventory.handle_timer(loop.time())
 
-    def stop_all(self) -> int:
-        """Say STOP to all parts, and to those that come in until `go_all`; returns how many were told."""
-        if not self.is_stopped:
-            self.stop_number += 1
-        self.is_stopped = True
-        self._go_again.clear()
-        return self._tell_all(plug.NoticeKind.STOP)
+    def stop_all(self, by: str, reason: str, at_ns: int) -> None:
+        """Say STOP to all parts, and to those that come in until `go_all`.
 
-    def go_all(self) -> int:
-        """End STOP; returns how many parts were told."""
-        self.is_stopped = False
+        Args:
+            by: who says it.
+            reason: why, may be empty.
+            at_ns: the wall clock, nanoseconds since 1970.
+        """
+        self.stop.say(by, reason, self._inventory.members(), asyncio.get_running_loop().time(), at_ns)
+        self._go_again.clear()
+        self._tell_all(plug.NoticeKind.STOP)
+
+    def go_all(self, by: str) -> int:
+        """End STOP; returns how many parts that hold a slot were told."""
+        self.stop.go(by)
         self._go_again = dict.fromkeys(self._askers, GO_TIMES)
-        return self._tell_all(plug.NoticeKind.GO)
+        self._tell_all(plug.NoticeKind.GO)
+        return len(self._inventory.members())
 
     def identify(self, client_key: int) -> bool:
         """Have a part show itself; False: it cannot be told."""
@@ -198,37 +209,68 @@ class InventoryService:
         asker = identity[:_GUID_BYTES]
         client_key = client_key_of(asker)
         self._asking = client_key
-        if object_id == self._compact.object_id:
-            replier, answer = self._compact, self.desk.compact(body, client_key, now, asker)
-            self._remember(client_key, asker, answer)
-        else:
-            replier, answer = self._compat, self.desk.compat(body, client_key, now)
-        self._asking = None
-        if answer is None:
+        if object_id != self._compact.object_id:
+            answer = self.requests.compat(body, client_key, now)
+            self._asking = None
+            if answer is not None:
+                self._say(self._compat, identity, answer)
             return
-        self._say(replier, identity, answer)
-        if (self.is_stopped or self._go_again) and replier is self._compact:
-            self._say_again(client_key, len(body))
+        request = self.requests.read(body)
+        reply = None if request is None else self.requests.answer(request, client_key, now, asker)
+        self._remember(client_key, asker, reply)
+        self._asking = None
+        if request is None or reply is None:
+            return
+        if isinstance(reply, plug.ConfigurationMessage) and self.stop.holds:
+            reply.settings.append(plug.Setting(name=plug.STOP_SETTING, value=str(self.stop.number)))
+        octets = self.requests.encode(reply, client_key)
+        if octets is not None:
+            self._say(self._compact, identity, octets)
+        if isinstance(reply, plug.BeatReply) and reply.configuration_version:
+            self._speak_of_stop(request, client_key, now)
+        elif isinstance(reply, plug.ConfigurationMessage) and self.stop.holds:
+            self._notify(client_key, plug.NoticeKind.STOP, self.stop.number)  # for parts that do not read the setting
 
-    def _say_again(self, client_key: int, asked_octets: int) -> None:
-        """Repeat STOP or GO: a single notice may be lost, and whoever comes in has not heard it."""
-        if self.is_stopped:
-            if asked_octets in (_BEAT_OCTETS, _CONFIGURATION_REQUEST_OCTETS):
-                self._notify(client_key, plug.NoticeKind.STOP, self.stop_number)
-        elif asked_octets == _BEAT_OCTETS and (left := self._go_again.pop(client_key, 0)):
-            self._notify(client_key, plug.NoticeKind.GO, self.stop_number)
+    def _speak_of_stop(self, beat: plug.Request, client_key: int, now: float) -> None:
+        """Take a beat as the confirmation that it is, or repeat STOP or GO: a single notice may be lost."""
+        if self.stop.holds:
+            if not self._is_confirmation(beat, client_key, now):
+                self._notify(client_key, plug.NoticeKind.STOP, self.stop.number)
+        elif isinstance(beat, plug.StoppedBeat):
+            self._notify(client_key, plug.NoticeKind.GO, self.stop.number)
+        elif left := self._go_again.pop(client_key, 0):
+            self._notify(client_key, plug.NoticeKind.GO, self.stop.number)
             if left > 1:
                 self._go_again[client_key] = left - 1
 
-    def _remember(self, client_key: int, asker: bytes, answer: bytes | None) -> None:
+    def _is_confirmation(self, beat: plug.Request, client_key: int, now: float) -> bool:
+        member = self._inventory.member(client_key)
+        if not isinstance(beat, plug.StoppedBeat) or member is None:
+            return False
+        return self.stop.confirm(member[0], beat.number, now)
+
+    def _part_changed(self, event: PartEvent) -> None:
+        if not self.stop.holds:
+            return
+        identity = identity_of(event.uid, event.client_key)
+        if event.to_state is PartState.ACTIVE:
+            if event.from_state is not PartState.LATE:
+                self.stop.begin_anew(identity, event.part, asyncio.get_running_loop().time())
+        elif event.to_state in (PartState.LEFT, PartState.STANDBY, PartState.REFUSED):
+            self.stop.leave(identity)
+
+    def _remember(self, client_key: int, asker: bytes, answer: plug.Reply | None) -> None:
         if self._askers.get(client_key) != asker:
             if len(self._askers) >= MOST_ASKERS:
                 self._forget(next(iter(self._askers)))
             self._askers[client_key] = asker
             self._leases.pop(client_key, None)
-        if answer is not None and len(answer) == _VERDICT_OCTETS:
-            standing = self._inventory.standing_of(client_key)
-            self._leases[client_key] = 0 if standing is None else standing.lease
+        if isinstance(answer, plug.VerdictMessage):
+            before = self._leases.get(client_key)
+            self._leases[client_key] = answer.lease
+            member = self._inventory.member(client_key)
+            if self.stop.holds and before != answer.lease and member is not None:
+                self.stop.begin_anew(*member, asyncio.get_running_loop().time())  # the part has started anew
 
     def _forget(self, client_key: int) -> None:
         self._askers.pop(client_key, None)
@@ -261,8 +303,9 @@ class InventoryService:
             if binding.topic == topic and not binding.publishes:
                 self._notify(client_key, kind, configuration.version, place)
 
-    def _tell_all(self, kind: plug.NoticeKind) -> int:
-        return sum(self._notify(client_key, kind, self.stop_number) for client_key in list(self._askers))
+    def _tell_all(self, kind: plug.NoticeKind) -> None:
+        for client_key in list(self._askers):
+            self._notify(client_key, kind, self.stop.number)
 
     def _notify(self, client_key: int, kind: plug.NoticeKind, number: int = 0, binding: int = plug.NO_BINDING) -> bool:
         return self._tell(client_key, plug.Notice(number=number & 0xFFFFFFFF, binding=binding, kind=kind))
@@ -280,7 +323,7 @@ class InventoryService:
             self._client.reply(replier, identity, answer, stream_id=stream_id)
         except (LinkFull, LocalProtocolError) as error:
             # The part asks again by itself.
-            self.desk.drop(f"answer: {error}")
+            self.requests.dropped.count(f"answer: {error}")
             return False
         return True
 

@@ -5,8 +5,8 @@ from msbot.errors import RegistryError
 try:
     from msbot.registry.engine import without_password
     from msbot.registry.node_ids import StoredNodeIds
-    from msbot.registry.people import ROLES
     from msbot.registry.records import (
+        EditKind,
         EditRecord,
         JournalEntry,
         KeyRecord,
@@ -17,6 +17,8 @@ try:
     )
     from msbot.registry.registry import Registry, open_registry
     from msbot.registry.robot_store import RobotStore
+    from msbot.registry.storage import StorageHealth
+    from msbot.registry.user_statements import ROLES
 except ModuleNotFoundError as error:
     if error.name != "sqlalchemy":
         raise
@@ -24,6 +26,7 @@ except ModuleNotFoundError as error:
 
 __all__ = [
     "ROLES",
+    "EditKind",
     "EditRecord",
     "JournalEntry",
     "KeyRecord",
@@ -31,6 +34,7 @@ __all__ = [
     "Registry",
     "RobotRecord",
     "RobotStore",
+    "StorageHealth",
     "StoredNodeIds",
     "UserRecord",
     "ValueRecord",

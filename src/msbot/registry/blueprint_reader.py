@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from sqlalchemy import Connection, select
 
-from msbot.config import Binding, Blueprint, Endpoint, Options, RobotProfile, Scalar, Slot, Timing, preset_of
+from msbot.config import (
+    SHIPPED,
+    Binding,
+    Blueprint,
+    Endpoint,
+    InDds,
+    Options,
+    RobotProfile,
+    Scalar,
+    Slot,
+    Timing,
+    preset_of,
+)
 from msbot.errors import RegistryError
 from msbot.registry.configurations import ORIGINS
-from msbot.registry.tables import bindings, robots, settings, slots
+from msbot.registry.tables import bindings, library, robots, settings, slots
 
 Notes = Mapping[tuple[str, str], str]
 """(slot, parameter) or (topic, "") -> who made it so by hand."""
@@ -34,9 +49,35 @@ def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
     return Blueprint(
         RobotProfile(row.name, row.version, row.serial_number, row.released, row.manufacturer),
         _slots(connection, robot_id, ORIGINS[1:] if by_hand else ORIGINS[1:2]),
-        _bindings(connection, robot_id, by_hand=by_hand),
+        _in_dds(_bindings(connection, robot_id, by_hand=by_hand), row.in_dds),
         timing,
         Options(row.explain, tuple(row.free_topics), row.authentication),
+        _own_library(connection, robot_id),
+    )
+
+
+def _own_library(connection: Connection, robot_id: int) -> tuple[str, ...]:
+    """Where the part types of the robot's slots come from that MsBOT does not bring: folders, or files beside it."""
+    query = (
+        select(library.c.source)
+        .join(slots, slots.c.part_number == library.c.number)
+        .where(slots.c.robot_id == robot_id, slots.c.in_blueprint, library.c.source.endswith(".toml"))
+        .where(library.c.source.not_like(f"{SHIPPED}%"))
+        .distinct()
+    )
+    places = [Path(source) for source in connection.execute(query).scalars()]
+    return tuple(sorted({str(place.parent if place.parent.name else place) for place in places}))
+
+
+def _in_dds(found: tuple[Binding, ...], by_topic: Mapping[str, dict[str, Any]]) -> tuple[Binding, ...]:
+    """With what the blueprint says about topics in DDS; nobody can change that by hand."""
+
+    def read(entry: dict[str, Any]) -> InDds:
+        return InDds(**{**entry, "ros_fields": tuple((ours, theirs) for ours, theirs in entry["ros_fields"])})
+
+    return tuple(
+        replace(binding, in_dds=read(by_topic[binding.topic])) if binding.topic in by_topic else binding
+        for binding in found
     )
 
 

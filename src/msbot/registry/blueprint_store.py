@@ -9,13 +9,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 
 from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
 
-from msbot.config import Blueprint, Library, Parameter, PartType, Port, Scalar
+from msbot.config import Blueprint, InDds, Library, Parameter, PartType, Port, Scalar
 from msbot.registry.configurations import read_configurations
 from msbot.registry.records import RobotRecord
-from msbot.registry.store import bump_versions, find_robot, upsert, upsert_many
+from msbot.registry.statements import bump_versions, find_robot, upsert, upsert_many
 from msbot.registry.tables import bindings, library, robots, settings, slots
 
 
@@ -47,6 +48,9 @@ def _put_robot(connection: Connection, blueprint: Blueprint, now_ns: int) -> Rob
         "explain": blueprint.options.explain,
         "free_topics": list(blueprint.options.free_topics),
         "authentication": blueprint.options.authentication,
+        "in_dds": {
+            binding.topic: asdict(binding.in_dds) for binding in blueprint.bindings if binding.in_dds != InDds()
+        },
         "applied_ns": now_ns,
     }
     upsert(connection, robots, key, values)
@@ -126,7 +130,7 @@ def _put_bindings(connection: Connection, robot_id: int, slot_ids: Mapping[str, 
     """Write the blueprint's wires; what was taken away by hand stays away, what was made by hand stays if it can."""
     wanted: dict[_End, dict[str, object]] = {}
     for binding in blueprint.bindings:
-        for endpoint in (binding.source, *binding.targets):
+        for endpoint in binding.ends:
             # Several senders of one topic may name the same receiver.
             publishes = endpoint is binding.source
             wanted[slot_ids[endpoint.slot], endpoint.port, binding.topic, publishes] = {

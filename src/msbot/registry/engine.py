@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import sqlite3
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError
-from sqlalchemy.pool import ConnectionPoolEntry
+from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 
 from msbot.errors import RegistryError
-from msbot.registry.faults import ELSE, told_as_registry_error
+from msbot.registry.database_errors import ELSE, told_as_registry_error
 
 WRITE = "msbot_write"
 """Execution option of connections that take SQLite's write lock at once, so that they cannot meet half-way."""
 
-_MAGIC = b"SQLite format 3\x00"
+MAGIC = b"SQLite format 3\x00"
+"""The first octets of every SQLite file."""
 
 WAIT_S = "msbot_wait_s"
 """Execution option of writing connections: wait only so long for another program."""
@@ -110,11 +113,30 @@ def check_file(address: Address, *, create: bool, read_only: bool) -> None:
 def _check_magic(path: Path) -> None:
     try:
         with path.open("rb") as stream:
-            beginning = stream.read(len(_MAGIC))
+            beginning = stream.read(len(MAGIC))
     except OSError as error:
         raise RegistryError(f"the database {path} cannot be read ({error.strerror}): mend that, {ELSE}") from None
-    if beginning and beginning != _MAGIC:
+    if beginning and beginning != MAGIC:
         raise RegistryError(f"{path} is no database: some other file has this name; move it away, {ELSE}")
+
+
+def sqlite_address(path: Path, *, may_make: bool = False) -> str:
+    """The file for SQLite, which must not make it again: one that was deleted would come back empty."""
+    return f"file:{quote(str(path))}?mode={'rwc' if may_make else 'rw'}"
+
+
+def make_private(path: Path) -> None:
+    """Have a file, made if there is none, that nobody but its owner can read: keys and hashes of passwords are in it.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    descriptor = os.open(path, os.O_CREAT | os.O_RDWR, 0o600)
+    try:
+        with contextlib.suppress(OSError):  # a file of somebody else, or of a system without such rights
+            os.chmod(path, 0o600)
+    finally:
+        os.close(descriptor)
 
 
 _SERVER_READ_ONLY = "-c default_transaction_read_only=on"
@@ -135,7 +157,16 @@ def make_engine(address: Address, *, busy_timeout_s: float, read_only: bool) -> 
             return create_engine(address.url, connect_args=options, pool_pre_ping=True)
         except ImportError:
             raise RegistryError("PostgreSQL needs a driver: pip install 'msbot[postgres]'") from None
-    engine = create_engine(address.url, connect_args={"timeout": busy_timeout_s})
+    path, was_there = address.path, address.path.exists()
+
+    def connect() -> sqlite3.Connection:
+        nonlocal was_there
+        where = sqlite_address(path, may_make=not was_there)
+        connection = sqlite3.connect(where, uri=True, timeout=busy_timeout_s, check_same_thread=False)
+        was_there = True
+        return connection
+
+    engine = create_engine("sqlite+pysqlite://", creator=connect, poolclass=QueuePool)
 
     @event.listens_for(engine, "connect")
     def set_up(connection: sqlite3.Connection, _entry: ConnectionPoolEntry) -> None:

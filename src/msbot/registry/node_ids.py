@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from msbot.link import MemoryNodeIds
-from msbot.registry import store
+from msbot.link.can.protocol import MemoryNodeIds
+from msbot.registry import statements as store
 from msbot.registry.writer import Writer
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 from msbot.config import Parameter, ParameterKind, Scalar
 from msbot.errors import ConfigError
@@ -63,6 +64,30 @@ class JournalEntry:
     """What happened; its `at` is in seconds since 1970, its session is not kept."""
 
 
+class EditKind(Enum):
+    """What a person changed: the word of the row."""
+
+    VALUE = "value"
+    PLACE = "place"
+    BLOCK = "block"
+    BIND = "bind"
+    APPLY = "apply"
+    UNDO = "undo"
+    USER = "user"
+    KEY = "key"
+    STOP = "stop"
+    GO = "go"
+    WINDOW = "window"
+    HAND = "hand"
+    RESTORE = "restore"
+
+
+UNDOABLE = frozenset(
+    kind.value for kind in (EditKind.VALUE, EditKind.PLACE, EditKind.BLOCK, EditKind.BIND, EditKind.APPLY)
+)
+"""What an undo without a number takes back; the others it passes over."""
+
+
 @dataclass(frozen=True, slots=True)
 class EditRecord:
     """One thing a person changed."""
@@ -73,7 +98,7 @@ class EditRecord:
     """Nanoseconds since 1970."""
     who: str
     kind: str
-    """`value`, `place`, `block`, `bind`, `apply`, `user`, `key`, or `undo`."""
+    """The value of an `EditKind`."""
     slot: str
     """The slot it is about; empty when it is about none, or about several."""
     words: str

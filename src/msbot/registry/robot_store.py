@@ -1,90 +1,126 @@
-"""What the inventory asks and tells the registry about one robot: `msbot.pnp.PartStore` on top of SQL.
+"""What the inventory asks and tells the registry about one robot: `msbot.pnp.PartStore` in memory, kept by SQL.
 
-Reads are short, indexed and answered at once; writes go to the writer thread. What was read or told before is kept
-in memory, so that a robot goes on when its database cannot be used for a while.
+Reads are answered from memory; writes go to the writer thread. So a robot goes on whatever happens to its database.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable
 from functools import partial
-from typing import TypeVar
+from threading import Lock
 
-from sqlalchemy import Connection, Engine
+from sqlalchemy import Connection
 
+from msbot.config import Blueprint, parse_versions, split_number
 from msbot.errors import RegistryError
-from msbot.pnp import Claim, Configuration, PartEvent, PartType, Slot
-from msbot.registry import configurations, people, places, store
-from msbot.registry.reader import Reader
-from msbot.registry.records import RobotRecord, uid_text
+from msbot.pnp import Claim, Configuration, PartEvent, PartState, PartType, Slot, StopRecord
+from msbot.registry import statements as store
+from msbot.registry import stops
+from msbot.registry.records import RobotRecord, UserRecord, uid_text
+from msbot.registry.robot_memory import RobotMemory
 from msbot.registry.writer import Writer
 
 JOURNAL_ROWS = 100_000
 """Lines of the journal that are kept."""
+STRANGERS_ROWS = 10_000
+"""Lines of them about parts in no slot: those that are turned away again and again push out their own kind only."""
 STRANGERS = 1_000
 """Parts that never were in a slot and are kept nevertheless."""
 PRUNE_EVERY = 1_000
 """So many lines are written before old ones are looked for."""
-MOST_IN_MEMORY = 10_000
-"""Part types, and answers about blocks, that are kept in case the database cannot be read."""
-
-_T = TypeVar("_T")
 
 
 class RobotStore:
-    """The `PartStore` of one robot; all methods belong to the event loop's thread.
+    """The `PartStore` of one robot.
+
+    Its methods belong to the event loop's thread; `use` may be called by any.
 
     Args:
-        engine: where to read.
         writer: who writes.
         database: the database in words.
         robot: whose parts these are.
+        memory: the robot as the database has it.
         epoch_ns: wall clock, nanoseconds since 1970.
-
-    Raises:
-        RegistryError: the database cannot be read.
     """
 
     def __init__(
-        self, engine: Engine, writer: Writer, database: str, robot: RobotRecord, epoch_ns: Callable[[], int]
+        self, writer: Writer, database: str, robot: RobotRecord, memory: RobotMemory, epoch_ns: Callable[[], int]
     ) -> None:
         self.robot = robot
-        self._reader = Reader(engine, database)
+        self.on_news: Callable[[], object] = lambda: None
+        """See `Runs.on_news`."""
         self._writer = writer
         self._database = database
         self._epoch_ns = epoch_ns
-        self._types: dict[str, PartType] = {}
-        self._blocks: dict[tuple[str, str], str | None] = {}
-        """What `blocked` said last."""
-        self._keys: dict[bytes, bytes | None] = {}
-        """What `key_of` said last."""
-        self._configurations: dict[str, Configuration] = {}
+        self._lock = Lock()
+        self._memory = memory
         self._sessions: dict[str, int] = {}
         """Identity of each registered part -> its session; another session with that identity is a duplicate."""
         self._written = 0
+        self.strangers = 0
+        """Events of sessions that never said what they are: counted, not journalled."""
+        self._told = 0
+        """How many memories of parts were handed to the writer."""
+        self._stored = 0
+        """How many of them it has stored."""
+        self._unstored: deque[tuple[int, str, str]] = deque()
+        """(number, UID, slot) of those that it has not."""
         self._remembered: dict[str, str] = {}
         self._placed: dict[str, str] = {}
-        for uid, place in self._read(partial(places.read, robot_id=robot.id)).items():
-            self._put_place(uid, place)
-        self._slots = self._read(partial(store.list_slots, robot_id=robot.id))
-        self._configurations.update(self._read(partial(configurations.read_configurations, robot_id=robot.id)))
+        self.use(memory, 0)
+
+    @property
+    def newest_edit(self) -> int:
+        """Number of the newest change that is known here."""
+        return self._memory.newest_edit
+
+    @property
+    def blueprint(self) -> Blueprint:
+        """The robot as it holds, with what people set by hand."""
+        return self._memory.blueprint
+
+    @property
+    def users(self) -> tuple[UserRecord, ...]:
+        """Who may sign in."""
+        return self._memory.users
+
+    @property
+    def stored(self) -> int:
+        """How many memories of parts the database has; for `use`."""
+        return self._stored
+
+    def use(self, memory: RobotMemory, stored: int) -> None:
+        """Take over what the database has now.
+
+        Args:
+            memory: what it has.
+            stored: the value of `stored` when that was read: what was told later is still true.
+        """
+        with self._lock:
+            self._memory = memory
+            self._remembered = {uid: last for uid, (last, _) in memory.places.items() if last is not None}
+            self._placed = {uid: placed for uid, (_, placed) in memory.places.items() if placed is not None}
+            while self._unstored and self._unstored[0][0] <= stored:
+                self._unstored.popleft()
+            for _, uid, slot in self._unstored:
+                self._remembered[uid] = slot
 
     def part_type(self, number: str) -> PartType | None:
-        """See `PartStore.part_type`."""
-        try:
-            found = self._read(partial(store.find_part_type, number=number))
-        except RegistryError:
-            if number in self._types:
-                return self._types[number]
-            raise
-        if found is not None and len(self._types) < MOST_IN_MEMORY:
-            self._types[number] = found
-        return found
+        """See `PartStore.part_type`: exactly this number; else that of the number before its @ if the version fits."""
+        types = self._memory.types
+        if number in types:
+            return types[number][0]
+        base, version = split_number(number)
+        if not version or base not in types:
+            return None
+        part_type, versions = types[base]
+        known = parse_versions(versions)
+        return part_type if known is not None and version in known else None
 
     def slots(self) -> tuple[Slot, ...]:
         """See `PartStore.slots`."""
-        self._slots = self._or_known(partial(store.list_slots, robot_id=self.robot.id), self._slots)
-        return self._slots
+        return self._memory.slots
 
     def remembered_slot(self, uid: bytes) -> str | None:
         """See `PartStore.remembered_slot`."""
@@ -96,68 +132,47 @@ class RobotStore:
 
     def remember(self, uid: bytes, slot: str, claim: Claim) -> None:
         """See `PartStore.remember`."""
-        if identity := uid_text(uid):
+        identity = uid_text(uid)
+        if not identity:
+            return
+        now_ns = self._epoch_ns()
+        with self._lock:
+            self._told += 1
+            number = self._told
+            self._unstored.append((number, identity, slot))
             self._remembered[identity] = slot
-            now_ns = self._epoch_ns()
-            self._writer.put(lambda connection: store.remember(connection, self.robot.id, claim, slot, now_ns))
 
-    def reread_places(self, uids: Sequence[bytes]) -> None:
-        """A person has said where these parts belong; the registry has stored it.
+        def write(connection: Connection) -> None:
+            store.remember(connection, self.robot.id, claim, slot, now_ns)
+            self._stored = number
 
-        Raises:
-            RegistryError: the database cannot be read.
-        """
-        names = [uid_text(uid) for uid in uids]
-        for uid, place in self._read(partial(places.read, robot_id=self.robot.id, uids=names)).items():
-            self._put_place(uid, place)
-
-    def _put_place(self, uid: str, place: places.Place) -> None:
-        for memory, slot in zip((self._remembered, self._placed), place, strict=True):
-            if slot is None:
-                memory.pop(uid, None)
-            else:
-                memory[uid] = slot
+        self._writer.put(write)
 
     def key_of(self, uid: bytes) -> bytes | None:
         """See `PartStore.key_of`."""
-        try:
-            key = self._read(partial(people.find_key, uid=uid))
-        except RegistryError:
-            if uid in self._keys:
-                return self._keys[uid]
-            raise
-        if len(self._keys) < MOST_IN_MEMORY:
-            self._keys[uid] = key
-        return key
+        return self._memory.keys.get(uid_text(uid))
 
     def configuration(self, slot: str) -> Configuration:
         """See `PartStore.configuration`.
 
         Raises:
-            RegistryError: there is no such slot, or the database cannot be read and never could.
+            RegistryError: there is no such slot.
         """
-        read = partial(configurations.find_configuration, robot_id=self.robot.id, slot=slot)
-        found = self._or_known(read, self._configurations.get(slot))
+        found = self._memory.configurations.get(slot)
         if found is None:
             raise RegistryError(f"the database {self._database} has no slot {slot!r} of robot {self.robot.name}")
-        self._configurations[slot] = found
         return found
 
     def blocked(self, uid: bytes, number: str) -> str | None:
         """See `PartStore.blocked`."""
-        key = (uid_text(uid), number)
-        try:
-            reason = self._read(partial(store.find_block, uid=key[0], number=number))
-        except RegistryError:
-            if key in self._blocks:
-                return self._blocks[key]
-            raise
-        if len(self._blocks) < MOST_IN_MEMORY:
-            self._blocks[key] = reason
-        return reason
+        blocks = self._memory.blocks
+        return blocks.get(("uid", uid_text(uid))) or blocks.get(("number", number))
 
     def journal(self, event: PartEvent) -> None:
         """See `PartStore.journal`."""
+        if not event.part_number and event.to_state is not PartState.REFUSED:
+            self.strangers += 1  # whoever opens sessions and never says what it is must not push out what matters
+            return
         now_ns = self._epoch_ns()
         is_about_the_part = self._is_about_the_part(event)
         self._written += 1
@@ -168,7 +183,7 @@ class RobotStore:
             if is_about_the_part:
                 store.note_state(connection, self.robot.id, event, now_ns)
             if prune:
-                store.prune(connection, self.robot.id, JOURNAL_ROWS, STRANGERS)
+                store.prune(connection, self.robot.id, JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS)
 
         self._writer.put(write)
 
@@ -185,18 +200,14 @@ class RobotStore:
         self._sessions.pop(identity, None)
         return True
 
-    def _or_known(self, read: Callable[[Connection], _T], known: _T) -> _T:
-        """The answer of the database; while it cannot be read, what is known from before."""
-        try:
-            return self._read(read)
-        except RegistryError:
-            if not known:
-                raise
-            return known
+    def kept_stop(self) -> StopRecord | None:
+        """See `PartStore.kept_stop`."""
+        return self._memory.stop
 
-    def close(self) -> None:
-        """Let go of the database."""
-        self._reader.close()
+    def keep_stop(self, record: StopRecord) -> None:
+        """See `PartStore.keep_stop`."""
+        self._writer.put(partial(stops.write, robot_id=self.robot.id, record=record))
 
-    def _read(self, read: Callable[[Connection], _T]) -> _T:
-        return self._reader.read(read)
+    def is_kept(self, timeout_s: float) -> bool:
+        """See `PartStore.is_kept`."""
+        return self._writer.flush(timeout_s)

@@ -6,6 +6,7 @@ it is an advisory lock of the session.
 
 from __future__ import annotations
 
+import contextlib
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
@@ -14,8 +15,8 @@ from sqlalchemy import Engine, text
 from sqlalchemy.exc import OperationalError
 
 from msbot.errors import RegistryError
-from msbot.registry.engine import Address
-from msbot.registry.faults import told_as_registry_error
+from msbot.registry.database_errors import told_as_registry_error
+from msbot.registry.engine import Address, make_private
 from msbot.registry.records import RobotRecord
 
 _SERVER_CLASS = 0x4D734254
@@ -69,6 +70,8 @@ def _lock_file(database: Path, robot: RobotRecord) -> Path:
 def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> Callable[[], None] | None:
     """Take the lock; gives the way to release it, or None when somebody else has it."""
     # The file is left behind: taking it away could let two waiting masters lock two files of one name.
+    with contextlib.suppress(OSError):  # the next line says what is wrong
+        make_private(_lock_file(database, robot))
     connection = sqlite3.connect(_lock_file(database, robot), timeout=timeout_s, isolation_level=None)
     try:
         connection.execute("BEGIN EXCLUSIVE")

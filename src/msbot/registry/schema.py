@@ -14,8 +14,8 @@ from sqlalchemy import Connection, Engine, inspect, text
 from sqlalchemy.schema import CreateSchema, SetColumnComment
 
 from msbot.errors import RegistryError
-from msbot.registry.engine import WRITE, Address
-from msbot.registry.faults import told_as_registry_error
+from msbot.registry.database_errors import told_as_registry_error
+from msbot.registry.engine import WRITE, Address, make_private
 from msbot.registry.tables import metadata
 
 _VERSION_TABLE = "alembic_version"
@@ -126,6 +126,7 @@ def _back_up(path: Path, version: int) -> Path:
     number = 1
     while (copy := path.with_name(f"{path.name}.schema{version}.{number}.backup")).exists():
         number += 1
+    make_private(copy)
     with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(copy)) as target:
         source.backup(target)
     return copy

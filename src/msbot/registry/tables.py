@@ -51,7 +51,16 @@ robots = Table(
     Column("explain", Boolean, nullable=False, comment="whether a refused part is told why"),
     Column("free_topics", JSON, nullable=False, comment="list of topics that everybody may use"),
     Column("authentication", Text, nullable=False, server_default="open", comment="open or key: how parts are known"),
+    Column(
+        "in_dds", JSON, nullable=False, server_default="{}", comment="topics that are in DDS for others, too, and how"
+    ),
     Column("applied_ns", BigInteger, nullable=False, comment="when a blueprint was applied last"),
+    Column(
+        "stop",
+        JSON(none_as_null=True),
+        nullable=True,
+        comment="the latest STOP: its number, whether it holds, by whom, why, when; NULL: nobody ever said STOP",
+    ),
     UniqueConstraint("name", "serial_number"),
 )
 

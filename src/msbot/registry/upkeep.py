@@ -15,9 +15,12 @@ from pathlib import Path
 from sqlalchemy import Connection, Engine, delete, func, insert, select, text
 
 from msbot.errors import RegistryError
-from msbot.registry import findings, run_lock, store
-from msbot.registry.engine import WRITE, Address, check_file, make_engine, parse_address
-from msbot.registry.faults import told_as_registry_error
+from msbot.registry import consistency as findings
+from msbot.registry import run_lock
+from msbot.registry import statements as store
+from msbot.registry.backup_check import check_backup
+from msbot.registry.database_errors import told_as_registry_error
+from msbot.registry.engine import WRITE, Address, check_file, make_engine, make_private, parse_address
 from msbot.registry.registry import BUSY_TIMEOUT_S, open_registry
 from msbot.registry.schema import Migrations, own_migrations, read_version
 from msbot.registry.tables import metadata
@@ -93,8 +96,9 @@ def restore(source: Path, address: str) -> Path | None:
     check_file(parse_address(source), create=False, read_only=True)
     with tempfile.TemporaryDirectory(prefix="msbot-restore-") as folder:
         copy = Path(folder) / source.name
+        make_private(copy)
         shutil.copyfile(source, copy)
-        open_registry(copy).close()  # of an older schema, perhaps
+        check_backup(copy, needs_administrator=False)
         open_registry(address).close()
         where, engine = _open(address)
         try:

@@ -5,20 +5,9 @@ from __future__ import annotations
 import types
 
 from msbot.config import FieldKind, MessageType
-from msbot.part import (
-    Message,
-    float32,
-    float64,
-    int8,
-    int16,
-    int32,
-    int64,
-    uint8,
-    uint16,
-    uint32,
-    uint64,
-)
-from msbot.part.messages import STANDARD_MESSAGES
+from msbot.part import Message
+from msbot.part.messages.standard import STANDARD_MESSAGES
+from msbot.part.messages.wire_types import float32, float64, int8, int16, int32, int64, uint8, uint16, uint32, uint64
 
 ANNOTATIONS: dict[FieldKind, object] = {
     FieldKind.BOOL: bool,

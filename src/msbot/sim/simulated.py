@@ -12,7 +12,8 @@ from random import Random
 
 from msbot.config import Control, Direction, Library, Operand, PartType, Port, Scalar, Simulator, load_library
 from msbot.errors import ConfigError
-from msbot.part import ExpectedRobot, JoinState, Message, Part, fields_of
+from msbot.part import ExpectedRobot, JoinState, Message, Part
+from msbot.part.messages.message import fields_of
 from msbot.sim.classes import message_class
 from msbot.sim.world import World
 
@@ -69,7 +70,7 @@ class SimulatedPart:
     ) -> None:
         self.part_type = part_type
         self.part = Part(number, local_name=local_name, robot=robot, uid=uid, random=random)
-        """The part itself: run it with `await part.run_async(link)`, end it with `part.stop()`."""
+        """The part itself: run it with `await part.run_async(link)`, end it with `part.end()`."""
         self._simulator = part_type.simulator or Simulator()
         self._controls = {control.name: control for control in self._simulator.controls}
         self._world = World(part_type, random)

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from random import Random
 
 from msbot.config import Direction, FieldKind, Output, PartType, Port, Scalar, Simulator, format_text
-from msbot.part import FLOAT32_MAX
-from msbot.sim.gauges import Gauge, as_number, number
+from msbot.part.messages.wire_types import FLOAT32_MAX
+from msbot.sim.gauge import Gauge, as_number, number
 
 STEP_S = 0.02
 """Longest step in which something that moves is computed."""
@@ -149,8 +149,10 @@ class _Mouth:
             behind = max(0.0, now - self._next_at)
             self._next_at += (behind // period_s + 1) * period_s
             if not said and not self._is_silent(values):
-                said.append(self._fields(values))
-                self._said = said[-1]
+                fields = self._fields(values)
+                if self._said is None or self._differs(fields, values):
+                    self._said = fields
+                said.append(self._said)  # what has hardly changed is said again as it was
         return said
 
     def _is_silent(self, values: Mapping[str, Scalar]) -> bool:

@@ -6,17 +6,16 @@ looks at. Every frame has a number that counts up, so a page asks for "what came
 
 from __future__ import annotations
 
+import csv
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from io import StringIO
 from itertools import islice
 
-from msbot.link import Frame
-from msbot.link.can_decoder import CanDecoder
-from msbot.link.can_ids import NODES, CanIds
-from msbot.link.can_notation import show_frame
+from msbot.link.can.protocol import NODES, CanDecoder, CanIds, Frame, LogLine, format_log_line, show_frame
 from msbot.part import Message
-from msbot.pnp import KNOWN_TYPES, Overhearer
+from msbot.pnp import KNOWN_TYPES, KnownObject, Overhearer
 from msbot.xrce import decompress
 
 KEPT = 4000
@@ -39,6 +38,8 @@ class FrameRow:
     """The part's address on the bus, 0 when it is nobody's."""
     words: tuple[str, ...]
     """What it says; the first line about the frame, the others about the packet it completes."""
+    plain: tuple[str, ...] = ()
+    """The same in sentences for everybody (`knob says level 49.9 %`), where there is one."""
 
 
 class FrameRing:
@@ -54,11 +55,26 @@ class FrameRing:
         self._ring: deque[tuple[float, str, Frame]] = deque(maxlen=KEPT)
         self._rows: deque[FrameRow] = deque(maxlen=KEPT)
         self._decoded = 0
-        self._decoder = CanDecoder(Overhearer().explain, decompress=decompress, ids=self._ids)
+        self._overhearer = Overhearer()
+        self._plain: list[str] = []
+        self._decoder = CanDecoder(self._explain, decompress=decompress, ids=self._ids)
 
-    def know(self, types: Iterable[type[Message]]) -> None:
-        """Understand samples of these types, too; to be called before the first frame is looked at."""
-        self._decoder = CanDecoder(Overhearer((*KNOWN_TYPES, *types)).explain, decompress=decompress, ids=self._ids)
+    def know(
+        self,
+        types: Iterable[type[Message]],
+        objects: Callable[[Hashable, int], KnownObject | None] | None = None,
+        units: Callable[[str], Mapping[str, str]] | None = None,
+    ) -> None:
+        """Understand samples of these types, too, and sessions that began before anybody listened.
+
+        To be called before the first frame is looked at.
+
+        Args:
+            types: message classes of the robot.
+            objects: what the master knows of an object of the client at a node.
+            units: units of the fields of a message type.
+        """
+        self._overhearer = Overhearer((*KNOWN_TYPES, *types), know=objects, units=units)
 
     def tap(self, at: float, sender: str, frame: Frame) -> None:
         """Take a frame; what a bus calls."""
@@ -79,15 +95,36 @@ class FrameRing:
         index = number - (self.total - len(self._rows)) - 1
         return self._rows[index] if 0 <= index < len(self._rows) else None
 
+    def candump(self, channel: str, *, epoch_s: float = 0.0) -> Iterator[str]:
+        """The frames that are kept, as `candump -l` writes them; `epoch_s` is when the robot's clock was 0."""
+        return (format_log_line(LogLine(epoch_s + at, channel, frame)) for at, _, frame in tuple(self._ring))
+
+    def csv(self) -> Iterator[str]:
+        """The frames that are kept as a table: number, seconds, sender, frame, sentence, words of the protocol."""
+        line = StringIO()
+        writer = csv.writer(line)
+        head = ("number", "seconds", "sender", "frame", "plain", "protocol")
+        for row in (head, *map(_cells, self.rows(limit=KEPT))):
+            writer.writerow(row)
+            yield line.getvalue()
+            line.seek(0)
+            line.truncate()
+
     def _decode(self) -> None:
         """Work out what came since the last look; what has already left the ring is lost for the decoder too."""
         new = min(self.total - self._decoded, len(self._ring))
         number = self.total - new
         for at, sender, frame in islice(self._ring, len(self._ring) - new, None):
             number += 1
+            self._plain = []
             words = tuple(self._decoder.decode(frame, at))
-            self._rows.append(FrameRow(number, at, sender, show_frame(frame), self._node_of(frame), words))
+            node = self._node_of(frame)
+            self._rows.append(FrameRow(number, at, sender, show_frame(frame), node, words, tuple(self._plain)))
         self._decoded = self.total
+
+    def _explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
+        self._plain, words = self._overhearer.hear(packet, peer, up=up)
+        return words
 
     def _node_of(self, frame: Frame) -> int:
         if frame.extended:
@@ -96,3 +133,7 @@ class FrameRing:
             if 0 < frame.can_id - base <= NODES:
                 return frame.can_id - base
         return 0
+
+
+def _cells(row: FrameRow) -> tuple[object, ...]:
+    return (row.number, f"{row.at:.6f}", row.sender, row.text, " / ".join(row.plain), " / ".join(row.words))

@@ -2,19 +2,44 @@
 
 from __future__ import annotations
 
+import asyncio
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
-from msbot.config import Library, blueprint_toml, differences, parse_blueprint
-from msbot.operations import Operations
+from msbot.config import Library, blueprint_toml, compare_text, parse_blueprint
+from msbot.errors import RegistryError
+from msbot.operations.operations import RunningOperations
+from msbot.operations.rights import Role, role_named
 from msbot.pnp import PartState
-from msbot.registry import JournalEntry, PartRecord, Registry, RobotRecord, UserRecord, held, upkeep
-from msbot.web.accounts import User
-from msbot.web.models import JournalLine, RobotTile
-from msbot.web.roles import role_named
-from msbot.web.service import Records
+from msbot.registry import EditKind, EditRecord, JournalEntry, PartRecord, Registry, RobotRecord, UserRecord, upkeep
+from msbot.registry import waiting_restore as held
+from msbot.runtime.worker import Workshop
+from msbot.web.access.users import User
+from msbot.web.api.models import JournalLine, Robot, RobotTile
+
+
+@dataclass(frozen=True, slots=True)
+class Records:
+    """What the database knows, as functions, so that a robot without one has pages, too."""
+
+    journal: Callable[[int, str | None], Awaitable[list[JournalLine]]]
+    robots: Callable[[], Awaitable[list[RobotTile]]]
+    export: Callable[[], Awaitable[str]]
+    """The present blueprint as TOML."""
+    diff: Callable[[str], Awaitable[list[str]]]
+    """What another blueprint would change; raises ConfigError when it is wrong."""
+    apply: Callable[[str, str], Awaitable[str]]
+    """(TOML, who) -> what was changed, in words."""
+    backup: Callable[[], Awaitable[bytes]]
+    restore: Callable[[bytes, str], Awaitable[str]]
+    """(backup, who) -> what happens now, in words."""
+    people_edits: Callable[[int], Awaitable[Sequence[EditRecord]]]
+    """What was changed about people and keys, newest first."""
+    trouble: Callable[[], str]
 
 
 class RegistryUsers:
@@ -25,24 +50,19 @@ class RegistryUsers:
 
     def users(self) -> list[User]:
         """See `UserStore.users`."""
-        return [_user(record) for record in self._registry.users()]
-
-    def user(self, name: str) -> User | None:
-        """See `UserStore.user`."""
-        record = self._registry.user(name)
-        return None if record is None else _user(record)
+        return [_user(record) for record in self._registry.users.all()]
 
     def keep_user(self, user: User, who: str) -> None:
         """See `UserStore.keep_user`."""
-        self._registry.keep_user(user.name, user.role.word, who, password_hash=user.password_hash, tokens=user.tokens)
+        self._registry.users.keep(user.name, user.role.word, who, password_hash=user.password_hash, tokens=user.tokens)
 
     def remove_user(self, name: str, who: str) -> None:
         """See `UserStore.remove_user`."""
-        self._registry.remove_user(name, who)
+        self._registry.users.remove(name, who)
 
 
 def registry_records(
-    registry: Registry, robot: RobotRecord, operations: Operations, library: Library, *, address: str
+    registry: Registry, robot: RobotRecord, operations: RunningOperations, library: Library, *, address: str
 ) -> Records:
     """The records of a robot with a database.
 
@@ -54,65 +74,118 @@ def registry_records(
         address: the database as it was opened: for backups.
     """
 
-    def diff(toml: str) -> list[str]:
-        wanted = parse_blueprint(toml, library)
-        return [str(difference) for difference in differences(registry.blueprint(robot, by_hand=False), wanted)]
+    workshop = Workshop()  # what strangers write is read by another process, see there
 
-    def apply(toml: str, who: str) -> str:
-        return operations.apply(parse_blueprint(toml, library), who=who).words
+    async def diff(toml: str) -> list[str]:
+        present = await registry.storage.in_time(registry.robots.blueprint, robot, by_hand=False)
+        return [str(difference) for difference in await workshop.run(compare_text, toml, library, present)]
 
-    def backup() -> bytes:
-        with tempfile.TemporaryDirectory(prefix="msbot-backup-") as folder:
-            target = Path(folder) / "backup.db"
-            upkeep.back_up(address, target)
-            return target.read_bytes()
+    async def apply(toml: str, who: str) -> str:
+        wanted = await workshop.run(parse_blueprint, toml, library)
+        return (await operations.applying.put_in_force(wanted, who=who)).words
 
-    def restore(content: bytes, who: str) -> str:
-        held.hold(address, content)
-        registry.note(robot, "restore", "a backup is put in force when the master starts anew", who)
+    async def backup() -> bytes:
+        return await asyncio.to_thread(_backup, address)
+
+    async def restore(content: bytes, who: str) -> str:
+        known = await registry.storage.in_time(registry.users.all)
+        has_administrator = any(user.role == Role.ADMINISTRATOR.word for user in known)  # the demo has none
+        await asyncio.to_thread(held.hold, address, content, needs_administrator=has_administrator)
+        registry.edits.note(robot, EditKind.RESTORE, "a backup is put in force when the master starts anew", who)
         return "The backup is checked and kept: it is put in force when the master starts anew."
+
+    async def people_edits(limit: int) -> Sequence[EditRecord]:
+        return await registry.storage.in_time(registry.edits.latest, None, limit)
+
+    async def export() -> str:
+        blueprint = await registry.storage.in_time(registry.robots.blueprint, robot)
+        return blueprint_toml(blueprint, await registry.storage.in_time(registry.robots.made_by_hand, robot))
 
     return Records(
         journal=journal_lines(registry, robot),
         robots=robot_tiles(registry, robot),
-        export=lambda: blueprint_toml(registry.blueprint(robot), registry.made_by_hand(robot)),
+        export=export,
         diff=diff,
         apply=apply,
         backup=backup,
         restore=restore,
-        trouble=lambda: registry.trouble or "",
+        people_edits=people_edits,
+        trouble=lambda: registry.storage.health.trouble or "",
     )
 
 
-def journal_lines(registry: Registry, robot: RobotRecord) -> Callable[[int, str | None], list[JournalLine]]:
+def no_records(robot: Callable[[], Robot]) -> Records:
+    """The records of a robot without a database: all that needs one says so."""
+
+    async def refuse(*_: object) -> NoReturn:
+        raise RegistryError("this robot runs without a database: start it with --db")
+
+    async def no_edits(_limit: int) -> Sequence[EditRecord]:
+        return []
+
+    async def no_lines(_limit: int, _part: str | None) -> list[JournalLine]:
+        return []
+
+    async def tile() -> list[RobotTile]:
+        one = robot()
+        return [
+            RobotTile(name=one.name, serial_number=one.serial_number, running=True, here=True, owner="",
+                      slots=len(one.slots), active=0, last_event="", last_event_age_s=None)
+        ]  # fmt: skip
+
+    return Records(
+        journal=no_lines,
+        robots=tile,
+        export=refuse,
+        diff=refuse,
+        apply=refuse,
+        backup=refuse,
+        restore=refuse,
+        people_edits=no_edits,
+        trouble=str,
+    )
+
+
+def _backup(address: str) -> bytes:
+    with tempfile.TemporaryDirectory(prefix="msbot-backup-") as folder:
+        target = Path(folder) / "backup.db"
+        upkeep.back_up(address, target)
+        return target.read_bytes()
+
+
+def journal_lines(registry: Registry, robot: RobotRecord) -> Callable[[int, str | None], Awaitable[list[JournalLine]]]:
     """The journal of a robot, newest line first."""
 
-    def read(limit: int, part: str | None) -> list[JournalLine]:
-        return [_line(entry) for entry in reversed(registry.journal(limit, part, robot=robot))]
+    async def read(limit: int, part: str | None) -> list[JournalLine]:
+        entries = await registry.storage.in_time(registry.robots.journal, limit, part, robot=robot)
+        return [_line(entry) for entry in reversed(entries)]
 
     return read
 
 
 def robot_tiles(
     registry: Registry, here: RobotRecord, *, epoch_ns: Callable[[], int] = time.time_ns
-) -> Callable[[], list[RobotTile]]:
+) -> Callable[[], Awaitable[list[RobotTile]]]:
     """All robots of the database; `here` is the one this server runs."""
 
     def read() -> list[RobotTile]:
-        return [_tile(registry, robot, robot.id == here.id, epoch_ns()) for robot in registry.robots()]
+        return [_tile(registry, robot, robot.id == here.id, epoch_ns()) for robot in registry.robots.all()]
 
-    return read
+    async def read_in_time() -> list[RobotTile]:
+        return await registry.storage.in_time(read)
+
+    return read_in_time
 
 
 def _tile(registry: Registry, robot: RobotRecord, is_here: bool, now_ns: int) -> RobotTile:
-    parts = registry.parts(robot)
-    newest = registry.journal(1, robot=robot)
+    parts = registry.robots.parts(robot)
+    newest = registry.robots.journal(1, robot=robot)
     event = newest[-1] if newest else None
-    slots = registry.slot_names(robot)
+    slots = registry.robots.slot_names(robot)
     return RobotTile(
         name=robot.name,
         serial_number=robot.serial_number,
-        running=is_here or registry.is_run(robot),
+        running=is_here or registry.runs.is_run(robot),
         here=is_here,
         owner=robot.manufacturer,
         slots=len(slots),

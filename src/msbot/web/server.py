@@ -9,6 +9,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import hashlib
+import json
 import socket
 import ssl
 from collections.abc import Callable, Iterator
@@ -18,21 +20,29 @@ from pathlib import Path
 
 import uvicorn
 from fastapi import FastAPI
-from nicegui import ui
+from nicegui import core, ui
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
 from starlette.staticfiles import StaticFiles
 
 from msbot.errors import ConfigError
-from msbot.web.api import make_api
-from msbot.web.api_admin import make_admin_api
-from msbot.web.forms import make_forms
-from msbot.web.guard import Guard
+from msbot.web.access.cookies import cookie_names
+from msbot.web.access.guard import ANY_ADDRESS, Guard
+from msbot.web.access.sign_in_pages import make_forms
+from msbot.web.api.admin import make_admin_api
+from msbot.web.api.problems import tell_problems
+from msbot.web.api.routes import make_api
+from msbot.web.connections import Acceptor, Connections, WatchedConnection
+from msbot.web.open_pages import OpenPages
 from msbot.web.pages import register_pages
-from msbot.web.problems import tell_problems
+from msbot.web.pages.help import picture_answer
 from msbot.web.service import Service
 
 DEFAULT_PORT = 8080
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ANY_HOST = ("0.0.0.0", "::")
+MAX_MESSAGE = 1024 * 1024
+"""Octets of one message of a websocket."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +58,8 @@ class WebSettings:
     """PEM file with the certificate chain; with it the pages are served by TLS."""
     key: Path | None = None
     """PEM file with its private key; absent: in the same file."""
+    names: tuple[str, ...] = ()
+    """Further host names under which the page may be asked for; addresses and the computer's own name always are."""
 
 
 class _Server(uvicorn.Server):
@@ -57,9 +69,13 @@ class _Server(uvicorn.Server):
         super().__init__(config)
         self.ready = asyncio.Event()
 
-    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        await super().startup(sockets)
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:  # noqa: ARG002 - uvicorn's signature
+        await super().startup([])  # no socket for asyncio's own server: `Acceptor` looks after it
         self.ready.set()
+
+    def connection(self, connections: Connections) -> WatchedConnection:
+        """A new connection's protocol."""
+        return WatchedConnection(connections, self.config, self.server_state, self.lifespan.state)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -79,6 +95,7 @@ class WebServer:
 
     def __init__(self, service: Service, settings: WebSettings) -> None:
         self._service = service
+        self.connections = Connections()
         self._tls = None if settings.certificate is None else _tls_context(settings.certificate, settings.key)
         self._socket = _bind(settings)
         self.host = settings.host
@@ -90,6 +107,11 @@ class WebServer:
             raise
 
     @property
+    def mark(self) -> str:
+        """Tells this robot's page from others on this computer: eight hexadecimal digits."""
+        return hashlib.sha256(f"{self._service.robot_id}\n{self.port}".encode()).hexdigest()[:8]
+
+    @property
     def ready(self) -> asyncio.Event:
         """Set when the pages can be opened."""
         return self._server.ready
@@ -97,7 +119,14 @@ class WebServer:
     @property
     def address(self) -> str:
         """What a person types: `http://127.0.0.1:8080`."""
-        host = "127.0.0.1" if self.host in ANY_HOST else self.host
+        return self._address("127.0.0.1" if self.host in ANY_HOST else self.host)
+
+    @property
+    def own_address(self) -> str:
+        """Where it is served, as other masters of this computer are told: 0.0.0.0 for every network."""
+        return self._address(self.host)
+
+    def _address(self, host: str) -> str:
         host = f"[{host}]" if ":" in host else host
         return f"{'https' if self._tls else 'http'}://{host}:{self.port}"
 
@@ -113,10 +142,13 @@ class WebServer:
 
     async def run(self) -> None:
         """Serve until cancelled."""
-        serving = asyncio.ensure_future(self._server.serve(sockets=[self._socket]))
+        serving = asyncio.ensure_future(self._server.serve(sockets=[]))
+        acceptor = Acceptor(self._socket, lambda: self._server.connection(self.connections), self._tls)
+        accepting = asyncio.ensure_future(self._accept(acceptor))
         try:
             await asyncio.shield(serving)
         finally:
+            accepting.cancel()
             self._server.should_exit = True
             self._server.force_exit = True
             ending = asyncio.ensure_future(self._end(serving))
@@ -124,6 +156,10 @@ class WebServer:
                 with contextlib.suppress(asyncio.CancelledError):
                     await asyncio.shield(ending)
             self._socket.close()
+
+    async def _accept(self, acceptor: Acceptor) -> None:
+        await self.ready.wait()
+        await acceptor.run()
 
     async def _end(self, serving: asyncio.Future[None]) -> None:
         await asyncio.wait([serving])
@@ -134,26 +170,47 @@ class WebServer:
     def _config(self, settings: WebSettings) -> uvicorn.Config:
         service = self._service
         app = FastAPI(title="MsBOT", version="1", docs_url=None, redoc_url=None, openapi_url="/openapi.json")
-        app.include_router(make_forms(service.accounts, service.robot_name))
+        cookies = cookie_names(self.mark)
+        app.include_router(make_forms(service.accounts, service.robot_name, cookies))
         app.include_router(make_api(service))
         app.include_router(make_admin_api(service))
         tell_problems(app)
         app.mount("/web", StaticFiles(directory=str(files("msbot.web") / "static")), name="web")
+        app.add_api_route("/handbook/pictures/{name:path}", picture_answer, include_in_schema=False)
         register_pages(service)
         ui.run_with(app, title=f"{service.robot_name} · MsBOT", dark=None, show_welcome_message=False, tailwind=False,
                     favicon=Path(str(files("msbot.web") / "static" / "icon.svg")))  # fmt: skip
-        hosts = () if settings.host not in LOOPBACK else LOOPBACK
-        tls = self._tls
+        core.app.config.socket_io_js_transports = ["websocket"]  # the guard lets nothing else in
+        # NiceGUI would build a whole page, with all that belongs to it, for every address that there is not.
+        core.app.add_exception_handler(404, _not_there)
+        pages = OpenPages(service.accounts)
+        guard = Guard(
+            app, service.accounts, _names_of(settings), cookies=cookies, owns=pages.may_use,
+            beat=lambda: json.dumps({"stopped": service.is_stopped}).encode(), is_tls=self._tls is not None,
+        )  # fmt: skip
         return uvicorn.Config(
-            Guard(app, service.accounts, hosts),
+            guard,
             log_level="warning",
             access_log=False,
             server_header=False,
             lifespan="on",
             timeout_graceful_shutdown=1,
             proxy_headers=False,
-            ssl_context_factory=None if tls is None else lambda _config, _default: tls,
+            ws_max_size=MAX_MESSAGE,
         )
+
+
+async def _not_there(_request: Request, _error: Exception) -> Response:
+    return PlainTextResponse("There is no such page.", 404)
+
+
+def _names_of(settings: WebSettings) -> tuple[str, ...]:
+    """Under which names the page may be asked for: what a hostile site's own name leads to is not answered."""
+    if settings.host in LOOPBACK:
+        return LOOPBACK
+    own = socket.gethostname()
+    short = own.partition(".")[0]
+    return (*LOOPBACK, ANY_ADDRESS, settings.host, own, short, f"{short}.local", socket.getfqdn(), *settings.names)
 
 
 def _bind(settings: WebSettings) -> socket.socket:

@@ -6,13 +6,20 @@ role that was taken away, or a session that has ended, counts at once, also for 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import asyncio
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
-from msbot.errors import ConfigError, RegistryError
-from msbot.operations import Operations, Outcome
-from msbot.web.accounts import Accounts, Session, User
-from msbot.web.models import (
+from msbot.errors import ConfigError
+from msbot.operations.operations import RunningOperations
+from msbot.operations.outcome import Outcome
+from msbot.operations.rights import Asker, Right, role_named
+from msbot.registry import EditRecord
+from msbot.web.access.accounts import Accounts, NotAllowed
+from msbot.web.access.class_list import Newcomer
+from msbot.web.access.sessions import Session
+from msbot.web.access.users import User
+from msbot.web.api.models import (
     BlueprintDiff,
     Done,
     EditLine,
@@ -24,31 +31,16 @@ from msbot.web.models import (
     UserLine,
     Value,
 )
-from msbot.web.roles import Right, role_named
+from msbot.web.neighbours import Neighbour, Neighbours, StopForAll
+from msbot.web.records import Records
 from msbot.web.views import Views
 
 SHARED_S = 0.2
 """So long one look at the robot serves every page."""
+MAX_BLUEPRINT = 256 * 1024
+"""Octets of a blueprint."""
 CLASS_S = 2.0
 """So long one look at the whole database serves every class view."""
-
-
-@dataclass(frozen=True, slots=True)
-class Records:
-    """What the database knows, as functions, so that a robot without one has pages, too."""
-
-    journal: Callable[[int, str | None], list[JournalLine]]
-    robots: Callable[[], list[RobotTile]]
-    export: Callable[[], str]
-    """The present blueprint as TOML."""
-    diff: Callable[[str], list[str]]
-    """What another blueprint would change; raises ConfigError when it is wrong."""
-    apply: Callable[[str, str], str]
-    """(TOML, who) -> what was changed, in words."""
-    backup: Callable[[], bytes]
-    restore: Callable[[bytes, str], str]
-    """(backup, who) -> what happens now, in words."""
-    trouble: Callable[[], str]
 
 
 class Service:
@@ -61,19 +53,22 @@ class Service:
         records: what the database knows.
         robot: the robot's description for `robot()`, without its slots.
         clock: the robot's clock.
+        neighbours: the masters of this computer.
     """
 
     def __init__(
-        self, *, views: Views, operations: Operations, accounts: Accounts, records: Records,
-        robot: Callable[[], Robot], clock: Callable[[], float],
+        self, *, views: Views, operations: RunningOperations, accounts: Accounts, records: Records,
+        robot: Callable[[], Robot], clock: Callable[[], float], neighbours: Neighbours | None = None,
     ) -> None:  # fmt: skip
         self.views = views
         self.accounts = accounts
-        self._operations = operations
+        self.operations = operations
         self._records = records
         self._robot = robot
         self._clock = clock
-        self._seen_robot: tuple[float, Robot] | None = None
+        self._neighbours = neighbours or Neighbours()
+        self._looking_around = asyncio.Lock()
+        self._seen_robot: tuple[float, int, Robot] | None = None
         self._seen_robots: tuple[float, list[RobotTile]] | None = None
 
     @property
@@ -81,6 +76,21 @@ class Service:
         """The robot's name and version."""
         robot = self._robot()
         return robot.name
+
+    @property
+    def robot_id(self) -> str:
+        """What tells this robot from others: name and serial number."""
+        robot = self._robot()
+        return f"{robot.name} {robot.serial_number}"
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether STOP holds."""
+        return self.operations.stopping.status.stopped
+
+    def now(self) -> float:
+        """The robot's clock, seconds."""
+        return self._clock()
 
     # Seeing
 
@@ -91,17 +101,17 @@ class Service:
 
     def robot(self) -> Robot:
         """The robot with all its slots; worked out once for all pages that ask at the same time."""
-        now = self._clock()
-        if self._seen_robot is not None and now - self._seen_robot[0] < SHARED_S:
-            return self._seen_robot[1]
+        now, asked = self._clock(), self.operations.asked
+        if self._seen_robot is not None and now - self._seen_robot[0] < SHARED_S and self._seen_robot[1] == asked:
+            return self._seen_robot[2]
         slots = self.views.slots()
         robot = self._robot().model_copy(
             update={"slots": slots, "arrivals": self.views.waiting(), "trouble": self._records.trouble()}
         )
-        self._seen_robot = (now, robot)
+        self._seen_robot = (now, asked, robot)
         return robot
 
-    def values(self, slot: str) -> list[Value]:
+    async def values(self, slot: str) -> list[Value]:
         """The parameters of a slot with origin, range and unit."""
         self.views.check_slot(slot)
         return [
@@ -117,61 +127,54 @@ class Service:
                 description=value.description,
                 who=value.who,
             )
-            for value in self._operations.values(slot)
+            for value in await self.operations.settings.read(slot)
         ]
 
-    def journal(self, limit: int, part: str | None = None) -> list[JournalLine]:
+    async def journal(self, limit: int, part: str | None = None) -> list[JournalLine]:
         """The newest lines of the journal, newest first."""
-        return self._records.journal(limit, part)
+        return await self._records.journal(limit, part)
 
-    def edits(self, limit: int) -> list[EditLine]:
+    async def edits(self, limit: int) -> list[EditLine]:
         """What people changed, newest first."""
-        return [
-            EditLine(
-                number=edit.id,
-                at_ms=edit.at_ns // 1_000_000,
-                who=edit.who,
-                kind=edit.kind,
-                slot=edit.slot,
-                words=edit.words,
-                undone=edit.undone,
-                undoable=edit.can_be_undone,
-            )
-            for edit in self._operations.edits(limit)
-        ]
+        return [_edit_line(edit) for edit in await self.operations.undoing.read(limit)]
 
-    def robots(self) -> list[RobotTile]:
-        """All robots of the database; read at most every few seconds, however many pages are open."""
-        now = self._clock()
-        if self._seen_robots is None or now - self._seen_robots[0] >= CLASS_S:
-            self._seen_robots = (now, self._records.robots())
-        return self._seen_robots[1]
+    async def robots(self) -> list[RobotTile]:
+        """All robots of the database, and those whose masters run on this computer.
 
-    def blueprint(self) -> str:
+        Read at most every few seconds, and by one at a time, however many pages are open.
+        """
+        async with self._looking_around:
+            if self._seen_robots is None or self._clock() - self._seen_robots[0] >= CLASS_S:
+                tiles = with_neighbours(await self._records.robots(), await self._neighbours.look())
+                self._seen_robots = (self._clock(), tiles)
+            return self._seen_robots[1]
+
+    async def stop_all(self, session: Session) -> StopForAll:
+        """STOP to every robot whose master runs on this computer."""
+        self._need(session, Right.STOP)
+        return await self._neighbours.stop_all(session.name, f"{session.name} stopped all robots of the class")
+
+    async def blueprint(self) -> str:
         """The present blueprint as `robot.toml`."""
-        return self._records.export()
+        return await self._records.export()
 
-    def blueprint_diff(self, toml: str) -> BlueprintDiff:
-        """What applying another blueprint would change.
+    async def blueprint_diff(self, session: Session, toml: str) -> BlueprintDiff:
+        """What applying another blueprint would change; who may not apply it need not know.
 
         Raises:
             ConfigError: it is wrong; the text says where.
         """
-        return BlueprintDiff(changes=self._records.diff(toml))
+        self._need(session, Right.DESIGN)
+        _check_size(toml)
+        return BlueprintDiff(changes=await self._records.diff(toml))
 
-    # Doing: everybody who is signed in
+    # Doing
 
-    def stop(self, session: Session, reason: str) -> Done:
-        """STOP: every part goes to its safe state."""
-        self._need(session, Right.STOP)
-        return _done(self._operations.stop(reason or f"{session.name} pressed STOP", who=session.name))
+    def asker(self, session: Session) -> Asker:
+        """Who asks for an operation: `operations.do` checks the right at that moment."""
+        return Asker(session.name, partial(self.accounts.require, session), session.may)
 
     # Doing: students
-
-    def identify(self, session: Session, part: str) -> Done:
-        """Have a part show itself."""
-        self._need(session, Right.OPERATE)
-        return _done(self._operations.identify(part))
 
     def operate(self, session: Session, slot: str, control: str, value: Scalar) -> Done:
         """Do something to a simulated part."""
@@ -187,83 +190,18 @@ class Service:
         (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)
         return Done(words=f"{slot} is {'plugged in' if plugged else 'unplugged'}")
 
-    def set_value(self, session: Session, slot: str, name: str, value: Scalar) -> Done:
-        """Set a parameter by hand."""
-        self._need(session, Right.SET)
-        self.views.check_slot(slot)
-        return _done(self._operations.set_value(slot, name, _text(value), who=session.name))
-
-    def reset_value(self, session: Session, slot: str, name: str) -> Done:
-        """Forget what was set by hand."""
-        self._need(session, Right.SET)
-        self.views.check_slot(slot)
-        return _done(self._operations.reset_value(slot, name, who=session.name))
-
-    # Doing: teachers
-
-    def go_on(self, session: Session) -> Done:
-        """End STOP."""
-        self._need(session, Right.ARRANGE)
-        return _done(self._operations.go_on(who=session.name))
-
-    def adopt(self, session: Session, part: str, slot: str | None) -> Done:
-        """Let an unknown or waiting part into a slot."""
-        self._need(session, Right.ARRANGE)
-        return _done(self._operations.adopt(part, slot, who=session.name))
-
-    def ignore(self, session: Session, part: str) -> Done:
-        """Show a part among the arrivals no more."""
-        self._need(session, Right.ARRANGE)
-        return _done(self._operations.ignore(part, who=session.name))
-
-    def swap(self, session: Session, slot: str, to_part: str) -> Done:
-        """Give a slot to another part."""
-        self._need(session, Right.ARRANGE)
-        self.views.check_slot(slot)
-        return _done(self._operations.swap(slot, to_part, who=session.name))
-
-    def release(self, session: Session, slot: str) -> Done:
-        """Take a slot from its part."""
-        self._need(session, Right.ARRANGE)
-        self.views.check_slot(slot)
-        return _done(self._operations.release(slot, who=session.name))
-
-    def block(self, session: Session, part: str, reason: str) -> Done:
-        """Let a part in no more."""
-        self._need(session, Right.ARRANGE)
-        return _done(self._operations.block(part, reason or f"blocked by {session.name}", who=session.name))
-
-    def unblock(self, session: Session, part: str) -> Done:
-        """Let a blocked part in again."""
-        self._need(session, Right.ARRANGE)
-        return _done(self._operations.unblock(part, who=session.name))
-
-    def open_window(self, session: Session, seconds: float) -> Done:
-        """Open the adoption window."""
-        self._need(session, Right.ARRANGE)
-        return _done(self._operations.open_window(seconds, who=session.name))
-
-    def close_window(self, session: Session) -> Done:
-        """Close the adoption window."""
-        self._need(session, Right.ARRANGE)
-        return _done(self._operations.close_window())
-
     def may_undo(self, session: Session, edit: EditLine) -> bool:
         """Whether to offer it: students take back their own settings only."""
         is_own = edit.who == session.name and edit.kind == "value" and session.may(Right.SET)
         return edit.undoable and (is_own or session.may(Right.ARRANGE))
 
-    def undo(self, session: Session, edit: int | None) -> Done:
-        """Take a change back; the latest one when no number is given. A student can take back their own settings."""
-        self._need(session, Right.SET)
-        if not session.may(Right.ARRANGE):
-            self._check_own(session, edit)
-        return _done(self._operations.undo(edit, who=session.name))
+    # Doing: teachers
 
-    def apply_blueprint(self, session: Session, toml: str) -> Done:
+    async def apply_blueprint(self, session: Session, toml: str) -> Done:
         """Make the robot what another blueprint says."""
         self._need(session, Right.DESIGN)
-        return Done(words=self._records.apply(toml, session.name))
+        _check_size(toml)
+        return Done(words=await self._records.apply(toml, session.name))
 
     # Doing: administrators
 
@@ -272,17 +210,41 @@ class Service:
         self._need(session, Right.ADMINISTER)
         return [_user_line(user) for user in self.accounts.users()]
 
-    def add_user(self, session: Session, name: str, role: str, password: str) -> Done:
+    async def add_user(self, session: Session, name: str, role: str, password: str) -> Done:
         """Let a person sign in."""
         self._need(session, Right.ADMINISTER)
-        self.accounts.add_user(name, role_named(role), password, who=session.name)
+        await self.accounts.add_user(name, role_named(role), password, who=session.name)
         return Done(words=f"{name} can sign in as {role}")
 
-    def change_user(self, session: Session, name: str, role: str | None, password: str | None) -> Done:
-        """Give a user another role or password; everybody may change their own password."""
-        self._need(session, Right.SEE if name == session.name and role is None else Right.ADMINISTER)
-        self.accounts.change_user(name, who=session.name, role=role, password=password)
-        return Done(words=f"{name} is changed")
+    async def add_people(self, session: Session, people: Sequence[Newcomer]) -> Done:
+        """Let a whole class sign in: all of them, or nobody."""
+        self._need(session, Right.ADMINISTER)
+        await self.accounts.add_people(people, who=session.name)
+        return Done(words=f"{len(people)} people can sign in")
+
+    async def people_edits(self, session: Session, limit: int) -> list[EditLine]:
+        """What was changed about people and keys, newest first."""
+        self._need(session, Right.ADMINISTER)
+        return [_edit_line(edit) for edit in await self._records.people_edits(limit)]
+
+    def change_role(self, session: Session, name: str, role: str) -> Done:
+        """Give a user another role."""
+        self._need(session, Right.ADMINISTER)
+        self.accounts.change_role(name, role, who=session.name)
+        return Done(words=f"{name} is {role_named(role).one} now")
+
+    async def change_password(self, session: Session, name: str, password: str, old: str | None) -> Done:
+        """Give a user another password; everybody may change their own, and has to say the old one.
+
+        Raises:
+            NotAllowed: a program asks, or the role does not allow it.
+        """
+        is_own = name == session.name
+        self._need(session, Right.SEE if is_own else Right.ADMINISTER)
+        if session.is_program:
+            raise NotAllowed("a program with an API token may not change passwords: sign in on the page")
+        await self.accounts.change_password(name, password, who=session.name, old=(old or "") if is_own else None)
+        return Done(words=f"{name} has a new password; sessions and API tokens of {name} have ended")
 
     def remove_user(self, session: Session, name: str) -> Done:
         """Let a person in no more."""
@@ -301,15 +263,15 @@ class Service:
         self.accounts.remove_token(name, purpose, who=session.name)
         return Done(words=f"the token for {purpose} is removed")
 
-    def backup(self, session: Session) -> bytes:
+    async def backup(self, session: Session) -> bytes:
         """The whole database in one file."""
         self._need(session, Right.ADMINISTER)
-        return self._records.backup()
+        return await self._records.backup()
 
-    def restore(self, session: Session, content: bytes) -> Done:
+    async def restore(self, session: Session, content: bytes) -> Done:
         """Go back to a backup."""
         self._need(session, Right.ADMINISTER)
-        return Done(words=self._records.restore(content, session.name))
+        return Done(words=await self._records.restore(content, session.name))
 
     # Helpers
 
@@ -317,54 +279,42 @@ class Service:
         self.accounts.require(session, right)
         self._seen_robot = None  # what follows changes it
 
-    def _check_own(self, session: Session, edit: int | None) -> None:
-        found = next(
-            (line for line in self._operations.edits(200) if line.can_be_undone and edit in (None, line.id)), None
-        )
-        if found is None:
-            raise ConfigError("there is no such change that could be undone")
-        if found.who != session.name or found.kind != "value":
-            self.accounts.require(session, Right.ARRANGE)
+
+def _edit_line(edit: EditRecord) -> EditLine:
+    return EditLine(
+        number=edit.id, at_ms=edit.at_ns // 1_000_000, who=edit.who, kind=edit.kind, slot=edit.slot, words=edit.words,
+        undone=edit.undone, undoable=edit.can_be_undone,
+    )  # fmt: skip
 
 
-def no_records(robot: Callable[[], Robot]) -> Records:
-    """The records of a robot without a database: all that needs one says so."""
-
-    def refuse(*_: object) -> str:
-        raise RegistryError("this robot runs without a database: start it with --db")
-
-    def refuse_octets() -> bytes:
-        raise RegistryError("this robot runs without a database: start it with --db")
-
-    def refuse_diff(_toml: str) -> list[str]:
-        raise RegistryError("this robot runs without a database: start it with --db")
-
-    def tile() -> list[RobotTile]:
-        one = robot()
-        return [
-            RobotTile(name=one.name, serial_number=one.serial_number, running=True, here=True, owner="",
-                      slots=len(one.slots), active=0, last_event="", last_event_age_s=None)
-        ]  # fmt: skip
-
-    return Records(
-        journal=lambda _limit, _part: [],
-        robots=tile,
-        export=refuse,
-        diff=refuse_diff,
-        apply=refuse,
-        backup=refuse_octets,
-        restore=refuse,
-        trouble=str,
-    )
+def _check_size(toml: str) -> None:
+    size = len(toml.encode("utf-8", "surrogatepass"))
+    if size > MAX_BLUEPRINT:
+        raise ConfigError(f"a blueprint has at most {MAX_BLUEPRINT // 1024} kB; this one has {size // 1024 + 1} kB")
 
 
-def _done(outcome: Outcome) -> Done:
-    return Done(words=outcome.words, edit=outcome.edit_id, latency_ms=outcome.latency_ms)
-
-
-def _text(value: Scalar) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+def done_of(outcome: Outcome) -> Done:
+    """What came of an operation, for page and API."""
+    return Done(words=outcome.words, edit=outcome.edit_id)
 
 
 def _user_line(user: User) -> UserLine:
     return UserLine(name=user.name, role=user.role.word, tokens=[purpose for purpose, _ in user.tokens])
+
+
+def with_neighbours(tiles: Sequence[RobotTile], found: Iterable[Neighbour]) -> list[RobotTile]:
+    """The robots of the database, with what their masters say of themselves; and robots of other databases.
+
+    A robot is known by its name and serial number.
+    """
+    known = {(tile.name, tile.serial_number): tile for tile in tiles}
+    for one in found:
+        tile = known.get((one.robot, one.serial_number)) or RobotTile(
+            name=one.robot, serial_number=one.serial_number, running=True, here=False, owner="", slots=one.slots,
+            active=one.active, last_event="", last_event_age_s=None,
+        )  # fmt: skip
+        known[one.robot, one.serial_number] = tile.model_copy(
+            update={"running": True, "address": one.page, "active": one.active, "slots": one.slots,
+                    "stopped": one.stopped, "reachable": True}
+        )  # fmt: skip
+    return list(known.values())

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 
-from msbot.config import Binding, Blueprint, Library, Slot
-from msbot.errors import ConfigError
+from msbot.config import Blueprint, Direction, Library
+from msbot.errors import NotThere
 from msbot.master import Master
 from msbot.pnp import PartInfo
-from msbot.web.bench import Bench
-from msbot.web.frames import FrameRing, FrameRow
-from msbot.web.live import Live
-from msbot.web.models import (
+from msbot.web.api.models import (
     BusState,
     Control,
     FrameLine,
     Lane,
     PartLine,
-    PortLine,
     Simulated,
     SlotCard,
     SpanLine,
+    StopState,
     TopicLine,
     TypeLine,
+    WirePort,
 )
+from msbot.web.cards import SaidByHand, SlotCards, part_line
+from msbot.web.frames import FrameRing, FrameRow
+from msbot.web.live import Live
+from msbot.web.simulated.bench import Bench
 from msbot.web.timeline import Timeline
 
 ARRIVING = ("new", "checking", "refused", "standby")
@@ -32,10 +33,6 @@ ARRIVING = ("new", "checking", "refused", "standby")
 
 HELD = ("active", "late")
 """States of slots that a part holds."""
-
-
-class NotThere(ConfigError):
-    """There is no slot, part, frame or type of that name."""
 
 
 class BusMeter:
@@ -65,13 +62,16 @@ class Views:
         timeline: its past.
         bench: its simulated parts.
         clock: the robot's clock.
-        ignored: UIDs and names of parts that a person does not want to see among the arrivals.
+        ignored: whether a person does not want to see a part among the arrivals.
+        bus: the figures of its CAN bus.
+        stop: STOP as it stands.
+        by_hand: what people say to the ports that they drive by hand.
     """
 
     def __init__(
         self, master: Master, *, blueprint: Callable[[], Blueprint], library: Library, live: Live, frames: FrameRing,
         timeline: Timeline, bench: Bench, clock: Callable[[], float], ignored: Callable[[PartInfo], bool],
-        bus: BusMeter | None = None,
+        bus: BusMeter | None = None, stop: Callable[[], StopState] = StopState, by_hand: SaidByHand = dict,
     ) -> None:  # fmt: skip
         self.live = live
         self.frames = frames
@@ -83,6 +83,10 @@ class Views:
         self._clock = clock
         self._ignored = ignored
         self._bus = bus or BusMeter()
+        self._cards = SlotCards(
+            master=master, blueprint=blueprint, library=library, live=live, bench=bench, clock=clock, ignored=ignored,
+            stop=stop, by_hand=by_hand,
+        )  # fmt: skip
         self._rate: tuple[float, int, float] = (clock(), 0, 0.0)
 
     def look(self) -> None:
@@ -94,13 +98,7 @@ class Views:
 
     def slots(self) -> list[SlotCard]:
         """All slots, in the order of the blueprint."""
-        now, blueprint = self._clock(), self._blueprint()
-        infos = {info.slot: info for info in self._master.inventory.view(now) if info.slot}
-        here, ends = frozenset(self.bench.slots()), _ends_of(blueprint)
-        return [
-            self._card(slot, infos.get(slot.name), now, is_here=slot.name in here, ends=ends.get(slot.name, []))
-            for slot in blueprint.slots
-        ]
+        return self._cards.all()
 
     def slot(self, name: str) -> SlotCard:
         """One slot.
@@ -109,12 +107,7 @@ class Views:
             NotThere: there is no such slot.
         """
         self.check_slot(name)
-        now, blueprint = self._clock(), self._blueprint()
-        slot = blueprint.slot(name)
-        assert slot is not None
-        info = next((info for info in self._master.inventory.view(now) if info.slot == name), None)
-        is_here = name in self.bench.slots()
-        return self._card(slot, info, now, is_here=is_here, ends=_ends_of(blueprint).get(name, []))
+        return self._cards.one(name)
 
     def check_slot(self, name: str) -> None:
         """Refuse a slot that is not there.
@@ -129,7 +122,7 @@ class Views:
 
     def parts(self) -> list[PartLine]:
         """All parts that are there or were there lately."""
-        return [self._part(info) for info in self._master.inventory.view(self._clock())]
+        return [part_line(info, is_ignored=self._ignored(info)) for info in self._master.inventory.view(self._clock())]
 
     def waiting(self) -> int:
         """How many parts are among the arrivals and not ignored."""
@@ -154,8 +147,8 @@ class Views:
         return [name for name in self.bench.slots() if blueprint.slot(name) is None]
 
     def why(self, part: str) -> list[str]:
-        """In sentences: how a part stands and which rules led there."""
-        return self._master.inventory.why(part, self._clock())
+        """In sentences: how a part stands, which rules led there, and whom its topics cannot reach."""
+        return self._master.why(part)
 
     def beat_intervals(self, slot: str) -> list[float]:
         """Seconds between the latest beats."""
@@ -192,7 +185,7 @@ class Views:
                 TopicLine(
                     topic=binding.topic,
                     type_name=binding.type_name,
-                    publishers=[str(binding.source)],
+                    publishers=[str(binding.source)] if binding.source.slot else [],
                     subscribers=[str(target) for target in binding.targets],
                     rate_hz=0.0 if watch is None else watch.rate_hz(now),
                     count=0 if watch is None else watch.count,
@@ -200,6 +193,46 @@ class Views:
                 )
             )
         return lines
+
+    def mark(self) -> object:
+        """Another object whenever somebody has changed the robot's slots, wires or settings."""
+        return self._blueprint()
+
+    def ports(self) -> list[WirePort]:
+        """All ports of all slots, in the order of the blueprint, with the topics they are wired to."""
+        blueprint = self._blueprint()
+        wired = {str(end): binding for binding in blueprint.bindings for end in (binding.source, *binding.targets)}
+        lines: dict[str, WirePort] = {}
+        for slot in blueprint.slots:
+            part_type = self.library.get(slot.part)
+            for port in () if part_type is None else part_type.ports:
+                end = f"{slot.name}.{port.name}"
+                lines[end] = WirePort(
+                    slot=slot.name, port=port.name, type_name=port.type_name,
+                    publishes=port.direction is Direction.PUBLISH, topic=wired[end].topic if end in wired else "",
+                )  # fmt: skip
+        for end, binding in wired.items():  # of parts that the library does not know
+            slot_name, _, port_name = end.rpartition(".")
+            if end not in lines:
+                lines[end] = WirePort(
+                    slot=slot_name, port=port_name, type_name=binding.type_name,
+                    publishes=str(binding.source) == end, topic=binding.topic,
+                )  # fmt: skip
+        return list(lines.values())
+
+    def units(self, type_name: str) -> Mapping[str, str]:
+        """The units of a message type's fields, by field."""
+        message = self.library.messages.get(type_name)
+        return {} if message is None else message.units
+
+    def spark(self, topic: str) -> list[float]:
+        """The first number on a topic over the last minute, oldest first."""
+        watch = self.live.topic(topic)
+        if watch is None:
+            return []
+        fields = self.live.fields(watch)
+        field = next((name for name, value in fields.items() if not isinstance(value, bool | str)), None)
+        return [] if field is None else self.live.spark(watch, field)
 
     def bus(self) -> BusState:
         """How busy the bus is."""
@@ -217,6 +250,14 @@ class Views:
             frames_per_second=rate,
             errors=self._bus.errors(),
         )
+
+    def frames_as_csv(self) -> str:
+        """The frames that are kept as a table: number, seconds, sender, frame, sentence, words of the protocol."""
+        return "".join(self.frames.csv())
+
+    def frames_as_candump(self) -> str:
+        """The frames that are kept as `candump -l` writes them."""
+        return "".join(f"{line}\n" for line in self.frames.candump("can0"))
 
     def frame_lines(self, after: int, limit: int) -> list[FrameLine]:
         """The newest frames with a number above `after`, oldest first."""
@@ -276,86 +317,6 @@ class Views:
                 )
         return sorted(lines, key=lambda line: line.name)
 
-    # Helpers
-
-    def _card(
-        self, slot: Slot, info: PartInfo | None, now: float, *, is_here: bool, ends: Sequence[_End]
-    ) -> SlotCard:  # fmt: skip
-        part_type = self.library.get(slot.part)
-        beat_s = self._master.inventory.timing.beat_s
-        is_counted = info is not None and info.state.is_registered and info.beat_age_s is not None
-        return SlotCard(
-            name=slot.name,
-            part_number=slot.part,
-            type_name="" if part_type is None else part_type.name,
-            category="" if part_type is None else part_type.category.value,
-            description=slot.description,
-            state="empty" if info is None else info.state.value,
-            reason="nothing is plugged in" if info is None else info.reason,
-            part=None if info is None else self._part(info),
-            ports=[self._port(end, now) for end in ends],
-            next_beat_s=beat_s - info.beat_age_s
-            if is_counted and info is not None and info.beat_age_s is not None
-            else None,
-            simulated=is_here,
-            plugged=self.bench.is_plugged(slot.name) if is_here else None,
-        )
-
-    def _port(self, end: _End, now: float) -> PortLine:
-        binding = end.binding
-        watch = self.live.topic(binding.topic)
-        return PortLine(
-            port=end.port,
-            topic=binding.topic,
-            type_name=binding.type_name,
-            publishes=end.publishes,
-            reliable=binding.reliable,
-            rate_hz=0.0 if watch is None else round(watch.rate_hz(now), 2),
-            count=0 if watch is None else watch.count,
-            age_s=None if watch is None or watch.at is None else now - watch.at,
-            fields={} if watch is None else self.live.fields(watch),
-        )
-
-    def _part(self, info: PartInfo) -> PartLine:
-        return PartLine(
-            part=info.part,
-            part_number=info.part_number,
-            local_name=info.local_name,
-            uid=info.uid.hex(),
-            slot=info.slot or "",
-            state=info.state.value,
-            reason=info.reason,
-            state_age_s=info.state_age_s,
-            life=info.life,
-            beat_age_s=info.beat_age_s,
-            beats=info.beats,
-            plug_in_to_active_ms=info.plug_in_to_active_ms,
-            client_key=f"{info.client_key:08x}",
-            address=info.address,
-            refused_claims=info.refused_claims,
-            duplicates=list(info.duplicates),
-            ignored=self._ignored(info),
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class _End:
-    """A slot's end of a binding."""
-
-    binding: Binding
-    port: str
-    publishes: bool
-
-
-def _ends_of(blueprint: Blueprint) -> Mapping[str, list[_End]]:
-    """The ends of all bindings by slot, in the order of the blueprint."""
-    found: dict[str, list[_End]] = {}
-    for binding in blueprint.bindings:
-        found.setdefault(binding.source.slot, []).append(_End(binding, binding.source.port, publishes=True))
-        for target in binding.targets:
-            found.setdefault(target.slot, []).append(_End(binding, target.port, publishes=False))
-    return found
-
 
 def _frame_line(row: FrameRow, now: float) -> FrameLine:
     return FrameLine(
@@ -364,5 +325,6 @@ def _frame_line(row: FrameRow, now: float) -> FrameLine:
         sender=row.sender,
         text=row.text,
         node=row.node,
+        plain=list(row.plain),
         words=list(row.words),
     )

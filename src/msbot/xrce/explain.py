@@ -6,18 +6,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 
 from msbot.errors import RemoteProtocolError
-from msbot.xrce.definitions import (
-    Definition,
-    ParticipantDef,
-    PublisherDef,
-    ReaderDef,
-    ReplierDef,
-    RequesterDef,
-    SubscriberDef,
-    TopicDef,
-    WriterDef,
-)
-from msbot.xrce.ids import (
+from msbot.xrce.messages.ids import (
     OBJECT_AGENT,
     OBJECT_CLIENT,
     SESSION_NONE,
@@ -28,7 +17,7 @@ from msbot.xrce.ids import (
     kind_of,
     status_words,
 )
-from msbot.xrce.messages import (
+from msbot.xrce.messages.message import (
     Acknack,
     Create,
     CreateClient,
@@ -51,7 +40,18 @@ from msbot.xrce.messages import (
     decode_header,
     iter_submessages,
 )
-from msbot.xrce.objects import parse_variant
+from msbot.xrce.objects.definitions import (
+    Definition,
+    ParticipantDef,
+    PublisherDef,
+    ReaderDef,
+    ReplierDef,
+    RequesterDef,
+    SubscriberDef,
+    TopicDef,
+    WriterDef,
+)
+from msbot.xrce.objects.parse import parse_variant
 
 SHOWN_OCTETS = 16
 SHOWN_TEXT = 60

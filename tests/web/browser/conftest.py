@@ -66,6 +66,12 @@ def new_page(browser: Browser, *, width: int = 1280, height: int = 900) -> Page:
     return context.new_page()
 
 
+def go(page: Page, address: str) -> None:
+    """Open a page and wait until it is connected: what is done before would be lost."""
+    page.goto(address)
+    page.wait_for_function("window.did_handshake && window.socket.connected")
+
+
 def link_in(process: Process) -> str:
     """The address that the robot has printed."""
     line = process.wait_for("The page is at")
@@ -112,5 +118,5 @@ def blank(signed_in: BrowserContext) -> Iterator[Page]:
 @pytest.fixture
 def page(blank: Page, demo: Site) -> Page:
     """The robot page in a tab of theirs."""
-    blank.goto(demo.base)
+    go(blank, demo.base)
     return blank

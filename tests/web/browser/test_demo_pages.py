@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.web.browser.conftest import Site, new_page
-from tests.web.browser.contrast import faint_texts
+from tests.web.browser.accessible import hurdles
+from tests.web.browser.conftest import Site, go, new_page
 
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
@@ -29,15 +29,15 @@ def test_every_page_opens_without_an_error_fits_and_can_be_read(blank: Page, dem
     page.on("request", lambda request: asked.append(request.url))
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
-    page.goto(demo.base + path)
+    go(page, demo.base + path)
     expect(page.get_by_role("heading", level=1)).to_have_text(PAGES[path])
-    expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
+    expect(page.locator("#ms-stop")).to_be_visible()
     for width in (1280, 390):
         page.set_viewport_size({"width": width, "height": 844})
         page.wait_for_function(FITS)
     assert {url for url in asked if not url.startswith((demo.base, "data:", "blob:"))} == set(), "works offline"
     for dark in (False, True):
-        assert faint_texts(page, dark=dark) == []
+        assert hurdles(page, dark=dark) == []
     assert errors == []
 
 
@@ -51,34 +51,52 @@ def test_a_part_that_is_unplugged_is_shown_within_the_detection_time(page: Page)
 
 
 def test_turning_the_knob_drives_the_fan(page: Page, demo: Site) -> None:
-    page.goto(f"{demo.base}/?slot=knob")
+    go(page, f"{demo.base}/?slot=knob")
     page.get_by_role("slider").first.locator("[tabindex]").focus()
     page.keyboard.press("PageUp")  # ten steps at once
     expect(page.get_by_role("dialog")).to_contain_text(re.compile(r"percent\s+5[45]"))
-    page.goto(demo.base)
+    go(page, demo.base)
     fan = page.get_by_role("button", name="Open slot fan")
     expect(fan).to_contain_text(re.compile(r"percent\s+5[45]"))
 
 
 def test_a_changed_setting_is_obeyed_journalled_and_undone(page: Page, demo: Site) -> None:
-    page.goto(f"{demo.base}/?slot=knob")
+    go(page, f"{demo.base}/?slot=knob")
     field = page.get_by_label("period_s [s]")
     field.fill("0.5")
     field.blur()
     # In the drawer: a slot of this robot is called `hand`, too.
     expect(page.get_by_role("dialog").get_by_text("hand", exact=True)).to_be_visible()
-    page.goto(f"{demo.base}/journal")
+    go(page, f"{demo.base}/journal")
     page.get_by_role("tab", name="Changes by people").click()
     line = page.get_by_text(re.compile("period_s of knob: 0.1 s -> 0.5 s"))
     expect(line).to_be_visible()
     page.get_by_role("button", name="Undo").first.click()
     expect(page.get_by_text("undone", exact=True).first).to_be_visible()
-    page.goto(f"{demo.base}/?slot=knob")
+    go(page, f"{demo.base}/?slot=knob")
     expect(page.get_by_label("period_s [s]")).to_have_value("0.1")
 
 
+def test_a_first_visit_is_offered_a_tour_that_leads_through_the_page(page: Page, demo: Site) -> None:
+    page.get_by_role("button", name="Take the tour").click()
+    for _ in range(5):
+        page.get_by_role("button", name="Next").click()
+    expect(page.get_by_text("6 / 6")).to_be_visible()
+    expect(page.locator(".ms-framed")).to_have_count(1)
+    page.get_by_role("button", name="Done").click()
+    expect(page.locator(".ms-framed")).to_have_count(0)
+    page.reload()
+    page.get_by_role("button", name="Help for this page").click()
+    expect(page.get_by_text("Every card is a slot: a role in the robot")).to_be_visible()
+    expect(page.get_by_text("Your first visit?")).to_have_count(0)
+    page.get_by_role("link", name="More in the handbook").click()
+    expect(page.get_by_role("heading", name="Use the page", level=1)).to_be_visible()
+    picture = page.get_by_role("img").first
+    assert picture.evaluate("img => img.decode().then(() => img.naturalWidth)") > 300
+
+
 def test_a_setting_out_of_range_is_refused_in_words(page: Page, demo: Site) -> None:
-    page.goto(f"{demo.base}/?slot=fan")
+    go(page, f"{demo.base}/?slot=fan")
     field = page.get_by_label("start_at [%]")
     field.fill("700")
     field.blur()
@@ -89,14 +107,14 @@ def test_escape_twice_is_stop_and_a_teacher_lets_it_go_on(page: Page) -> None:
     expect(page.get_by_role("button", name="Open slot fan")).to_contain_text("active")
     page.keyboard.press("Escape")
     page.keyboard.press("Escape")
-    banner = page.get_by_role("alert").filter(has_text="STOP is in force")
+    banner = page.get_by_role("alert").filter(has_text="STOP by")
     expect(banner).to_be_visible()
     page.get_by_role("button", name="Go on").click()
     expect(banner).to_have_count(0)
 
 
 def test_the_bus_is_paused_and_a_frame_taken_apart(page: Page, demo: Site) -> None:
-    page.goto(f"{demo.base}/bus")
+    go(page, f"{demo.base}/bus")
     rows = page.locator("tr[data-number]")
     expect(rows.nth(10)).to_be_visible()
     page.get_by_role("switch", name="Pause").click()
@@ -123,14 +141,14 @@ def test_two_browsers_see_the_same_change(browser: Browser, demo: Site, page: Pa
 
 
 def test_a_reload_keeps_the_view(page: Page, demo: Site) -> None:
-    page.goto(f"{demo.base}/?slot=eye")
+    go(page, f"{demo.base}/?slot=eye")
     expect(page.get_by_role("heading", name="eye")).to_be_visible()
     page.reload()
     expect(page.get_by_role("heading", name="eye")).to_be_visible()
 
 
 def test_the_library_is_searched(page: Page, demo: Site) -> None:
-    page.goto(f"{demo.base}/library")
+    go(page, f"{demo.base}/library")
     page.get_by_label("Search").fill("servo")
     expect(page.get_by_text("3 part types")).to_be_visible()
     page.get_by_role("link", name="SG90: Servo, 180 degrees").click()
@@ -150,25 +168,30 @@ def test_the_language_is_chosen_and_kept(browser: Browser, demo: Site) -> None:
 
 
 def test_a_backup_and_a_blueprint_are_handed_in_from_the_page(page: Page, demo: Site, tmp_path: Path) -> None:
-    page.goto(f"{demo.base}/admin")
+    go(page, f"{demo.base}/admin")
     with page.expect_download() as download:
         page.get_by_role("button", name="Download a backup").click()
     download.value.save_as(tmp_path / "backup.db")
-    page.set_input_files("input[type=file]", tmp_path / "backup.db")
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Restore a backup").click()
+    chooser.value.set_files(tmp_path / "backup.db")
+    page.get_by_role("button", name="Yes").click()
     expect(page.get_by_role("alert").filter(has_text="put in force when the master starts anew")).to_be_visible()
-    page.goto(f"{demo.base}/settings")
+    go(page, f"{demo.base}/settings")
     page.get_by_role("tab", name="Blueprint").click()
     with page.expect_download() as download:
         page.get_by_role("button", name="Download").click()
     blueprint = tmp_path / "robot.toml"
     download.value.save_as(blueprint)
     blueprint.write_text(blueprint.read_text().replace('description = "', 'description = "Brand-new: ', 1))
-    page.set_input_files("input[type=file]", blueprint)
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Import a file").click()
+    chooser.value.set_files(blueprint)
     expect(page.get_by_role("listitem").filter(has_text="Brand-new")).to_be_visible()
 
 
 def test_a_simulated_part_without_a_slot_is_played_with(page: Page, demo: Site) -> None:
-    page.goto(f"{demo.base}/arrivals")
+    go(page, f"{demo.base}/arrivals")
     waiting = page.locator(".slot").filter(has_text="DD")
     plug = page.get_by_role("switch", name="Plugged in")
     expect(waiting).to_contain_text("standby")
@@ -183,12 +206,46 @@ def test_a_simulated_part_without_a_slot_is_played_with(page: Page, demo: Site) 
 
 
 def test_the_keyboard_skips_the_menu_and_opens_a_slot(page: Page, demo: Site) -> None:
-    page.goto(demo.base)
+    go(page, demo.base)
     expect(page.get_by_role("button", name="Open slot knob")).to_be_visible()
     page.keyboard.press("Tab")
     expect(page.get_by_role("link", name="Skip to the content")).to_be_focused()
     page.keyboard.press("Enter")
-    page.keyboard.press("Tab")
+    for _ in range(1 + page.get_by_role("note").get_by_role("button").count()):  # on a first visit a tour is offered
+        page.keyboard.press("Tab")
     expect(page.get_by_role("button", name="Open slot knob")).to_be_focused()
     page.keyboard.press("Space")
     expect(page.get_by_role("heading", name="knob")).to_be_visible()
+
+
+def test_a_lamp_is_driven_by_hand_and_goes_dark_when_the_page_is_closed(page: Page, demo: Site) -> None:
+    go(page, f"{demo.base}/?slot=headlight")
+    drawer = page.get_by_role("dialog")
+    drawer.get_by_role("switch", name="on by hand").click()
+    drawer.get_by_role("switch", name="on", exact=True).click()
+    expect(drawer).to_contain_text(re.compile(r"brightness_now\s*100"))
+    page.goto("about:blank")
+    go(page, f"{demo.base}/?slot=headlight")
+    expect(page.get_by_role("dialog")).to_contain_text(re.compile(r"brightness_now\s*0"))
+
+
+def test_a_class_list_makes_people_with_tickets_and_a_removal_is_asked_once_more(
+    page: Page, demo: Site, tmp_path: Path
+) -> None:
+    (tmp_path / "class.csv").write_text("name,role\nmia,student\nben,viewer\n")
+    go(page, f"{demo.base}/admin")
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Import a class list (CSV)").click()
+    chooser.value.set_files(tmp_path / "class.csv")
+    expect(page.get_by_text("Let 2 people sign in: mia, ben?")).to_be_visible()
+    page.get_by_role("button", name="Yes").click()
+    expect(page.locator(".ticket")).to_have_count(2)
+    expect(page.locator(".ticket").first).to_contain_text("mia")
+    page.get_by_role("button", name="Close").last.click()
+    expect(page.get_by_text("user ben added as viewer")).to_be_visible()
+    for name in ("mia", "ben"):
+        page.get_by_role("button", name=f"Remove {name}").click()
+        page.get_by_role("button", name="Cancel").click()
+        page.get_by_role("button", name=f"Remove {name}").click()
+        page.get_by_role("button", name="Yes").click()
+        expect(page.get_by_role("button", name=f"Remove {name}")).to_have_count(0)

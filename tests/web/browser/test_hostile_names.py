@@ -87,7 +87,7 @@ class Site:
                 ("POST", "/api/users", {"name": evil("bob"), "role": "student", "password": PASSWORD}),
                 ("POST", f"/api/users/{quote(evil('ada'))}/tokens", {"words": evil("token")}),
                 ("PUT", f"/api/slots/{quote(evil('slot'))}/values/label", {"value": evil("set")}),
-                ("POST", "/api/stop", {"words": evil("reason")}),
+                ("POST", "/api/stop", {"reason": evil("reason")}),
                 ("POST", "/api/go", None),
             ):
                 answer = ada.request(method, path, json=body)

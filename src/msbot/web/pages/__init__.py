@@ -8,6 +8,7 @@ from msbot.web.pages import (
     arrivals,
     bus,
     classroom,
+    help,
     journal,
     library,
     robot,
@@ -20,7 +21,7 @@ from msbot.web.service import Service
 
 def register_pages(service: Service) -> None:
     """Make the pages of one robot known to NiceGUI; to be called once in a process."""
-    for page in (robot, arrivals, settings, bus, wires, timeline, library, journal, classroom, admin, api_docs):
+    for page in (robot, arrivals, settings, bus, wires, timeline, library, journal, classroom, admin, api_docs, help):
         page.register(service)
 
 

@@ -1,20 +1,28 @@
-"""Administration: who may sign in, API tokens, backup and restore."""
+"""Administration: who may sign in, API tokens, backup and restore. What changes people is asked once more first."""
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
 from functools import partial
-from html import escape
 
 from fastapi import Request
 from nicegui import ui
 from nicegui.events import UploadEventArguments
 
-from msbot.web.accounts import Session
-from msbot.web.guard import MAX_RESTORE
-from msbot.web.models import Done, UserLine
-from msbot.web.pages.layout import Page, file_button, page_frame
-from msbot.web.roles import Right, Role
+from msbot.errors import MsbotError
+from msbot.operations.rights import Right, Role
+from msbot.web.access.class_list import MOST_BYTES, Newcomer, newcomers
+from msbot.web.access.guard import MAX_RESTORE
+from msbot.web.access.sessions import Session
+from msbot.web.api.models import Done, UserLine
+from msbot.web.html import render
+from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.pieces import file_button, heading, panel, set_html, show_dialog
 from msbot.web.service import Service
+from msbot.web.svg.passport import qr_svg
+
+CHANGES = 20
+"""Changes of people that are shown."""
 
 
 def register(service: Service) -> None:
@@ -26,107 +34,169 @@ def register(service: Service) -> None:
             if not page.may(Right.ADMINISTER):
                 ui.label(page.say("Only an administrator sees this page.")).classes("ms-banner warn")
                 return
-            _users(page)
+            _People(page, str(request.base_url))
             _tokens(page)
             _backup(page)
+            _changes(page)
 
 
-def _users(page: Page) -> None:
-    service, say = page.service, page.say
-    with ui.element("div").classes("panel"):
-        ui.html(f"<h2>{escape(say('People'))}</h2>", sanitize=False)
-        table = ui.column().classes("w-full").style("gap:0")
+class _People:
+    """Who may sign in."""
 
-        def fill() -> None:
-            table.clear()
-            with table:
-                for user in service.users(page.session):
-                    _user_line(page, user, fill)
-                if not service.users(page.session):
-                    ui.label(say("Nobody yet: add the people of your class below.")).classes("soft")
-
-        fill()
-        with ui.element("div").classes("row").style("margin-top:1rem;align-items:flex-end"):
-            name = ui.input(say("Name")).props("dense outlined")
-            password = ui.input(say("Password"), password=True).props("dense outlined autocomplete=new-password")
-            role = ui.select(
-                {one.word: say(one.word) for one in Role}, value=Role.STUDENT.word, label=say("Role")
-            ).props("dense outlined")
-
-            def add() -> None:
-                done = page.do(
-                    lambda session: service.add_user(
-                        session, str(name.value or ""), str(role.value), str(password.value or "")
-                    )
+    def __init__(self, page: Page, base: str) -> None:
+        self._page = page
+        self._base = base
+        self._shown: list[UserLine] = []
+        say = page.say
+        with panel():
+            heading(say("People"))
+            self._table = ui.column().classes("w-full").style("gap:0")
+            with ui.element("div").classes("row").style("margin-top:1rem;align-items:flex-end"):
+                self._name = ui.input(say("Name")).props("dense outlined")
+                self._password = ui.input(say("Password"), password=True)
+                self._password.props("dense outlined autocomplete=new-password")
+                self._role = ui.select(_roles(page), value=Role.STUDENT.word, label=say("Role")).props("dense outlined")
+                ui.button(say("Add"), icon="person_add", on_click=self._add)
+            with ui.element("div").classes("row").style("margin-top:1rem"):
+                file_button(page, say("Import a class list (CSV)"), self._import, max_size=MOST_BYTES, ending=".csv")
+                ui.label(say("A line for each person: name, role, password. The last two may be left out.")).classes(
+                    "soft"
                 )
-                if done is not None:
-                    name.value, password.value = "", ""
-                    fill()
+        page.every_look(self._show)
 
-            ui.button(say("Add"), icon="person_add", on_click=add)
+    def _show(self) -> None:
+        users = self._page.service.users(self._page.session)
+        if users == self._shown and self._table.default_slot.children:
+            return
+        self._shown = users
+        self._table.clear()
+        with self._table:
+            for user in users:
+                self._line(user)
+            if not users:
+                ui.label(self._page.say("Nobody yet: add the people of your class below.")).classes("soft")
 
+    def _line(self, user: UserLine) -> None:
+        page, say, service = self._page, self._page.say, self._page.service
 
-def _user_line(page: Page, user: UserLine, again: object) -> None:
-    assert callable(again)
-    service, say = page.service, page.say
+        def change(role: str) -> None:
+            if role == user.role:
+                return
+            words = say("Make {name} {role}?", name=user.name, role=say(role))
+            _ask(page, words, lambda: page.do(lambda session: service.change_role(session, user.name, role)), back)
 
-    def change(role: str) -> None:
-        if role != user.role:
-            page.do(lambda session: service.change_user(session, user.name, role, None))
-            again()
+        def back() -> None:
+            chosen.value = user.role
 
-    def remove() -> None:
-        if page.do(lambda session: service.remove_user(session, user.name)) is not None:
-            again()
+        def remove() -> None:
+            words = say("Remove {name}? Their sessions and API tokens end at once.", name=user.name)
+            _ask(page, words, lambda: page.do(lambda session: service.remove_user(session, user.name)))
 
-    with ui.element("div").classes("row spread w-full").style("border-bottom:1px solid var(--line);padding:.35rem 0"):
-        ui.label(user.name).style("font-weight:600;min-width:8rem")
-        with ui.element("div").classes("row"):
-            ui.select(
-                {one.word: say(one.word) for one in Role},
-                value=user.role,
-                on_change=lambda event: change(str(event.value)),
-            ).props(f'dense outlined aria-label="{escape(say("Role"))}"')
-            ui.button(say("New password"), on_click=partial(_ask_password, page, user.name)).props("flat dense")
-            ui.button(icon="person_remove", on_click=remove).props(
-                f'flat round dense color=negative aria-label="{escape(say("Remove {name}", name=user.name))}"'
+        with ui.element("div").classes("row spread w-full line"):
+            ui.label(user.name).classes("ellipsis").style("font-weight:600;min-width:8rem")
+            with ui.element("div").classes("row"):
+                chosen = ui.select(
+                    _roles(page), value=user.role, on_change=lambda event: change(str(event.value))
+                ).props("dense outlined")
+                chosen.props["aria-label"] = say("Role of {name}", name=user.name)
+                ui.button(say("New password"), on_click=partial(_ask_password, page, user.name)).props("flat dense")
+                button = ui.button(icon="person_remove", on_click=remove).props("flat round dense color=negative")
+                button.props["aria-label"] = button.props["title"] = say("Remove {name}", name=user.name)
+
+    async def _add(self) -> None:
+        name, role, password = str(self._name.value or ""), str(self._role.value), str(self._password.value or "")
+        service = self._page.service
+        if await self._page.do(lambda session: service.add_user(session, name, role, password)) is not None:
+            self._name.value, self._password.value = "", ""
+
+    async def _import(self, event: UploadEventArguments) -> None:
+        try:
+            people = newcomers(await event.file.read(), event.file.name, Role.STUDENT)
+        except MsbotError as error:
+            ui.notify(
+                str(error), type="negative", multi_line=True, close_button=self._page.say("Close"), timeout=10_000
             )
+            return
+        words = self._page.say("Let {count} people sign in: {names}?", count=len(people),
+                               names=", ".join(one.name for one in people))  # fmt: skip
+        _ask(self._page, words, partial(self._let_in, people))
+
+    async def _let_in(self, people: list[Newcomer]) -> None:
+        service = self._page.service
+        if await self._page.do(lambda session: service.add_people(session, people)) is not None:
+            self._tickets(people)
+
+    def _tickets(self, people: list[Newcomer]) -> None:
+        """A ticket for each person to print and cut out; the passwords are shown this once."""
+        say, code = self._page.say, qr_svg(f"{self._base}login", scale=3)
+        with ui.dialog() as dialog, ui.card().classes("tickets"):
+            with ui.element("div").classes("row no-print"):
+                ui.label(say("Print them now: the passwords are never shown again."))
+                ui.button(say("Print"), icon="print", on_click=lambda: ui.run_javascript("window.print()"))
+                ui.button(say("Close"), on_click=dialog.close).props("flat")
+            robot = self._page.service.robot_name
+            ui.html(render("tickets", say=say, people=people, robot=robot, base=self._base, code=code), sanitize=False)
+        show_dialog(dialog)
+
+
+def _roles(page: Page) -> dict[str, str]:
+    return {one.word: page.say(one.word) for one in Role}
+
+
+def _ask(
+    page: Page, words: str, deed: Callable[[], Awaitable[object]], refused: Callable[[], None] = lambda: None
+) -> None:
+    """Ask once more before something is done."""
+    with ui.dialog().props("persistent") as dialog, ui.card():
+        ui.label(words).props("role=heading aria-level=2")
+        with ui.element("div").classes("row"):
+
+            async def do() -> None:
+                dialog.close()
+                with page.here():  # the dialog is gone by then
+                    await deed()
+
+            def leave() -> None:
+                dialog.close()
+                refused()
+
+            ui.button(page.say("Yes"), on_click=do)
+            ui.button(page.say("Cancel"), on_click=leave).props("flat")
+    show_dialog(dialog)
 
 
 def _ask_password(page: Page, name: str) -> None:
     say = page.say
     with ui.dialog() as dialog, ui.card():
-        ui.label(say("New password for {name}", name=name)).classes("text-h6")
-        password = ui.input(say("Password"), password=True).props("outlined autocomplete=new-password autofocus")
+        heading(say("New password for {name}", name=name))
+        old = ui.input(say("Old password"), password=True).props("outlined autocomplete=current-password")
+        old.set_visibility(name == page.session.name)
+        password = ui.input(say("Password"), password=True).props("outlined autocomplete=new-password")
 
-        def keep() -> None:
-            done = page.do(lambda session: page.service.change_user(session, name, None, str(password.value or "")))
+        async def keep() -> None:
+            new, present = str(password.value or ""), str(old.value or "")
+            done = await page.do(lambda session: page.service.change_password(session, name, new, present))
             if done is not None:
                 dialog.close()
 
         with ui.element("div").classes("row"):
             ui.button(say("Keep"), on_click=keep)
             ui.button(say("Cancel"), on_click=dialog.close).props("flat")
-    dialog.on("hide", dialog.delete)
-    dialog.open()
+    show_dialog(dialog)
 
 
 def _tokens(page: Page) -> None:
     service, say = page.service, page.say
     users = {user.name: user for user in service.users(page.session)}
-    with ui.element("div").classes("panel"):
-        ui.html(
-            f"<h2>{escape(say('API tokens'))}</h2><p class='soft'>{escape(say('For programs: shown once, worth as much as a password.'))}</p>",
-            sanitize=False,
-        )
+    with panel():
+        heading(say("API tokens"))
+        ui.label(say("For programs: shown once, worth as much as a password.")).classes("soft")
         for user in users.values():
             for purpose in user.tokens:
-                with ui.element("div").classes("row spread").style("border-bottom:1px solid var(--line)"):
-                    ui.label(f"{user.name} · {purpose}")
-                    ui.button(
-                        say("Remove"),
-                        on_click=partial(_remove_token, page, user.name, purpose),
-                    ).props("flat dense color=negative")
+                with ui.element("div").classes("row spread line"):
+                    ui.label(f"{user.name} · {purpose}").classes("ellipsis")
+                    remove = partial(_remove_token, page, user.name, purpose)
+                    ui.button(say("Remove"), on_click=remove).props("flat dense color=negative")
         if not users:
             ui.label(say("A token belongs to a person: add one first.")).classes("soft")
             return
@@ -134,14 +204,14 @@ def _tokens(page: Page) -> None:
             name = ui.select(list(users), value=next(iter(users)), label=say("Name")).props("dense outlined")
             wanted = ui.input(say("What for")).props("dense outlined")
 
-            def make() -> None:
+            async def make() -> None:
                 token: list[str] = []
 
                 def deed(session: Session) -> Done:
                     token.append(service.new_token(session, str(name.value), str(wanted.value or "")))
                     return Done(words=say("The token is made."))
 
-                if page.do(deed) is not None:
+                if await page.do(deed) is not None:
                     with ui.dialog() as dialog, ui.card():
                         ui.label(say("Copy it now: it is never shown again."))
                         ui.label(token[0]).classes("mono").style("user-select:all;overflow-wrap:anywhere")
@@ -152,26 +222,41 @@ def _tokens(page: Page) -> None:
 
 
 def _remove_token(page: Page, name: str, purpose: str) -> None:
-    if page.do(lambda session: page.service.remove_token(session, name, purpose)) is not None:
-        ui.navigate.to("/admin")
+    async def remove() -> None:
+        if await page.do(lambda session: page.service.remove_token(session, name, purpose)) is not None:
+            ui.navigate.to("/admin")
+
+    _ask(page, page.say("Remove the token of {name} for {purpose}?", name=name, purpose=purpose), remove)
 
 
 def _backup(page: Page) -> None:
     service, say = page.service, page.say
-    with ui.element("div").classes("panel"):
-        ui.html(
-            f"<h2>{escape(say('Backup'))}</h2><p class='soft'>{escape(say('The whole database in one file: robots, slots, settings, journal, people.'))}</p>",
-            sanitize=False,
-        )
+    with panel():
+        heading(say("Backup"))
+        ui.label(say("The whole database in one file: robots, slots, settings, journal, people.")).classes("soft")
 
         async def restore(event: UploadEventArguments) -> None:
             content = await event.file.read()
-            page.do(lambda session: service.restore(session, content))
+            words = say("Put this backup in force with the master's next start?")
+            _ask(page, words, lambda: page.do(lambda session: service.restore(session, content)))
 
         with ui.element("div").classes("row").style("margin-top:.6rem"):
             ui.button(
-                say("Download a backup"),
-                icon="download",
+                say("Download a backup"), icon="download",
                 on_click=lambda: ui.download("/api/backup", "msbot-backup.db"),
-            )
+            )  # fmt: skip
             file_button(page, say("Restore a backup"), restore, max_size=MAX_RESTORE)
+
+
+def _changes(page: Page) -> None:
+    with panel():
+        heading(page.say("Changes of people and keys"))
+        shown = ui.html("", sanitize=False)
+    heads = [page.say(title) for title in ("Time", "By", "Change")]
+
+    async def show() -> None:
+        edits = await page.service.people_edits(page.session, CHANGES)
+        rows = [(page.when(edit.at_ms), edit.who, edit.words) for edit in edits]
+        set_html(shown, render("table", heads=heads, rows=rows or [(page.say("None yet."),)]))
+
+    page.every_look(show)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from html import escape
-
 from fastapi import FastAPI, Request
 from nicegui import ui
 
+from msbot.web.html import render
 from msbot.web.pages.layout import page_frame
 from msbot.web.service import Service
 
@@ -17,20 +16,14 @@ def register(service: Service) -> None:
     @ui.page("/api-docs")
     def api_docs(request: Request) -> None:
         with page_frame(service, request, "/api-docs", "API") as page:
-            ui.html(
-                f"<div class='panel'><p>{escape(page.say('A program shows an API token of an administrator, teacher or student:'))}</p>"
-                f"<pre class='mono scroll'>curl -H 'Authorization: Bearer msbot_…' {escape(str(request.base_url))}api/robot</pre>"
-                f"<p><a href='/openapi.json'>/openapi.json</a></p></div>",
-                sanitize=False,
-            ).classes("w-full")
-            rows = "".join(
-                f"<tr><td><b>{method.upper()}</b></td><td class='mono'>{escape(path)}</td><td>{escape(_words(call))}</td></tr>"
+            calls = [
+                (method.upper(), path, _words(call))
                 for path, calls in _paths(request).items()
                 for method, call in calls.items()
+            ]
+            ui.html(render("api", say=page.say, base=str(request.base_url), calls=calls), sanitize=False).classes(
+                "w-full"
             )
-            ui.html(
-                f'<div class="panel scroll"><table class="ms-table stack">{rows}</table></div>', sanitize=False
-            ).classes("w-full")
 
 
 def _paths(request: Request) -> dict[str, dict[str, dict[str, object]]]:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from functools import partial
-from html import escape
 
 from fastapi import Request
 from nicegui import ui
 
-from msbot.web.drawings import state_chip
-from msbot.web.models import PartLine
+from msbot.operations.rights import Right
+from msbot.web.api.models import PartLine
+from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.pieces import heading, show_dialog
 from msbot.web.pages.simulator import simulator_panel
-from msbot.web.roles import Right
 from msbot.web.service import Service
+from msbot.web.svg.drawings import state_chip
 
 WINDOW_S = 60.0
+MOST_SHOWN = 100
+"""Parts that are shown; all of them are counted."""
 
 
 def register(service: Service) -> None:
@@ -59,11 +62,11 @@ def _window(page: Page) -> None:
             open_button = ui.button(
                 page.say("Open for {seconds} s", seconds=f"{WINDOW_S:.0f}"),
                 icon="lock_open",
-                on_click=lambda: page.do(lambda session: page.service.open_window(session, WINDOW_S)),
+                on_click=lambda: page.act("window", seconds=WINDOW_S),
             )
-            close_button = ui.button(
-                page.say("Close"), icon="lock", on_click=lambda: page.do(page.service.close_window)
-            ).props("outline")
+            close_button = ui.button(page.say("Close"), icon="lock", on_click=lambda: page.act("close_window")).props(
+                "outline"
+            )
 
     def show() -> None:
         left = page.service.robot().window_s
@@ -80,6 +83,7 @@ def _window(page: Page) -> None:
 
 
 def _tray(page: Page) -> None:
+    more = ui.label("").props("role=status")
     tray = ui.element("div").classes("grid")
     shown: list[PartLine] = []
 
@@ -87,7 +91,12 @@ def _tray(page: Page) -> None:
         return part.model_copy(update={"state_age_s": 0.0, "beat_age_s": None, "refused_claims": 0})
 
     def show() -> None:
-        parts = page.service.views.arrivals()
+        waiting = page.service.views.arrivals()
+        parts = waiting[:MOST_SHOWN]
+        more.set_text(
+            page.say("{count} parts wait; the newest {shown} are shown.", count=len(waiting), shown=len(parts))
+        )
+        more.set_visibility(len(waiting) > len(parts))
         # Rebuilt only when something has changed, or an opened menu would close under the person's hand.
         if shown == [key(part) for part in parts] and (parts or tray.default_slot.children):
             return
@@ -106,36 +115,30 @@ def _tray(page: Page) -> None:
 def _card(page: Page, part: PartLine) -> None:
     with ui.element("div").classes(f"slot is-{part.state}").style("opacity:.6" if part.ignored else ""):
         ui.html(
-            f'<div class="head"><div style="flex:1;min-width:0"><div class="title">{escape(part.part)}</div>'
-            f'<div class="soft mono">{escape(part.part_number or "–")} · {escape(part.uid or page.say("no UID"))}</div></div>'
-            f"{state_chip(part.state, page.say(part.state))}</div>"
-            f'<p style="margin:.5rem 0">{escape(part.reason)}</p>'
-            f'<p class="soft" style="font-size:.85rem">{escape(part.address)}'
-            f"{''.join(' · ' + escape(page.say('same UID as {address}', address=other)) for other in part.duplicates)}</p>",
+            render(
+                "arrival", say=page.say, part=part, chip=state_chip(part.state, page.say(part.state)),
+                may_see_address=page.may(Right.ARRANGE),
+            ),
             sanitize=False,
-        )
+        )  # fmt: skip
         with ui.element("div").classes("row"):
             _deeds(page, part)
 
 
 def _deeds(page: Page, part: PartLine) -> None:
-    service, name = page.service, part.uid or part.client_key
+    name = part.uid or part.client_key
     if page.may(Right.ARRANGE):
         with ui.button(page.say("Adopt into slot …"), icon="add_link") as adopt:
             menu = ui.menu()
         adopt.on_click(partial(_offer_slots, page, part, menu))  # as they are then, not when the part came
         _offer_slots(page, part, menu)
-        ui.button(page.say("Ignore"), on_click=lambda: page.do(lambda session: service.ignore(session, name))).props(
-            "flat"
-        )
-        ui.button(page.say("Block"), on_click=lambda: page.do(lambda session: service.block(session, name, ""))).props(
-            "flat color=negative"
-        )
+        ui.button(page.say("Ignore"), on_click=lambda: page.act("ignore", part=name)).props("flat")
+        ui.button(page.say("Block"), on_click=lambda: page.act("block", part=name)).props("flat color=negative")
     if page.may(Right.OPERATE):
         ui.button(
             page.say("Identify"),
             icon="lightbulb",
-            on_click=lambda: page.do(lambda session: service.identify(session, name)),
+            on_click=lambda: page.act("identify", part=name),
         ).props("flat")
     ui.button(page.say("Why?"), on_click=partial(_why, page, part)).props("flat")
 
@@ -148,18 +151,15 @@ def _offer_slots(page: Page, part: PartLine, menu: ui.menu) -> None:
             ui.menu_item(page.say("No slot is free: release or swap one.")).props("disable role=menuitem")
         for card in free:
             word = f"{card.name} · {card.part_number} · {page.say(card.state)}"
-            ui.menu_item(word, partial(_adopt, page, part.uid or part.client_key, card.name)).props("role=menuitem")
-
-
-def _adopt(page: Page, part: str, slot: str) -> None:
-    page.do(lambda session: page.service.adopt(session, part, slot))
+            ui.menu_item(word, partial(page.act, "adopt", part=part.uid or part.client_key, slot=card.name)).props(
+                "role=menuitem"
+            )
 
 
 def _why(page: Page, part: PartLine) -> None:
     lines = page.service.views.why(part.uid or part.part)
     with ui.dialog() as dialog, ui.card().style("max-width:min(44rem,95vw)"):
-        ui.label(page.say("Why?")).classes("text-h6")
-        ui.html("".join(f"<p>{escape(line)}</p>" for line in lines), sanitize=False)
+        heading(page.say("Why?"))
+        ui.html(render("lines", lines=lines), sanitize=False)
         ui.button(page.say("Close"), on_click=dialog.close).props("flat")
-    dialog.on("hide", dialog.delete)
-    dialog.open()
+    show_dialog(dialog)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from html import escape
+from collections.abc import Callable
+from functools import partial
 
 from fastapi import Request
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from msbot.web.models import FrameLine
+from msbot.web.api.models import FrameLine
+from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.pieces import set_html
 from msbot.web.service import Service
 
 ROWS = 60
@@ -34,22 +37,9 @@ def _load(page: Page) -> None:
 
     def show() -> None:
         bus = page.service.views.bus()
-        if not bus.watched:
-            content = f'<div class="panel">{escape(page.say("This robot has no CAN bus that could be watched."))}</div>'
-        else:
-            share = min(bus.load_percent, 100.0)
-            colour = "good" if share < 50 else "warn" if share < 80 else "bad"
-            content = (
-                f'<div class="panel"><div class="row spread"><b>{escape(bus.name)} · {bus.bitrate // 1000} kbit/s</b>'
-                f'<span class="num">{bus.frames:,} {escape(page.say("frames"))} · {bus.frames_per_second:.0f}/s · '
-                f"{bus.errors} {escape(page.say('errors'))}</span></div>"
-                f'<div role="meter" aria-valuenow="{share:.1f}" aria-valuemin="0" aria-valuemax="100" '
-                f'aria-label="{escape(page.say("Load"))}" style="margin-top:.5rem;height:1.1rem;border-radius:99px;'
-                f'background:var(--idle-soft);overflow:hidden"><div style="width:{max(share, 0.5):.1f}%;height:100%;'
-                f'background:var(--{colour})"></div></div><div class="soft num">{escape(page.say("load"))} {share:.1f} %</div></div>'
-            )
-        if shown.content != content:
-            shown.set_content(content)
+        share = min(bus.load_percent, 100.0)
+        colour = "good" if share < 50 else "warn" if share < 80 else "bad"
+        set_html(shown, render("bus_load", say=page.say, bus=bus, share=share, colour=colour))
 
     page.every_look(show)
 
@@ -67,8 +57,11 @@ class _Table:
                     "dense clearable outlined"
                 )
                 self._find.on_value_change(lambda: self._show(force=True))
+                for title, name, lines in (("Table (CSV)", "bus.csv", page.service.views.frames_as_csv),
+                                           ("candump", "bus.log", page.service.views.frames_as_candump)):  # fmt: skip
+                    ui.button(page.say(title), icon="download", on_click=partial(_download, name, lines)).props("flat")
             with ui.element("div").classes("ms-split"):
-                with ui.element("div").classes("scroll"):
+                with ui.element("div").classes("scroll").props("tabindex=0"):
                     self._table = (
                         ui.html("", sanitize=False)
                         .classes("w-full")
@@ -91,15 +84,10 @@ class _Table:
         if not self._paused.value:
             self._rows = self._page.service.views.frame_lines(0, KEPT_ROWS if words else ROWS)
         rows = [row for row in self._rows if all(word in _text_of(row) for word in words)][-ROWS:]
-        head = "".join(
-            f"<th>{escape(self._page.say(title))}</th>" for title in ("No.", "Age", "Sender", "Frame", "What it says")
-        )
+        heads = [self._page.say(title) for title in ("No.", "Age", "Sender", "Frame", "What it says")]
+        lines = [(row, _colour_of(row)) for row in reversed(rows)]
         # Rows that stand still can be reached by the keyboard; others would lose it twice a second.
-        is_still = bool(self._paused.value)
-        body = "".join(_row_html(row, is_still=is_still) for row in reversed(rows))
-        self._table.set_content(
-            f'<table class="ms-table stack"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
-        )
+        self._table.set_content(render("frames", heads=heads, rows=lines, is_still=bool(self._paused.value)))
 
     def _clicked(self, event: GenericEventArguments) -> None:
         number = event.args
@@ -108,15 +96,10 @@ class _Table:
         row = shown or self._page.service.views.frame_line(int(number))
         if row is None:
             return
-        lines = "".join(
-            f"<li{' class=inner' if words.startswith(' ') else ''}>{escape(words.strip())}</li>" for words in row.words
-        )
         identifier, _, data = row.text.strip().partition("  ")
         self._detail.set_content(
-            f'<div class="panel"><h2>{escape(self._page.say("Frame"))} {row.number}</h2>'
-            f'<p class="mono">{escape(self._page.say("identifier"))} <b>{escape(identifier)}</b><br>'
-            f"{escape(self._page.say('data'))} <b>{escape(data.strip())}</b></p><ol>{lines}</ol></div>"
-        )
+            render("frame", say=self._page.say, row=row, identifier=identifier, data=data.strip())
+        )  # fmt: skip
 
 
 _ROW_CLICKED = (
@@ -125,18 +108,13 @@ _ROW_CLICKED = (
 
 
 def _text_of(row: FrameLine) -> str:
-    return f"node {row.node} {row.sender} {row.text} {' '.join(row.words)}".casefold()
+    return f"node {row.node} {row.sender} {row.text} {' '.join(row.plain)} {' '.join(row.words)}".casefold()
 
 
-def _row_html(row: FrameLine, *, is_still: bool) -> str:
-    hue = row.node * 360 // COLOURS % 360
-    mark = f"border-left:5px solid hsl({hue} 60% 50%)" if row.node else "border-left:5px solid transparent"
-    first = row.words[0] if row.words else ""
-    more = f' <span class="soft">{escape(row.words[1])}</span>' if len(row.words) > 1 else ""
-    if len(row.words) > 2 and row.words[-1].startswith(" "):
-        more = f' <b class="sample">{escape(row.words[-1].strip())}</b>'
-    return (
-        f'<tr data-number="{row.number}"{" tabindex=0" if is_still else ""}><td class="num" style="{mark}">{row.number}</td>'
-        f'<td class="num">{row.age_s:.2f} s</td><td>{escape(row.sender)}</td><td class="mono">{escape(row.text)}</td>'
-        f"<td>{escape(first)}{more}</td></tr>"
-    )
+def _colour_of(row: FrameLine) -> str:
+    """The colour of a row's edge: one for each part's address."""
+    return f"hsl({row.node * 360 // COLOURS % 360} 60% 50%)" if row.node else "transparent"
+
+
+def _download(name: str, lines: Callable[[], str]) -> None:
+    ui.download.content(lines(), name)

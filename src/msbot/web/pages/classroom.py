@@ -1,14 +1,15 @@
-"""The class view: one tile per robot of the database, whoever runs it."""
+"""The class view: one tile per robot, of the database and of the masters on this computer; one STOP for all."""
 
 from __future__ import annotations
 
 from html import escape
+from urllib.parse import urlsplit
 
 from fastapi import Request
 from nicegui import ui
 
 from msbot.errors import MsbotError
-from msbot.web.models import RobotTile
+from msbot.web.api.models import RobotTile
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.service import Service
 
@@ -19,38 +20,88 @@ def register(service: Service) -> None:
     @ui.page("/class")
     def classroom(request: Request) -> None:
         with page_frame(service, request, "/class", "Class") as page:
-            _tiles(page)
+            _tiles(page, request.url.hostname or "127.0.0.1")
 
 
-def _tiles(page: Page) -> None:
+def _tiles(page: Page, hostname: str) -> None:
+    with ui.element("div").classes("row spread w-full"):
+        find = ui.input(page.say("Search"), placeholder=page.say("name, serial number, state")).props(
+            "outlined dense clearable"
+        )
+        count = ui.label("").classes("soft num").props("aria-live=polite")
+        ui.button(page.say("STOP all robots"), on_click=lambda: _stop_all(page), color=None).classes("ms-stop").props(
+            f'unelevated aria-label="{page.say("STOP: every robot whose master runs on this computer")}"'
+        )
     ui.label(
-        page.say("Every robot of this database. Robots of other masters show here when they share a PostgreSQL.")
+        page.say("The robots of this database, and of every master on this computer. Click one to go to its page.")
     ).classes("soft")
     shown = ui.html("", sanitize=False).classes("w-full")
 
-    def show() -> None:
+    async def show() -> None:
         try:
-            content = f'<div class="grid">{"".join(_tile(page, tile) for tile in page.service.robots())}</div>'
+            tiles = await page.service.robots()
         except MsbotError as error:
-            content = escape(str(error))
+            shown.set_content(escape(str(error)))
+            return
+        words = str(find.value or "").casefold().split()
+        fitting = [tile for tile in tiles if all(word in _searched(page, tile) for word in words)]
+        well = sum(_state_of(tile)[0] == "active" for tile in fitting)
+        count.set_text(page.say("{well} of {all} robots are well", well=well, all=len(fitting)))
+        content = f'<div class="grid">{"".join(_tile(page, tile, hostname) for tile in fitting)}</div>'
+        if not fitting:
+            content = f"<p>{escape(page.say('No robot fits. Try part of its name, or clear the search.'))}</p>"
         if shown.content != content:
             shown.set_content(content)
 
     page.every_look(show)
+    find.on_value_change(show)
 
 
-def _tile(page: Page, tile: RobotTile) -> str:
-    healthy = tile.running and tile.active == tile.slots
-    state = "active" if healthy else "late" if tile.running else "empty"
-    word = page.say("all well" if healthy else "parts are missing" if tile.running else "no master runs it")
-    where = "/" if tile.here else tile.address
+async def _stop_all(page: Page) -> None:
+    try:
+        done = await page.service.stop_all(page.session)
+        unreached = [tile.name for tile in await page.service.robots() if tile.running and not tile.reachable]
+    except MsbotError as error:
+        ui.notify(str(error), type="negative", multi_line=True)
+        return
+    words = page.say(
+        "STOP: {robots} robots were told; {confirmed} of {parts} parts have confirmed it so far.",
+        robots=len(done.told), confirmed=done.confirmed, parts=done.parts,
+    )  # fmt: skip
+    ui.notify(words, type="warning", multi_line=True, timeout=8000)
+    if done.silent:
+        words = page.say("NOT delivered to {count} masters that run here: cut their power.", count=done.silent)
+        ui.notify(words, type="negative", multi_line=True, timeout=15_000)
+    if unreached:
+        names = ", ".join(unreached)
+        words = page.say("NOT told, their masters run on other computers: {names}. Press STOP there.", names=names)
+        ui.notify(words, type="negative", multi_line=True, timeout=15_000)
+
+
+def _state_of(tile: RobotTile) -> tuple[str, str]:
+    """The colour of a tile, and the word for it."""
+    if not tile.running:
+        return "empty", "no master runs it"
+    if tile.stopped:
+        return "lost", "STOP is in force"
+    return ("active", "all well") if tile.active == tile.slots else ("late", "parts are missing")
+
+
+def _searched(page: Page, tile: RobotTile) -> str:
+    return f"{tile.name} {tile.serial_number} {tile.owner} {page.say(_state_of(tile)[1])}".casefold()
+
+
+def _tile(page: Page, tile: RobotTile, hostname: str) -> str:
+    state, word = _state_of(tile)
+    sign = {"active": "●", "late": "◐", "lost": "■", "empty": "○"}[state]
+    where = "/" if tile.here else _for_visitor(tile.address, hostname)
     event = escape(tile.last_event)
     if tile.last_event_age_s is not None:
         event += f' <span class="soft">({_age(tile.last_event_age_s)})</span>'
     inner = (
         f'<div class="head"><div style="flex:1;min-width:0"><div class="title">{escape(tile.name)}</div>'
         f'<div class="soft">{escape(tile.serial_number)}{" · " + escape(tile.owner) if tile.owner else ""}</div></div>'
-        f'<span class="state s-{state}"><span aria-hidden="true">{"●" if healthy else "◐" if tile.running else "○"}</span>{escape(word)}</span></div>'
+        f'<span class="state s-{state}"><span aria-hidden="true">{sign}</span>{escape(page.say(word))}</span></div>'
         f'<div class="num" style="font-size:1.6rem;font-weight:700">{tile.active}/{tile.slots} '
         f'<span class="soft" style="font-size:.9rem;font-weight:400">{escape(page.say("slots active"))}</span></div>'
         f'<div class="reason">{event}</div>'
@@ -59,6 +110,14 @@ def _tile(page: Page, tile: RobotTile) -> str:
     if where:
         return f'<a class="slot is-{state}" href="{escape(where, quote=True)}" {style}>{inner}</a>'
     return f'<div class="slot is-{state}">{inner}</div>'
+
+
+def _for_visitor(address: str, hostname: str) -> str:
+    """Where a page is for somebody who has come by that name of this computer; empty when it has none."""
+    found = urlsplit(address)
+    if found.hostname not in ("0.0.0.0", "::"):
+        return address
+    return f"{found.scheme}://{f'[{hostname}]' if ':' in hostname else hostname}:{found.port}"
 
 
 def _age(seconds: float) -> str:

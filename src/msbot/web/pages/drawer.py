@@ -2,36 +2,44 @@
 
 from __future__ import annotations
 
-from html import escape
+from functools import partial
+from typing import Any
+from urllib.parse import quote
 
 from nicegui import ui
 
-from msbot.errors import MsbotError
-from msbot.web.drawings import draw, fields_html, sparkline, state_chip
-from msbot.web.models import SlotCard
+from msbot.errors import MsbotError, NotThere
+from msbot.operations.rights import Right
+from msbot.web.api.models import SlotCard
+from msbot.web.html import render
+from msbot.web.pages.by_hand import hand_panel
 from msbot.web.pages.layout import Page
+from msbot.web.pages.pieces import heading, set_html, show_dialog
 from msbot.web.pages.simulator import simulator_panel
 from msbot.web.pages.values import values_panel
-from msbot.web.roles import Right
-from msbot.web.views import NotThere
+from msbot.web.svg.drawings import HELD_WORDS, draw, fields_html, sparkline, state_chip
+
+WHY_LINES = 40
 
 
 def open_drawer(page: Page, slot: str) -> None:
-    """Open the drawer of a slot."""
+    """Open the drawer of a slot; Back closes it."""
     try:
         card = page.service.views.slot(slot)
     except MsbotError as error:
         ui.notify(str(error), type="negative")
         return
     with ui.dialog().props("position=right full-height") as dialog, ui.card().classes("ms-drawer"):
-        with ui.element("div").classes("row spread w-full"):
-            ui.html(f"<h2 style='font-size:1.35rem'>{escape(slot)}</h2>", sanitize=False)
-            ui.button(icon="close", on_click=dialog.close).props(f'flat round dense aria-label="{page.say("Close")}"')
+        with ui.element("div").classes("row spread w-full").style("flex-wrap:nowrap"):
+            heading(slot).classes("ellipsis").style("font-size:1.35rem")
+            close = ui.button(icon="close", on_click=dialog.close).props("flat round dense")
+            close.props["aria-label"] = close.props["title"] = page.say("Close")
         _state(page, slot)
         if card.simulated and page.may(Right.OPERATE):
             simulator_panel(page, slot)
         _ports(page, slot)
-        ui.html(f"<h2>{escape(page.say('Settings'))}</h2>", sanitize=False)
+        hand_panel(page, slot, card.part_number)
+        heading(page.say("Settings"))
         values_panel(page, slot)
         _rhythm(page, slot)
         _deeds(page, card)
@@ -45,8 +53,7 @@ def open_drawer(page: Page, slot: str) -> None:
             dialog.close()
 
     page.every_look(look_whether_there, dialog)
-    dialog.on("hide", dialog.delete)
-    dialog.open()
+    show_dialog(dialog, f"/?slot={quote(slot)}")
 
 
 def _state(page: Page, slot: str) -> None:
@@ -57,91 +64,71 @@ def _state(page: Page, slot: str) -> None:
         part = card.part
         rows = [(page.say("part number"), f"{card.part_number} {card.type_name}".strip())]
         if part is not None:
+            rows += [(page.say("part"), part.part), (page.say("UID"), part.uid or "–")]
+            if page.may(Right.ARRANGE):  # who knows them can pretend to be that part
+                rows += [(page.say("address"), part.address), (page.say("session"), part.client_key)]
             rows += [
-                (page.say("part"), part.part),
-                (page.say("UID"), part.uid or "–"),
-                (page.say("address"), part.address),
-                (page.say("session"), part.client_key),
                 (page.say("beats"), f"{part.beats}"),
                 (page.say("last beat"), "–" if part.beat_age_s is None else f"{part.beat_age_s:.1f} s"),
             ]
             if part.plug_in_to_active_ms is not None:
                 rows.append((page.say("plug-in to active"), f"{part.plug_in_to_active_ms:.1f} ms"))
-        table = "".join(
-            f'<tr><td class="soft">{escape(name)}</td><td class="num">{escape(value)}</td></tr>' for name, value in rows
-        )
-        content = (
-            f"<p>{state_chip(card.state, page.say(card.state))} {escape(card.reason)}</p>"
-            f'<p class="soft">{escape(card.description)}</p><table class="ms-table">{table}</table>'
-        )
-        if shown.content != content:
-            shown.set_content(content)
+        chip = state_chip(card.state, page.say(card.state))
+        set_html(shown, render("slot_facts", chip=chip, card=card, rows=rows))
 
     page.every_look(show, shown)
 
 
 def _ports(page: Page, slot: str) -> None:
-    ui.html(f"<h2>{escape(page.say('Topics'))}</h2>", sanitize=False)
+    heading(page.say("Topics"))
     shown = ui.html("", sanitize=False).classes("w-full")
 
     def show() -> None:
-        content = "".join(
-            f'<div class="row" style="flex-wrap:nowrap;margin-bottom:.6rem">{draw(port.type_name, port.fields)}<div>'
-            f'<b>{escape(port.port)}</b> {"→" if port.publishes else "←"} <span class="mono">{escape(port.topic)}</span>'
-            f'<div class="soft">{escape(port.type_name)} · {port.rate_hz:.1f} Hz · {port.count} · '
-            f"{escape(page.say('reliable' if port.reliable else 'best effort'))}</div>{fields_html(port.fields)}</div></div>"
-            for port in page.service.views.slot(slot).ports
-        )
-        content = content or f'<p class="soft">{escape(page.say("No port of this slot is wired to a topic."))}</p>'
-        if shown.content != content:
-            shown.set_content(content)
+        ports = []
+        for port in page.service.views.slot(slot).ports:
+            fields = port.safe or ({} if port.held == "unconfirmed" else port.fields)
+            ports.append({
+                "line": port, "drawing": draw(port.type_name, fields), "fields": fields_html(fields),
+                "held": page.say(HELD_WORDS[port.held]) if port.held else "",
+            })  # fmt: skip
+        set_html(shown, render("slot_ports", say=page.say, ports=ports))
 
     page.every_look(show, shown)
 
 
 def _rhythm(page: Page, slot: str) -> None:
-    ui.html(f"<h2>{escape(page.say('Time between beats'))}</h2>", sanitize=False)
+    heading(page.say("Time between beats"))
     shown = ui.html("", sanitize=False).classes("w-full")
 
     def show() -> None:
         intervals = page.service.views.beat_intervals(slot)
         words = f"{min(intervals):.2f} – {max(intervals):.2f} s" if intervals else page.say("no beats yet")
-        content = f'{sparkline(intervals, least=0.0)}<div class="soft num">{escape(words)}</div>'
-        if shown.content != content:
-            shown.set_content(content)
+        set_html(shown, render("rhythm", curve=sparkline(intervals, least=0.0), words=words))
 
     page.every_look(show, shown)
 
 
 def _deeds(page: Page, card: SlotCard) -> None:
-    service, part = page.service, card.part
+    part = card.part
     if part is None or not part.uid:
         return
+
+    def button(words: str, icon: str, operation: str, look: str = "outline", **arguments: Any) -> None:  # noqa: ANN401
+        ui.button(words, icon=icon, on_click=partial(page.act, operation, **arguments)).props(look)
+
     with ui.element("div").classes("row"):
         if page.may(Right.OPERATE):
-            ui.button(page.say("Identify"), icon="lightbulb",
-                      on_click=lambda: page.do(lambda session: service.identify(session, part.uid))).props("outline")  # fmt: skip
+            button(page.say("Identify"), "lightbulb", "identify", part=part.uid)
         if page.may(Right.ARRANGE):
-            ui.button(page.say("Release slot"), icon="eject",
-                      on_click=lambda: page.do(lambda session: service.release(session, card.name))).props("outline")  # fmt: skip
-            ui.button(page.say("Block part"), icon="block",
-                      on_click=lambda: page.do(lambda session: service.block(session, part.uid, ""))).props(
-                "outline color=negative"
-            )  # fmt: skip
-            for spare in service.views.arrivals():
+            button(page.say("Release slot"), "eject", "release", slot=card.name)
+            button(page.say("Block part"), "block", "block", "outline color=negative", part=part.uid)
+            for spare in page.service.views.arrivals():
                 if spare.state == "standby" and spare.uid:
-                    ui.button(page.say("Swap to {part}", part=spare.part), icon="swap_horiz",
-                              on_click=lambda spare=spare: page.do(
-                                  lambda session: service.swap(session, card.name, spare.uid))).props("outline")  # fmt: skip
+                    words = page.say("Swap to {part}", part=spare.part)
+                    button(words, "swap_horiz", "swap", slot=card.name, to=spare.uid)
 
 
 def _why(page: Page, card: SlotCard) -> None:
-    ui.html(f"<h2>{escape(page.say('Why?'))}</h2>", sanitize=False)
+    heading(page.say("Why?"))
     lines = page.service.views.why(card.part.part if card.part is not None else card.name)
-    ui.html(
-        "".join(
-            f'<div class="{"soft" if line.startswith("  ") else ""}" style="margin-bottom:.2rem">{escape(line)}</div>'
-            for line in lines[:40]
-        ),
-        sanitize=False,
-    )
+    ui.html(render("lines", lines=lines[:WHY_LINES]), sanitize=False)

@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import logging
-from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import partial
-from html import escape
+from typing import Any
 
 from fastapi import Request
-from nicegui import ui
-from nicegui.events import KeyEventArguments, UploadEventArguments
+from nicegui import Client, ui
 
-from msbot.errors import MsbotError
-from msbot.web.accounts import Session, SignedOut
-from msbot.web.guard import CSRF_HEADER
+from msbot.errors import MsbotError, NotThere
+from msbot.operations.rights import Right
+from msbot.pnp import PartState
+from msbot.web.access.accounts import SignedOut
+from msbot.web.access.sessions import Session
+from msbot.web.api.models import Done, Robot, StopState
+from msbot.web.html import Markup, render
 from msbot.web.language import COOKIE as LANGUAGE_COOKIE
 from msbot.web.language import Language, language_of, languages
-from msbot.web.models import Done
-from msbot.web.roles import Right
-from msbot.web.service import Service
-from msbot.web.views import NotThere
+from msbot.web.pages.help import help_button, offer_tour
+from msbot.web.pages.pieces import set_html
+from msbot.web.service import Service, done_of
 
 _log = logging.getLogger(__name__)
 
@@ -30,8 +34,6 @@ LOOK_S = 0.5
 """Pages look at the robot that often."""
 CHECK_S = 3.0
 """So long at most a page stays open whose person was signed out elsewhere, or removed."""
-TWICE_S = 0.8
-"""Two presses of Escape within this time are STOP."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,10 @@ MENU = (
 )
 
 
+Refresh = Callable[[], Coroutine[object, object, None] | None]
+"""Shows what is so now; waits only where it is a coroutine."""
+
+
 @dataclass(slots=True)
 class Page:
     """One opened page: for whom, in which language, and how its deeds are done."""
@@ -65,40 +71,104 @@ class Page:
     service: Service
     session: Session
     language: Language
-    refreshers: list[tuple[Callable[[], None], ui.element | None]] = field(default_factory=list)
+    refreshers: list[tuple[Refresh, ui.element | None]] = field(default_factory=list)
+    reading: set[Refresh] = field(default_factory=set)
+    """Refreshers that wait for what they show."""
     trouble: str = ""
     """What could not be shown lately."""
+    client: Client | None = None
+    """The browser's page, for what is shown after waiting."""
+    tasks: set[asyncio.Task[None]] = field(default_factory=set)
+    """What waits."""
 
     def say(self, text: str, **values: object) -> str:
         """A text in the person's language."""
         return self.language.say(text, **values)
 
+    def when(self, at_ms: int) -> str:
+        """A moment, milliseconds since 1970, on the clock of the robot's computer."""
+        return datetime.fromtimestamp(at_ms / 1000).strftime("%Y-%m-%d %H:%M:%S")
+
     def may(self, right: Right) -> bool:
         """Whether to offer something at all; whether it may be done is checked again when it is done."""
         return self.session.may(right)
 
-    def do(self, deed: Callable[[Session], Done], *, quiet: bool = False) -> Done | None:
+    async def act(self, operation: str, *, quiet: bool = False, **arguments: Any) -> Done | None:  # noqa: ANN401 - as the table has them
+        """Have an operation of the table done for the person, and say what came of it; None when it was refused."""
+
+        async def deed(session: Session) -> Done:
+            who = self.service.asker(session)
+            return done_of(await self.service.operations.do(operation, who=who, **arguments))
+
+        return await self.do(deed, quiet=quiet)
+
+    async def do(self, deed: Callable[[Session], Done | Awaitable[Done]], *, quiet: bool = False) -> Done | None:
         """Do something for the person and say what came of it; None when it was refused."""
         try:
-            done = deed(self.session)
-        except SignedOut:
-            ui.run_javascript("msbotSignIn()")
-            return None
+            result = deed(self.session)
+            done = await result if inspect.isawaitable(result) else result
         except MsbotError as error:
-            ui.notify(str(error), type="negative", multi_line=True, close_button=self.say("Close"), timeout=10_000)
+            self._refused(error)
             return None
-        if not quiet:
-            ui.notify(done.words, type="positive", multi_line=True)
+        return self._done(done, quiet=quiet)
+
+    def _refused(self, error: MsbotError) -> None:
+        if isinstance(error, SignedOut):
+            ui.run_javascript("msbotSignIn()")
+        else:
+            ui.notify(str(error), type="negative", multi_line=True, close_button=self.say("Close"), timeout=10_000)
+
+    def _done(self, done: Done, *, quiet: bool) -> Done:
+        with self.here():
+            if not quiet:
+                ui.notify(done.words, type="positive", multi_line=True)
         self.refresh()
         return done
 
-    def every_look(self, refresh: Callable[[], None], owner: ui.element | None = None) -> None:
+    def every_look(self, refresh: Refresh, owner: ui.element | None = None) -> None:
         """Call something now, twice a second, and at once after each deed, as long as page and owner are there."""
-        refresh()
+        self._call(refresh)
         self.refreshers.append((refresh, owner))
+
+    def later(self, work: Coroutine[object, object, None]) -> None:
+        """Show something as soon as what it shows has been read."""
+
+        async def in_page() -> None:
+            with self.here():
+                await work
+
+        task = asyncio.get_running_loop().create_task(in_page())
+        self.tasks.add(task)
+        task.add_done_callback(self.tasks.discard)
+
+    def _call(self, refresh: Refresh) -> None:
+        if refresh in self.reading:
+            return
+        waiting = refresh()
+        if waiting is None:
+            return
+        self.reading.add(refresh)
+
+        async def finish() -> None:
+            try:
+                await waiting
+            except MsbotError as error:
+                self._say_once(str(error))
+            finally:
+                self.reading.discard(refresh)
+
+        self.later(finish())
+
+    def here(self) -> AbstractContextManager[object]:
+        """What is shown now is shown in the page itself: what was clicked may be gone by now."""
+        return self.client or nullcontext()
 
     def refresh(self) -> None:
         """Look again now."""
+        with self.here():
+            self._refresh()
+
+    def _refresh(self) -> None:
         self.refreshers = [
             (refresh, owner) for refresh, owner in self.refreshers if owner is None or not owner.is_deleted
         ]
@@ -107,7 +177,7 @@ class Page:
             if owner is not None and owner.is_deleted:
                 continue  # by a refresher before it
             try:
-                refresh()
+                self._call(refresh)
             except NotThere:
                 self.refreshers = [one for one in self.refreshers if one is not refresher]
             except MsbotError as error:
@@ -115,12 +185,7 @@ class Page:
 
     def check_session(self) -> None:
         """Leave the page when its session has ended."""
-        try:
-            is_over = bool(self.session.token) and not self.service.accounts.holds(self.session)
-        except MsbotError as error:  # the database cannot be read at present
-            self._say_once(str(error))
-            return
-        if is_over:
+        if not self.service.accounts.holds(self.session):
             self.refreshers.clear()
             ui.run_javascript("msbotSignIn()")
 
@@ -142,9 +207,9 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         title: its heading.
     """
     session = request.scope["state"]["session"]
-    page = Page(service, session, language_of(request))
-    ui.add_head_html('<link rel="stylesheet" href="/web/msbot.css"><script src="/web/session.js"></script>')
-    ui.add_body_html(f'<a class="skip" href="#content">{escape(page.say("Skip to the content"))}</a>')
+    page = Page(service, session, language_of(request), client=ui.context.client)
+    ui.add_head_html('<link rel="stylesheet" href="/web/msbot.css"><script src="/web/page.js"></script>')
+    ui.add_body_html(render("stop", say=page.say, csrf=session.csrf))
     ui.page_title(f"{page.say(title)} · {service.robot_name}")
     ui.run_javascript(f'document.documentElement.lang = "{page.language.code}"')
     dark = ui.dark_mode(_dark_of(request))
@@ -159,56 +224,23 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     with ui.header().classes("ms-header").props("role=banner"):
         menu = ui.button(icon="menu").props(f'flat round dense color=primary aria-label="{page.say("Menu")}"')
         ui.label(service.robot_name).classes("ms-robot")
+        help_button(page, path)
         _who(page, dark)
-        ui.button(page.say("STOP"), on_click=partial(press_stop, page), color=None).classes("ms-stop").props(
-            f'unelevated aria-label="{page.say("STOP: every part goes to its safe state (press Escape twice)")}"'
-        )
     # Not value=None: NiceGUI would ask a slow browser whether it is open, and log when no answer comes in a second.
     with ui.left_drawer(value=False, bordered=False).classes("ms-nav").props(
         "show-if-above width=210 breakpoint=900 role=navigation"
     ) as drawer:  # fmt: skip
         _menu(page, path)
     menu.on_click(drawer.toggle)
-    _escape_twice(page)
     with ui.column().classes("w-full").style("gap: 1rem").props("role=main id=content tabindex=-1"):
         banner = ui.column().classes("w-full ms-banners").style("gap:.5rem")
         _banner(page, banner)
-        ui.html(f"<h1>{page.say(title)}</h1>", sanitize=False)
+        if path == "/":
+            offer_tour(page, request)
+        ui.html(render("title", words=page.say(title)), sanitize=False)
         yield page
     ui.timer(LOOK_S, page.refresh)
     ui.timer(CHECK_S, page.check_session)
-
-
-def press_stop(page: Page) -> None:
-    """STOP, and say how long it took."""
-    done = page.do(lambda session: page.service.stop(session, ""), quiet=True)
-    if done is not None:
-        took = "" if done.latency_ms is None else f" ({done.latency_ms:.1f} ms)"
-        ui.notify(f"{done.words}{took}", type="warning", multi_line=True, timeout=8000)
-
-
-def file_button(
-    page: Page, title: str, taken: Callable[[UploadEventArguments], Awaitable[None]], *, max_size: int, ending: str = ""
-) -> None:
-    """A button that takes a file from the person's computer.
-
-    Args:
-        page: where.
-        title: what is on it.
-        taken: what is done with the file.
-        max_size: octets that it may have.
-        ending: of the file's name.
-    """
-    upload = ui.upload(on_upload=taken, auto_upload=True, max_file_size=max_size, on_rejected=lambda: ui.notify(
-        page.say("This file is not taken: at most {size} kB{ending}.", size=f"{max_size // 1000:,}",
-                 ending=ending and f", *{ending}"), type="negative")).classes("hidden")  # fmt: skip
-    upload.props["headers"] = [{"name": CSRF_HEADER, "value": page.session.csrf}]
-    if ending:
-        upload.props(f"accept={ending}")
-    # Without a detour by the server: browsers open the dialog only in answer to a click.
-    ui.button(title, icon="upload_file").props("outline").on(
-        "click", js_handler=f"() => getElement({upload.id}).pickFiles()"
-    )
 
 
 def _menu(page: Page, path: str) -> None:
@@ -218,15 +250,42 @@ def _menu(page: Page, path: str) -> None:
         with ui.link(target=way.path).props('aria-current="page"' if way.path == path else ""):
             ui.icon(way.icon, size="1.3rem").props("aria-hidden=true")
             ui.label(page.say(way.title))
-            if way.path == "/arrivals":
-                count = ui.label("").classes("count")
+            if way.path == "/":
+                _count(page, lambda: len(lost_slots(page.service.robot())), "bad")
+            elif way.path == "/arrivals":
+                _count(page, lambda: page.service.robot().arrivals, "")
+    _tell_lost(page)
 
-                def show(count: ui.label = count) -> None:
-                    waiting = page.service.robot().arrivals
-                    count.set_text(str(waiting))
-                    count.set_visibility(waiting > 0)
 
-                page.every_look(show)
+def _count(page: Page, of: Callable[[], int], look: str) -> None:
+    """A number behind an entry of the menu; nothing at 0."""
+    count = ui.label("").classes(f"count {look}")
+
+    def show() -> None:
+        number = of()
+        count.set_text(str(number))
+        count.set_visibility(number > 0)
+
+    page.every_look(show)
+
+
+def lost_slots(robot: Robot) -> list[str]:
+    """The slots whose part is lost."""
+    return [card.name for card in robot.slots if card.state == PartState.LOST.value]
+
+
+def _tell_lost(page: Page) -> None:
+    """Say it on every page when a part is lost while the page is open."""
+    known: set[str] | None = None
+
+    def look() -> None:
+        nonlocal known
+        lost = set(lost_slots(page.service.robot()))
+        for name in sorted(lost - known) if known is not None else ():
+            ui.notify(page.say("The part in slot {name} is lost.", name=name), type="negative", timeout=8000)
+        known = lost
+
+    page.every_look(look)
 
 
 def _who(page: Page, dark: ui.dark_mode) -> None:
@@ -250,45 +309,39 @@ def _who(page: Page, dark: ui.dark_mode) -> None:
 
 
 def _banner(page: Page, banner: ui.column) -> None:
-    shown: list[tuple[str, str]] = []
+    """What everybody has to know, on every page: STOP and who has confirmed it, and what is not being stored."""
+    shown: list[object] = []
 
     def show() -> None:
         robot = page.service.robot()
-        wanted = []
-        if robot.stopped:
-            wanted.append(("bad", page.say("STOP is in force: every part is in its safe state.")))
-        if robot.trouble:
-            wanted.append(("warn", robot.trouble))
-        if wanted == shown:
-            return
-        shown[:] = wanted
-        banner.clear()
-        with banner:
-            for kind, words in wanted:
-                with ui.element("div").classes(f"ms-banner {kind} row spread").props("role=alert"):
-                    ui.label(words)
-                    if kind == "bad" and page.may(Right.ARRANGE):
-                        ui.button(page.say("Go on"), on_click=lambda: page.do(page.service.go_on)).props(
-                            "outline dense"
-                        )
+        wanted: list[object] = [robot.stop.stopped, robot.trouble, robot.stop.trouble]
+        if wanted != shown:
+            shown[:] = wanted
+            banner.clear()
+            with banner:
+                if robot.stop.stopped:
+                    with ui.element("div").classes("ms-banner bad row spread").props("role=alert"):
+                        said.append(ui.html("", sanitize=False).style("flex:1;min-width:min(18rem,100%)"))
+                        if page.may(Right.ARRANGE):
+                            ui.button(page.say("Go on"), on_click=lambda: page.act("go")).props("outline dense")
+                for words in (robot.trouble, robot.stop.trouble):
+                    if words:
+                        with ui.element("div").classes("ms-banner warn").props("role=alert"):
+                            ui.label(words)
+        if robot.stop.stopped and said:
+            content = stop_html(page, robot.stop)
+            set_html(said[-1], content)
 
+    said: list[ui.html] = []
     page.every_look(show)
 
 
-def _escape_twice(page: Page) -> None:
-    pressed = [float("-inf")]
-
-    def key(event: KeyEventArguments) -> None:
-        if not event.action.keydown or event.action.repeat or event.key != "Escape":
-            return
-        now = asyncio.get_running_loop().time()
-        if now - pressed[0] <= TWICE_S:
-            pressed[0] = float("-inf")
-            press_stop(page)
-        else:
-            pressed[0] = now
-
-    ui.keyboard(key, ignore=[])
+def stop_html(page: Page, stop: StopState) -> Markup:
+    """STOP as it stands: who said it, who has confirmed it in how long, and who has not."""
+    slowest = max((one.ms for one in stop.confirmed), default=0.0)
+    return render(
+        "stop_state", say=page.say, stop=stop, slowest=f"{slowest:.0f}", told=len(stop.confirmed) + len(stop.silent)
+    )
 
 
 def _dark_of(request: Request) -> bool | None:

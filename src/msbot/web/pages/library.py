@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from html import escape
-
 from fastapi import Request
 from nicegui import ui
 
 from msbot.config import PartType
+from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.passport import picture_of, qr_svg
 from msbot.web.service import Service
+from msbot.web.svg.passport import picture_of, qr_svg
 
 
 def register(service: Service) -> None:
@@ -40,22 +39,11 @@ def _catalogue(page: Page, search: str) -> None:
     grid = ui.html("", sanitize=False).classes("w-full")
 
     def show() -> None:
-        cards = []
+        entries = []
         for line in page.service.views.types(str(find.value or "")):
             found = page.service.views.library.get(line.number)
-            picture = "" if found is None else picture_of(found)
-            cards.append(
-                f'<a class="slot" style="text-decoration:none;color:inherit;border-left-color:var(--accent)" '
-                f'href="/library/{escape(line.number, quote=True)}"><div class="head">'
-                f'<div style="width:72px;flex:none">{picture}</div><div style="min-width:0"><div class="title">{escape(line.name)}</div>'
-                f'<div class="soft mono">{escape(line.number)}</div><div class="soft">{escape(line.manufacturer)}</div></div></div>'
-                f'<div class="reason">{escape(line.description)}</div>'
-                f'<div class="soft" style="font-size:.82rem">{escape(", ".join(line.ports))}</div></a>'
-            )
-        count = page.say("{count} part types", count=len(cards))
-        grid.set_content(
-            f'<p class="soft" aria-live="polite" style="margin-bottom:.7rem">{escape(count)}</p><div class="grid">{"".join(cards)}</div>'
-        )
+            entries.append((line, "" if found is None else picture_of(found)))
+        grid.set_content(render("catalogue", say=page.say, entries=entries))
 
     find.on_value_change(show)
     show()
@@ -73,14 +61,9 @@ def _entry(page: Page, found: PartType, base: str) -> None:
         (say("driver"), found.driver or say("has a controller of its own")),
         (say("file"), found.source.rpartition("/")[2]),
     ]
-    rows = "".join(f'<tr><td class="soft">{escape(name)}</td><td>{escape(value)}</td></tr>' for name, value in facts)
     address = f"{base.rstrip('/')}/library/{found.number}"
     ui.html(
-        f'<div class="panel"><div class="row" style="gap:1.5rem;align-items:flex-start"><div style="width:180px">{picture_of(found)}</div>'
-        f'<div style="flex:1;min-width:min(18rem,100%)"><h2 style="font-size:1.4rem">{escape(found.name)}</h2>'
-        f'<p class="soft">{escape(found.description)}</p><table class="ms-table">{rows}</table></div>'
-        f'<div style="text-align:center">{qr_svg(address)}<div class="soft" style="font-size:.8rem">{escape(say("stick this on the part"))}'
-        f"</div></div></div></div>",
+        render("passport", say=say, type=found, facts=facts, picture=picture_of(found), code=qr_svg(address)),
         sanitize=False,
     ).classes("w-full")
     _table(page, "Ports", ("Port", "Direction", "Message", "Rate", "Safe value", "Meaning"), [
@@ -101,12 +84,8 @@ def _entry(page: Page, found: PartType, base: str) -> None:
 
 
 def _table(page: Page, title: str, heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
-    if not rows:
-        return
-    head = "".join(f"<th>{escape(page.say(name))}</th>" for name in heads)
-    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    ui.html(
-        f'<div class="panel scroll"><h2>{escape(page.say(title))}</h2><table class="ms-table"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>",
-        sanitize=False,
-    ).classes("w-full")
+    if rows:
+        titles = [page.say(name) for name in heads]
+        ui.html(render("titled_table", title=page.say(title), heads=titles, rows=rows), sanitize=False).classes(
+            "w-full"
+        )

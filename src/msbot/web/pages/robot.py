@@ -1,19 +1,24 @@
-"""The home page: every slot as a card with its state, its beat and its value; a click opens the drawer."""
+"""The home page: every slot as a card with its state, its beat and its value; a click opens the drawer.
+
+All cards are one element: a robot of a thousand slots opens in a moment, and only cards that have changed are sent.
+"""
 
 from __future__ import annotations
 
-from functools import partial
-from html import escape
+import json
 
 from fastapi import Request
 from nicegui import ui
+from nicegui.events import GenericEventArguments
 
-from msbot.web.drawings import beat_ring, draw, fields_html, main_port, state_chip
-from msbot.web.models import PartLine, Robot, SlotCard
+from msbot.operations.rights import Right
+from msbot.web.api.models import PartLine, PortLine, Robot, SlotCard
+from msbot.web.html import Markup, render
 from msbot.web.pages.drawer import open_drawer
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.roles import Right
+from msbot.web.pages.pieces import set_html
 from msbot.web.service import Service
+from msbot.web.svg.drawings import HELD_WORDS, beat_ring, draw, fields_html, main_port, sparkline, state_chip
 
 
 def register(service: Service) -> None:
@@ -23,7 +28,7 @@ def register(service: Service) -> None:
     def home(request: Request, slot: str = "") -> None:
         with page_frame(service, request, "/", "Robot") as page:
             _summary(page)
-            _grid(page)
+            _Grid(page)
             if slot:
                 open_drawer(page, slot)
 
@@ -36,74 +41,78 @@ def _summary(page: Page) -> None:
         counts: dict[str, int] = {}
         for card in robot.slots:
             counts[card.state] = counts.get(card.state, 0) + 1
-        chips = " ".join(state_chip(state, f"{count} {page.say(state)}") for state, count in counts.items())
-        words = " · ".join((robot.version, robot.serial_number, robot.manufacturer, ", ".join(robot.links)))
-        content = f'<div class="row spread"><span>{escape(words)}</span><span class="row">{chips}</span></div>'
-        if line.content != content:
-            line.set_content(content)
+        chips = [state_chip(state, f"{count} {page.say(state)}") for state, count in counts.items()]
+        words = [word for word in (robot.version, robot.serial_number, robot.manufacturer, *robot.links) if word]
+        content = render("summary", words=" · ".join(words), chips=chips)
+        set_html(line, content)
 
     page.every_look(show)
 
 
-def _grid(page: Page) -> None:
-    grid = ui.element("div").classes("grid").props(f'role=list aria-label="{page.say("Slots")}"')
-    cards: dict[str, ui.html] = {}
-    shown: dict[str, object] = {}
+class _Grid:
+    """The cards of all slots."""
 
-    def show() -> None:
-        robot = page.service.robot()
-        if list(cards) != [card.name for card in robot.slots]:
-            shown.clear()
-            _fill(page, grid, cards, robot)
-        for card in robot.slots:
-            look = look_of(card, robot.beat_s)
-            if shown.get(card.name) != look:
-                shown[card.name] = look
-                cards[card.name].set_content(card_html(page, card, robot.beat_s))
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._names: list[str] = []
+        self._shown: dict[str, object] = {}
+        self._element = ui.html("", sanitize=False).classes("w-full")
+        self._element.on("click", self._clicked, js_handler=_CLICKED)
+        self._element.on("keydown", self._clicked, js_handler=_KEY)
+        page.every_look(self._show)
 
-    page.every_look(show)
-
-
-def _fill(page: Page, grid: ui.element, cards: dict[str, ui.html], robot: Robot) -> None:
-    grid.clear()
-    cards.clear()
-    with grid:
-        for card in robot.slots:
-            with ui.element("div").props("role=listitem").style("position:relative"):
-                cards[card.name] = (
-                    ui.html("", sanitize=False)
-                    .props(
-                        f'tabindex=0 role=button aria-label="{escape(page.say("Open slot {name}", name=card.name))}"'
-                    )
-                    .style("cursor:pointer;height:100%")
-                    .on("click", partial(open_drawer, page, card.name), args=[])
-                    .on("keydown.enter", partial(open_drawer, page, card.name), args=[])
-                    .on("keydown.space.prevent", partial(open_drawer, page, card.name), args=[])
-                )
-                if card.simulated and page.may(Right.OPERATE):
-                    _plug_button(page, card)
-
-
-def _plug_button(page: Page, card: SlotCard) -> None:
-    def toggle() -> None:
-        is_plugged = page.service.views.bench.is_plugged(card.name)
-        page.do(lambda session: page.service.plug(session, card.name, plugged=not is_plugged), quiet=True)
-
-    button = ui.button(on_click=toggle).props("flat round dense").style("position:absolute;right:.5rem;bottom:.5rem")
-
-    shown: list[bool] = []
-
-    def show() -> None:
-        is_plugged = page.service.views.bench.is_plugged(card.name)
-        if shown == [is_plugged]:
+    def _show(self) -> None:
+        robot = self._page.service.robot()
+        names = [card.name for card in robot.slots]
+        looks = {card.name: look_of(card, robot.beat_s) for card in robot.slots}
+        if names != self._names:
+            self._names, self._shown = names, dict(looks)
+            self._element.set_content(self._whole(robot))
             return
-        shown[:] = [is_plugged]
-        word = page.say("Unplug {name}" if is_plugged else "Plug {name} in", name=card.name)
-        button.props(
-            f'icon={"power_off" if is_plugged else "power"} aria-label="{escape(word)}" title="{escape(word)}"'
-        )
+        changed = {
+            card.name: [card_html(self._page, card, robot), card.plugged, self._plug_words(card)]
+            for card in robot.slots
+            if self._shown[card.name] != looks[card.name]
+        }
+        if changed:
+            self._shown.update({name: looks[name] for name in changed})
+            ui.run_javascript(f"msbotCards('{self._element.html_id}', {json.dumps(changed)})")
 
-    page.every_look(show, button)
+    def _whole(self, robot: Robot) -> Markup:
+        may_plug = self._page.may(Right.OPERATE)
+        places = [
+            {
+                "name": card.name, "html": card_html(self._page, card, robot), "is_plugged": card.plugged,
+                "open_words": self._page.say("Open slot {name}", name=card.name),
+                "plug_words": self._plug_words(card) if may_plug else "",
+            }
+            for card in robot.slots
+        ]  # fmt: skip
+        return render("grid", say=self._page.say, places=places)
+
+    def _plug_words(self, card: SlotCard) -> str:
+        if card.plugged is None:
+            return ""
+        return self._page.say("Unplug {name}" if card.plugged else "Plug {name} in", name=card.name)
+
+    async def _clicked(self, event: GenericEventArguments) -> None:
+        name, is_plug = str(event.args["slot"]), bool(event.args["plug"])
+        if not is_plug:
+            open_drawer(self._page, name)
+            return
+        is_plugged = self._page.service.views.bench.is_plugged(name)
+        await self._page.do(lambda session: self._page.service.plug(session, name, plugged=not is_plugged), quiet=True)
+
+
+_FIND = (
+    "const plug = event.target.closest('[data-plug]'), card = event.target.closest('[data-slot]');"
+    "if (plug) emit({slot: plug.dataset.plug, plug: true}); else if (card) emit({slot: card.dataset.slot, plug: false});"
+)
+_CLICKED = f"(event) => {{ {_FIND} }}"
+_KEY = (
+    "(event) => { if ((event.key !== 'Enter' && event.key !== ' ') || event.target.closest('[data-plug]')) return;"
+    f" event.preventDefault(); {_FIND} }}"
+)
 
 
 def look_of(card: SlotCard, beat_s: float) -> object:
@@ -114,9 +123,11 @@ def look_of(card: SlotCard, beat_s: float) -> object:
         card.reason,
         card.type_name,
         card.simulated,
+        card.plugged,
         None if part is None else (part.part, part.life, part.beats, _age(part, beat_s)),
-        None if port is None else (port.topic, port.port, port.publishes, tuple(port.fields.items())),
-    )
+        None if port is None else (port.topic, port.port, port.publishes, port.held, _stale_age(port),
+                                   tuple(port.fields.items())),
+    )  # fmt: skip
 
 
 def _age(part: PartLine, beat_s: float) -> str:
@@ -126,24 +137,27 @@ def _age(part: PartLine, beat_s: float) -> str:
     return f"< {beat_s:g}" if part.beat_age_s < beat_s else f"{part.beat_age_s:.1f}"
 
 
-def card_html(page: Page, card: SlotCard, beat_s: float) -> str:
+def _stale_age(port: PortLine) -> str:
+    """How old a stale value is, as it is shown; nothing for a fresh one."""
+    if not port.stale or port.age_s is None:
+        return ""
+    return f"{port.age_s:.0f} s" if port.age_s < 120 else f"{port.age_s / 60:.0f} min"
+
+
+def card_html(page: Page, card: SlotCard, robot: Robot) -> Markup:
     """One slot as a card."""
     part, port = card.part, main_port(card)
-    age = "" if part is None else _age(part, beat_s)
-    age = age and escape(page.say("beat {age} s ago", age=age))
-    shown = "" if port is None else (
-        f'{draw(port.type_name, port.fields)}<div class="vals">{fields_html(port.fields)}'
-        f'<div class="soft">{escape(port.port)} → {escape(port.topic)}</div></div>'
-        if port.publishes
-        else f'{draw(port.type_name, port.fields)}<div class="vals">{fields_html(port.fields)}'
-        f'<div class="soft">{escape(port.topic)} → {escape(port.port)}</div></div>'
+    age = "" if part is None else _age(part, robot.beat_s)
+    # What the part does, not what it was told: its safe values while it is held.
+    fields = {} if port is None else port.safe or ({} if port.held == "unconfirmed" else port.fields)
+    # A beat takes the life status back to its full height: between two beats of a healthy part it does not flicker.
+    life = robot.life if card.state == "active" else 0 if part is None else part.life
+    return render(
+        "card", say=page.say, card=card, look=card.state, port=port,
+        ring=beat_ring(card, robot.beat_s, life, page.say), chip=state_chip(card.state, page.say(card.state)),
+        drawing="" if port is None else draw(port.type_name, fields), values=fields_html(fields),
+        spark="" if port is None else sparkline(page.service.views.spark(port.topic), width=72, height=36),
+        held="" if port is None or not port.held else page.say(HELD_WORDS[port.held]),
+        stale_age="" if port is None or port.held else _stale_age(port),
+        beat=age and page.say("beat {age} s ago", age=age),
     )  # fmt: skip
-    reason = "" if card.state == "active" else f'<div class="reason">{escape(card.reason)}</div>'
-    simulated = f'<span class="origin">{escape(page.say("simulated"))}</span>' if card.simulated else ""
-    return (
-        f'<div class="slot is-{escape(card.state)}"><div class="head">{beat_ring(card, beat_s)}'
-        f'<div style="min-width:0;flex:1"><div class="title">{escape(card.name)}</div>'
-        f'<div class="soft" style="font-size:.85rem">{escape(card.type_name or card.part_number)} · '
-        f'<span class="mono">{escape(card.part_number)}</span></div></div>{state_chip(card.state, page.say(card.state))}</div>'
-        f'<div class="body">{shown}</div>{reason}<div class="row soft num" style="font-size:.82rem">{age} {simulated}</div></div>'
-    )

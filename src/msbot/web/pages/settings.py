@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from html import escape
-
 from fastapi import Request
 from nicegui import ui
 from nicegui.events import UploadEventArguments
 
 from msbot.errors import MsbotError
-from msbot.web.graph import wiring_svg
-from msbot.web.pages.layout import Page, file_button, page_frame
+from msbot.operations.rights import Right
+from msbot.web.html import render
+from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.pieces import file_button, heading
 from msbot.web.pages.values import values_panel
-from msbot.web.roles import Right
-from msbot.web.service import Service
+from msbot.web.service import MAX_BLUEPRINT, Service
 
-MAX_BLUEPRINT = 1_000_000
-"""Octets of a blueprint that is read from a file."""
+MOST_FORMS = 40
+"""Slots whose forms are shown at once; a page with a thousand of them would hold the robot up."""
 
 
 def register(service: Service) -> None:
     """Make the page known."""
 
     @ui.page("/settings")
-    def settings(request: Request) -> None:
+    async def settings(request: Request) -> None:
         with page_frame(service, request, "/settings", "Settings") as page:
             with ui.tabs().props("align=left no-caps") as tabs:
                 slots = ui.tab("slots", page.say("Slots"))
@@ -35,19 +34,35 @@ def register(service: Service) -> None:
                 with ui.tab_panel(robot).style("padding:0"):
                     _robot(page)
                 with ui.tab_panel(blueprint).style("padding:0"):
-                    _blueprint(page)
+                    await _blueprint(page)
 
 
 def _slots(page: Page) -> None:
-    with ui.element("div").classes("grid").style("grid-template-columns:repeat(auto-fill,minmax(min(24rem,100%),1fr))"):
-        for card in page.service.views.slots():
-            with ui.element("div").classes("panel"):
-                ui.html(
-                    f'<div class="title" style="font-weight:700;font-size:1.1rem">{escape(card.name)}</div>'
-                    f'<div class="soft">{escape(card.type_name)} · <span class="mono">{escape(card.part_number)}</span></div>',
-                    sanitize=False,
-                )
-                values_panel(page, card.name)
+    """The forms of the slots; of a large robot those that fit what is searched for."""
+    cards = page.service.views.slots()
+    if len(cards) > MOST_FORMS:
+        find = ui.input(page.say("Search"), placeholder="fan, POT-10K").props("outlined clearable").classes("w-full")
+        find.on_value_change(lambda: fill(str(find.value or "")))
+    count = ui.label("").classes("soft").props("role=status")
+    grid = ui.element("div").classes("grid")
+    grid.style("grid-template-columns:repeat(auto-fill,minmax(min(24rem,100%),1fr))")
+
+    def fill(wanted: str) -> None:
+        words = wanted.casefold().split()
+        texts = [(card, f"{card.name} {card.part_number} {card.type_name}".casefold()) for card in cards]
+        found = [card for card, text in texts if all(word in text for word in words)]
+        count.set_text(
+            page.say("{count} slots; {shown} are shown.", count=len(found), shown=min(len(found), MOST_FORMS))
+        )
+        count.set_visibility(len(found) > MOST_FORMS or not found)
+        grid.clear()
+        with grid:
+            for card in found[:MOST_FORMS]:
+                with ui.element("div").classes("panel"):
+                    ui.html(render("slot_title", card=card), sanitize=False)
+                    values_panel(page, card.name)
+
+    fill("")
 
 
 def _robot(page: Page) -> None:
@@ -67,53 +82,45 @@ def _robot(page: Page) -> None:
             f"{(robot.life - 1) * robot.tick_s:g} – {robot.life * robot.tick_s:g} s",
         ),
     ]
-    rows = "".join(f'<tr><td class="soft">{escape(name)}</td><td>{escape(value)}</td></tr>' for name, value in facts)
-    ui.html(
-        f'<div class="panel scroll"><table class="ms-table">{rows}</table><p class="soft" style="margin-top:.8rem">'
-        f"{escape(say('These come from the blueprint: change them there.'))}</p></div>",
-        sanitize=False,
-    ).classes("w-full")
+    words = say("These come from the blueprint: change them there.")
+    ui.html(render("facts", facts=facts, words=words), sanitize=False).classes("w-full")
 
 
-def _blueprint(page: Page) -> None:
+async def _blueprint(page: Page) -> None:
     service, say = page.service, page.say
     try:
-        text = service.blueprint()
+        text = await service.blueprint()
     except MsbotError as error:
         ui.label(str(error)).classes("ms-banner warn")
         return
     with ui.element("div").classes("panel"):
-        states = {card.name: card.state for card in service.robot().slots}
-        ui.html(wiring_svg(service.views.topics(), states), sanitize=False).classes("w-full scroll")
-    with ui.element("div").classes("panel"):
-        ui.html(
-            f"<h2>robot.toml</h2><p class='soft'>{escape(say('Edit, look at what would change, then apply.'))}</p>",
-            sanitize=False,
-        )
+        heading("robot.toml")
+        ui.label(say("Edit, look at what would change, then apply.")).classes("soft")
         editor = ui.codemirror(text, language="TOML", line_wrapping=True).style(
             "height:24rem;border:1px solid var(--line)"
         )
         changes = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
 
-        def compare() -> bool:
-            try:
-                diff = service.blueprint_diff(str(editor.value))
-            except MsbotError as error:
-                changes.set_content(
-                    f'<div class="ms-banner bad" style="white-space:pre-wrap">{escape(str(error))}</div>'
-                )
-                return False
-            lines = "".join(f"<li>{escape(change)}</li>" for change in diff.changes)
-            changes.set_content(
-                f"<div class='ms-banner warn'><ul style='margin:0'>{lines}</ul></div>"
-                if lines
-                else f"<p>{escape(say('Nothing would change.'))}</p>"
-            )
-            return bool(lines)
+        async def follow_look() -> None:
+            is_dark = await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=10.0)
+            editor.set_theme("basicDark" if is_dark else "basicLight")
 
-        def apply() -> None:
-            if compare() and page.do(lambda session: service.apply_blueprint(session, str(editor.value))) is not None:
-                editor.value = service.blueprint()
+        page.later(follow_look())
+
+        async def compare() -> bool:
+            try:
+                diff = await service.blueprint_diff(page.session, str(editor.value))
+            except MsbotError as error:
+                changes.set_content(render("changes", say=say, error=str(error), changes=[]))
+                return False
+            changes.set_content(render("changes", say=say, error="", changes=diff.changes))
+            return bool(diff.changes)
+
+        async def apply() -> None:
+            if not await compare():
+                return
+            if await page.do(lambda session: service.apply_blueprint(session, str(editor.value))) is not None:
+                editor.value = await service.blueprint()
                 changes.set_content("")
 
         async def upload(event: UploadEventArguments) -> None:
@@ -123,13 +130,14 @@ def _blueprint(page: Page) -> None:
             except UnicodeDecodeError:
                 ui.notify(say("This file is no text in UTF-8."), type="negative")
                 return
-            compare()
+            await compare()
 
         with ui.element("div").classes("row").style("margin-top:.6rem"):
-            ui.button(say("Compare"), icon="difference", on_click=compare).props("outline")
             if page.may(Right.DESIGN):
+                ui.button(say("Compare"), icon="difference", on_click=compare).props("outline")
                 ui.button(say("Apply"), icon="check", on_click=apply)
             ui.button(
                 say("Download"), icon="download", on_click=lambda: ui.download("/api/blueprint", "robot.toml")
             ).props("flat")
-            file_button(page, say("Import a file"), upload, max_size=MAX_BLUEPRINT, ending=".toml")
+            if page.may(Right.DESIGN):
+                file_button(page, say("Import a file"), upload, max_size=MAX_BLUEPRINT, ending=".toml")

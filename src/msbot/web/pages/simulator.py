@@ -3,29 +3,29 @@
 from __future__ import annotations
 
 from functools import partial
-from html import escape
 
 from nicegui import ui
 
-from msbot.web.accounts import Session
-from msbot.web.drawings import fields_html
-from msbot.web.models import Control, Done, Scalar
+from msbot.web.access.sessions import Session
+from msbot.web.api.models import Control, Done, Scalar
 from msbot.web.pages.layout import Page
+from msbot.web.pages.pieces import heading
+from msbot.web.svg.drawings import fields_html
 
 
 def simulator_panel(page: Page, slot: str, *, title: str = "") -> None:
     """The controls of a simulated part and what one would see of it."""
     service = page.service
     with ui.element("div").classes("panel").style("background:var(--accent-soft)"):
-        ui.html(f"<h2>{escape(title or page.say('Simulated part'))}</h2>", sanitize=False)
+        heading(title or page.say("Simulated part"))
         plugged = ui.switch(page.say("Plugged in"), value=service.views.bench.is_plugged(slot))
         controls = ui.element("div").classes("w-full")
         seen = ui.html("", sanitize=False)
 
-    def plug() -> None:
+    async def plug() -> None:
         wanted = bool(plugged.value)
         if wanted != service.views.bench.is_plugged(slot):
-            page.do(lambda session: service.plug(session, slot, plugged=wanted), quiet=True)
+            await page.do(lambda session: service.plug(session, slot, plugged=wanted), quiet=True)
 
     shown: list[str] = []
 
@@ -51,8 +51,8 @@ def _control(page: Page, slot: str, control: Control) -> None:
     title = control.words or control.name
     unit = f" [{control.unit}]" if control.unit else ""
 
-    def changed(value: Scalar | None) -> None:
-        page.do(partial(_operate, page, slot, control.name, value), quiet=True)
+    async def changed(value: Scalar | None) -> None:
+        await page.do(partial(_operate, page, slot, control.name, value), quiet=True)
 
     if control.kind == "bool" and control.momentary:
         button = ui.button(title, icon="touch_app").props("outline")
@@ -66,7 +66,7 @@ def _control(page: Page, slot: str, control: Control) -> None:
         step = max((control.most - control.least) / 200, 1e-6)
         ui.slider(
             min=control.least, max=control.most, step=step, value=value, on_change=lambda event: changed(event.value)
-        ).props(f'label aria-label="{escape(title)}" debounce=100')
+        ).props("label debounce=100").props["aria-label"] = title
     elif control.kind == "number":
         ui.number(f"{title}{unit}", value=float(control.value or 0), on_change=lambda event: changed(event.value))
     elif control.kind == "choice":

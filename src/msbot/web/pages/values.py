@@ -1,90 +1,145 @@
-"""The parameters of one slot as a form: kind, range, unit, default and origin; a change is live at once."""
+"""The parameters of one slot as a form: kind, range, unit, default and origin; a change is live at once.
+
+What stands in a field is what holds: a refused value goes back to it, and what others change shows here, too.
+"""
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from functools import partial
-from html import escape
 
 from nicegui import ui
 
 from msbot.errors import MsbotError
-from msbot.web.accounts import Session
-from msbot.web.models import Done, Scalar, Value
+from msbot.operations.rights import Right
+from msbot.web.api.models import Scalar, Value
+from msbot.web.html import render
 from msbot.web.pages.layout import Page
-from msbot.web.roles import Right
 
 
 def values_panel(page: Page, slot: str) -> None:
     """The form of a slot's parameters."""
-    form = ui.column().classes("w-full").style("gap:.4rem")
-
-    def fill() -> None:
-        form.clear()
-        with form:
-            try:
-                values = page.service.values(slot)
-            except MsbotError as error:
-                ui.label(str(error)).classes("soft")
-                return
-            if not values:
-                ui.label(page.say("This part has nothing to set.")).classes("soft")
-            for value in values:
-                _line(page, slot, value, fill)
-
-    fill()
+    _Form(page, slot)
 
 
-def _line(page: Page, slot: str, value: Value, again: Callable[[], None]) -> None:
-    def set_value(wanted: Scalar | None) -> None:
-        if wanted is None or wanted == value.value:
+class _Form:
+    """The lines of a slot, read anew whenever somebody has changed something."""
+
+    def __init__(self, page: Page, slot: str) -> None:
+        self._page = page
+        self._slot = slot
+        self._form = ui.column().classes("w-full").style("gap:.4rem")
+        self._lines: dict[str, _Line] = {}
+        self._mark: object = None
+        page.every_look(self._look, self._form)
+
+    async def _look(self) -> None:
+        mark = self._page.service.views.mark()
+        if mark is not self._mark:
+            await self.read()
+            self._mark = mark
+
+    async def read(self) -> None:
+        """Show what holds now."""
+        try:
+            values = await self._page.service.values(self._slot)
+        except MsbotError as error:
+            self._say(str(error))
             return
-        if page.do(partial(_set, page, slot, value, wanted)) is not None:
-            again()
+        if not values:
+            self._say(self._page.say("This part has nothing to set."))
+        elif [*self._lines] != [value.name for value in values]:
+            self._form.clear()
+            with self._form:
+                self._lines = {value.name: _Line(self, self._page, self._slot, value) for value in values}
+        else:
+            for value in values:
+                self._lines[value.name].show(value)
 
-    def reset() -> None:
-        if page.do(lambda session: page.service.reset_value(session, slot, value.name)) is not None:
-            again()
+    def _say(self, words: str) -> None:
+        self._lines = {}
+        self._form.clear()
+        with self._form:
+            ui.label(words).classes("soft")
 
-    with ui.element("div").classes("row w-full").style("flex-wrap:nowrap"):
-        with ui.element("div").style("flex:1;min-width:0"):
-            _field(page, value, set_value)
-        ui.html(f'<span class="origin {escape(value.origin)}">{escape(page.say(value.origin))}</span>', sanitize=False)
-        if value.origin == "hand" and page.may(Right.SET):
-            ui.button(icon="restart_alt", on_click=reset).props(
-                f'flat round dense aria-label="{escape(page.say("Forget what was set by hand"))}"'
+
+class _Line:
+    """One parameter."""
+
+    def __init__(self, form: _Form, page: Page, slot: str, value: Value) -> None:
+        self._form = form
+        self._page = page
+        self._slot = slot
+        self._value = value
+        with ui.element("div").classes("row w-full").style("flex-wrap:nowrap"):
+            with ui.element("div").style("flex:1;min-width:0"):
+                self._field = self._make_field()
+            self._origin = ui.html("", sanitize=False)
+            self._reset = ui.button(icon="restart_alt", on_click=self._forget).props("flat round dense")
+            words = page.say("Forget what was set by hand")
+            self._reset.props["aria-label"] = self._reset.props["title"] = words
+        if not page.may(Right.SET):
+            self._field.props("readonly disable")
+        self.show(value)
+
+    def show(self, value: Value) -> None:
+        """Show what holds."""
+        self._value = value
+        self._field.value = self._shown(value)
+        self._origin.set_content(render("origin", origin=value.origin, words=self._page.say(value.origin)))
+        self._reset.set_visibility(value.origin == "hand" and self._page.may(Right.SET))
+
+    async def _typed(self) -> None:
+        wanted = self._wanted()
+        if wanted is None or wanted == self._value.value:
+            return
+        if await self._page.act("set", slot=self._slot, name=self._value.name, value=wanted) is None:
+            self.show(self._value)
+        else:
+            await self._form.read()
+
+    async def _forget(self) -> None:
+        if await self._page.act("reset", slot=self._slot, name=self._value.name) is not None:
+            await self._form.read()
+
+    def _wanted(self) -> Scalar | None:
+        typed = self._field.value
+        if typed is None:
+            return None
+        if self._value.kind == "bool":
+            return bool(typed)
+        if self._value.kind in ("int", "float"):
+            return int(typed) if self._value.kind == "int" and float(typed).is_integer() else float(typed)
+        return str(typed)
+
+    def _shown(self, value: Value) -> bool | float | str:
+        if value.kind == "bool":
+            return bool(value.value)
+        if value.kind in ("int", "float"):
+            return 0.0 if isinstance(value.value, str) else float(value.value)
+        return str(value.value)
+
+    def _make_field(self) -> ui.switch | ui.number | ui.input:
+        value = self._value
+        title = f"{value.name} [{value.unit}]" if value.unit else value.name
+        hint = " · ".join(filter(None, (value.description, _limits(value), self._default())))
+        if value.kind == "bool":
+            switch = ui.switch(title, value=bool(value.value), on_change=self._typed)
+            ui.label(hint).classes("soft").style("font-size:.8rem")
+            return switch
+        if value.kind in ("int", "float"):
+            field: ui.number | ui.input = ui.number(
+                title, min=value.least, max=value.most, step=1 if value.kind == "int" else None
             )
+        else:
+            field = ui.input(title)
+        field.on("change", self._typed)
+        field.props("dense").classes("w-full").props["hint"] = hint
+        return field
+
+    def _default(self) -> str:
+        return self._page.say("default {value}", value=self._value.default)
 
 
-def _field(page: Page, value: Value, set_value: Callable[[Scalar | None], None]) -> None:
-    unit = f" [{value.unit}]" if value.unit else ""
-    limits = "" if value.least is None and value.most is None else (
-        f"{'' if value.least is None else format(value.least, 'g')} … {'' if value.most is None else format(value.most, 'g')}"
-    )  # fmt: skip
-    hint = " · ".join(filter(None, (value.description, limits, page.say("default {value}", value=value.default))))
-    is_open = page.may(Right.SET)
-    if value.kind == "bool":
-        field: ui.element = ui.switch(
-            f"{value.name}{unit}", value=bool(value.value), on_change=lambda event: set_value(bool(event.value))
-        )
-        ui.label(hint).classes("soft").style("font-size:.8rem")
-    elif value.kind in ("int", "float"):
-        number = ui.number(f"{value.name}{unit}", value=float(value.value) if not isinstance(value.value, str) else 0.0,
-                           min=value.least, max=value.most, step=1 if value.kind == "int" else None)  # fmt: skip
-
-        def typed() -> None:
-            if number.value is not None:
-                set_value(int(number.value) if value.kind == "int" else float(number.value))
-
-        number.on("change", typed)
-        field = number.props(f'hint="{escape(hint, quote=True)}" dense').classes("w-full")
-    else:
-        text = ui.input(f"{value.name}{unit}", value=str(value.value))
-        text.on("change", lambda: set_value(str(text.value)))
-        field = text.props(f'hint="{escape(hint, quote=True)}" dense').classes("w-full")
-    if not is_open:
-        field.props("readonly disable")
-
-
-def _set(page: Page, slot: str, value: Value, wanted: Scalar, session: Session) -> Done:
-    return page.service.set_value(session, slot, value.name, wanted)
+def _limits(value: Value) -> str:
+    if value.least is None and value.most is None:
+        return ""
+    least, most = ("" if end is None else format(end, "g") for end in (value.least, value.most))
+    return f"{least} … {most}"

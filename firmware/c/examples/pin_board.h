@@ -1,0 +1,22 @@
+/* The program of the example: a part that drives one pin and says how another one stands (parts/pin-board.toml).
+ *
+ * The same file runs on every controller of the examples; what a board must bring stands at the end.
+ *
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#ifndef PIN_BOARD_H
+#define PIN_BOARD_H
+
+#include "msbot_controller.h"
+
+/* `uid` is the microcontroller's own number; `random` is anything that differs from one start to the next. */
+void pin_board_init(const uint8_t uid[8], uint32_t random, uint32_t bitrate);
+/* One turn of the program; returns how long it may rest, in microseconds. */
+uint32_t pin_board_turn(const msbot_controller *controller);
+const msbot_part *pin_board_part(void);
+
+/* What the board brings. */
+void board_drive_pin(bool high);
+bool board_read_pin(void);
+
+#endif

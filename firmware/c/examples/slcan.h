@@ -1,0 +1,28 @@
+/* A CAN controller at the other end of a serial line: the board is adapter and node in one.
+ *
+ * The computer speaks the slcan protocol (LAWICEL CANUSB) to it, as to a CANable: `slcand`, or `can:slcan:/dev/ttyACM0`.
+ * What the node sends, the computer hears as frames of the bus, and the other way round. For boards without a CAN
+ * transceiver, and for emulators.
+ *
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#ifndef SLCAN_H
+#define SLCAN_H
+
+#include "msbot_can.h"
+
+typedef struct {
+    bool (*read)(uint8_t *octet); /* false: nothing has come */
+    void (*write)(const char *octets, size_t size);
+    char line[32];
+    uint8_t size;
+    bool is_open, too_long;
+} slcan;
+
+bool slcan_on_bus(void *context); /* the computer has opened the channel */
+bool slcan_receive(void *context, msbot_frame *frame);
+unsigned slcan_pending(void *context);
+bool slcan_has_room(void *context);
+void slcan_send(void *context, const msbot_frame *frame);
+
+#endif

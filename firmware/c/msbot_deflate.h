@@ -1,0 +1,24 @@
+/* DEFLATE (RFC 1951) as header compression uses it: fixed codes and stored blocks, with a dictionary that both ends know.
+ *
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#ifndef MSBOT_DEFLATE_H
+#define MSBOT_DEFLATE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* What is to be squeezed: two pieces, one behind the other. */
+typedef struct {
+    const uint8_t *head;
+    size_t heads;
+    const uint8_t *tail;
+    size_t tails;
+} msbot_text;
+
+/* Squeezes a text to fewer than `most` octets; 0 = that cannot be done. The time grows with the square of its length. */
+size_t msbot_deflate(uint8_t *octets, size_t most, const msbot_text *text);
+/* The text of all these octets; -1 = they are none, or there is no room for it. */
+int msbot_inflate(uint8_t *text, size_t room, const uint8_t *octets, size_t size);
+
+#endif

@@ -1,0 +1,829 @@
+/* Plug-and-play: see msbot_part.h; the rules and the messages are those of docs/explain/plug_and_play.md.
+ *
+ * News come in as frames and times; `book` then says to the agent whatever there is room for, in the order in which the
+ * agent must hear it. So nothing here waits, and nothing is forgotten when there is no room: it is due until it is said.
+ *
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "msbot_part.h"
+
+#include "msbot_sha256.h"
+
+#include <string.h>
+
+#define RETRY_US 2000000U
+#define ANSWER_US 1000000U
+#define SILENT_BEATS 12U
+#define SHORTEST_BEAT_MS 20U
+
+enum { PARTICIPANT = 0x0011, PROFILE_TOPIC = 0x0012, PUBLISHER = 0x0013, SUBSCRIBER = 0x0014, PROFILE_READER = 0x0016,
+       INVENTORY = 0x0017 };
+enum { OBJECTS = 5 };
+enum { PARTNER_LOST = 1, IDENTIFY = 3, STOP = 4, GO = 5 };
+
+static bool is_due(uint32_t at, uint32_t now) { return (int32_t)(now - at) >= 0; }
+
+static uint32_t u32(const uint8_t *octets)
+{
+    return octets[0] | (uint32_t)octets[1] << 8 | (uint32_t)octets[2] << 16 | (uint32_t)octets[3] << 24;
+}
+
+static void put_u32(uint8_t *octets, uint32_t value)
+{
+    for (unsigned i = 0; i < 4; i++) {
+        octets[i] = (uint8_t)(value >> 8 * i);
+    }
+}
+
+static uint32_t draw(msbot_part *part) /* xorshift32: never 0 */
+{
+    part->random ^= part->random << 13;
+    part->random ^= part->random >> 17;
+    part->random ^= part->random << 5;
+    return part->random;
+}
+
+static uint16_t topic_id(unsigned port) { return (uint16_t)(0x0022 + 16 * port); }
+
+static uint16_t endpoint_id(const msbot_part *part, unsigned port)
+{
+    /* Data reader 1 is that of the profile. */
+    return (uint16_t)(part->config.ports[port].publishes ? 0x0015 + 16 * port : 0x0026 + 16 * port);
+}
+
+/* Reading what comes. */
+
+typedef struct {
+    const uint8_t *octets;
+    size_t size, at;
+    bool broken;
+} reader;
+
+static uint32_t take_u32(reader *from)
+{
+    from->at = (from->at + 3) & ~(size_t)3;
+    if (from->broken || from->at + 4 > from->size) {
+        from->broken = true;
+        return 0;
+    }
+    from->at += 4;
+    return u32(from->octets + from->at - 4);
+}
+
+static uint8_t take_u8(reader *from)
+{
+    if (from->broken || from->at >= from->size) {
+        from->broken = true;
+        return 0;
+    }
+    return from->octets[from->at++];
+}
+
+static const char *take_string(reader *from)
+{
+    uint32_t length = take_u32(from);
+    if (from->broken || length == 0 || length > from->size - from->at || from->octets[from->at + length - 1] != 0) {
+        from->broken = true;
+        return "";
+    }
+    from->at += length;
+    return (const char *)from->octets + from->at - length;
+}
+
+typedef struct {
+    const char *port, *topic, *type;
+    uint16_t topic_at;
+    bool publishes, reliable;
+} binding;
+
+static binding take_binding(reader *from)
+{
+    binding taken;
+    taken.port = take_string(from);
+    taken.topic = take_string(from);
+    taken.topic_at = (uint16_t)(from->at - strlen(taken.topic) - 1);
+    taken.type = take_string(from);
+    taken.publishes = take_u8(from) == 0;
+    taken.reliable = take_u8(from) != 0;
+    return taken;
+}
+
+/* The states (the same as in MsBOT's own parts). */
+
+static bool claims(const msbot_part *part) { return part->state == MSBOT_CLAIMING || part->state == MSBOT_REFUSED; }
+
+static bool beats(const msbot_part *part) { return part->state == MSBOT_CONFIGURING || part->state == MSBOT_ACTIVE; }
+
+static void retry_at(msbot_part *part, uint32_t now_us)
+{
+    part->has_retry = true;
+    part->retry_us = now_us + RETRY_US;
+}
+
+static void claim(msbot_part *part, uint32_t now_us)
+{
+    part->claim_due = true;
+    retry_at(part, now_us);
+}
+
+static void fetch(msbot_part *part, uint32_t now_us)
+{
+    part->fetch_due = true;
+    part->reply_wanted = MSBOT_RELIABLE; /* only that can be cut to pieces */
+    retry_at(part, now_us);
+}
+
+static void leave(msbot_part *part)
+{
+    part->config.safe(part->config.context, MSBOT_ALL_PORTS);
+    /* Whoever takes the part back says STOP again if it still holds. */
+    part->stopped = false;
+    part->stop_heard = part->stop_over = part->stop_ends_with = part->stop_obeyed = 0;
+}
+
+static void enter(msbot_part *part, msbot_part_state state, uint32_t now_us)
+{
+    msbot_part_state before = part->state;
+    part->state = state;
+    part->has_retry = part->claim_due = part->proof_due = part->fetch_due = false;
+    if (!beats(part)) {
+        part->lease = part->version = 0;
+        part->has_beat = part->waiting = false;
+    }
+    if (state == MSBOT_CLAIMING) {
+        part->profile_wanted = part->profile_read == MSBOT_READ_ALL ? MSBOT_READ_NO_MORE : part->profile_read;
+        claim(part, now_us);
+    } else if (state == MSBOT_REFUSED) {
+        retry_at(part, now_us);
+    } else if (state == MSBOT_CONFIGURING) {
+        part->has_beat = true;
+        part->beat_at_us = now_us + part->beat_us;
+        fetch(part, now_us);
+    } else if (state == MSBOT_WRONG_ROBOT) {
+        part->profile_wanted = MSBOT_READ_ALL;
+    }
+    if (before == MSBOT_ACTIVE && state != MSBOT_ACTIVE) {
+        leave(part);
+    }
+    if (before != state && part->config.changed != NULL) {
+        part->config.changed(part->config.context, state);
+    }
+}
+
+static void agent_lost(msbot_part *part, uint32_t now_us)
+{
+    if (part->state != MSBOT_LOOKING && part->state != MSBOT_LOST) {
+        enter(part, MSBOT_LOST, now_us);
+    }
+}
+
+static void agent_found(msbot_part *part, uint32_t now_us)
+{
+    part->set_up = 0;
+    part->has_publisher = false;
+    part->profile_read = part->reply_stream = 0xFF; /* nothing is being read */
+    part->profile_wanted = MSBOT_READ_ONE;
+    part->reply_wanted = MSBOT_RELIABLE;
+    for (unsigned port = 0; port < part->config.port_count; port++) {
+        part->ports[port].step = MSBOT_UNBOUND;
+        part->ports[port].want = part->ports[port].have = 0;
+    }
+    if (part->state == MSBOT_LOOKING || part->state == MSBOT_LOST) {
+        enter(part, MSBOT_RECOGNISING, now_us);
+    }
+}
+
+static void profile_seen(msbot_part *part, const uint8_t *payload, size_t size, uint32_t now_us)
+{
+    reader from = {payload, size, 0, false};
+    const char *seen[5];
+    (void)take_u32(&from); /* how often it was published */
+    for (unsigned i = 0; i < 5; i++) {
+        seen[i] = take_string(&from);
+    }
+    if (from.broken) {
+        part->dropped++;
+        return;
+    }
+    static const uint8_t places[4] = {0, 1, 2, 4}; /* name, version, serial number, (release date,) manufacturer */
+    bool agrees = true;
+    for (unsigned i = 0; i < 4; i++) {
+        const char *expected = part->config.robot[i];
+        agrees = agrees && (expected == NULL || strcmp(expected, seen[places[i]]) == 0);
+    }
+    if (!agrees) {
+        if (part->state >= MSBOT_RECOGNISING && part->state != MSBOT_LOST && part->state != MSBOT_WRONG_ROBOT) {
+            enter(part, MSBOT_WRONG_ROBOT, now_us);
+        }
+    } else if (part->state == MSBOT_RECOGNISING || part->state == MSBOT_WRONG_ROBOT) {
+        enter(part, MSBOT_CLAIMING, now_us);
+    }
+}
+
+static void verdict_given(msbot_part *part, const uint8_t *verdict, uint32_t now_us)
+{
+    uint32_t lease = u32(verdict);
+    uint32_t period_ms = verdict[8] | (uint32_t)verdict[9] << 8;
+    part->heard_us = now_us;
+    if (lease == 0) {
+        if (claims(part)) {
+            enter(part, MSBOT_REFUSED, now_us);
+        }
+    } else if (claims(part) || beats(part)) {
+        part->lease = lease;
+        part->beat_us = 1000U * (period_ms < SHORTEST_BEAT_MS ? SHORTEST_BEAT_MS : period_ms);
+        if (claims(part)) {
+            enter(part, MSBOT_CONFIGURING, now_us);
+        }
+    }
+}
+
+void msbot_part_prove(const msbot_part_config *config, const uint8_t nonce[16], uint32_t session_key, uint8_t proof[16])
+{
+    static const char label[] = "MsBOT claim 1"; /* with its NUL */
+    const char *texts[2] = {config->part_number, config->local_name};
+    const uint8_t session[4] = {(uint8_t)(session_key >> 24), (uint8_t)(session_key >> 16), (uint8_t)(session_key >> 8),
+                                (uint8_t)session_key};
+    msbot_sha256 hash;
+    uint8_t digest[32];
+    msbot_hmac_begin(&hash, config->key, config->key_size);
+    msbot_sha256_add(&hash, label, sizeof label);
+    msbot_sha256_add(&hash, nonce, 16);
+    msbot_sha256_add(&hash, config->can.uid, 8);
+    for (unsigned i = 0; i < 2; i++) {
+        size_t length = strlen(texts[i]);
+        const uint8_t octets[2] = {(uint8_t)(length >> 8), (uint8_t)length};
+        msbot_sha256_add(&hash, octets, 2);
+        msbot_sha256_add(&hash, texts[i], length);
+    }
+    msbot_sha256_add(&hash, session, 4);
+    msbot_hmac_end(&hash, config->key, config->key_size, digest);
+    memcpy(proof, digest, 16);
+}
+
+static void challenged(msbot_part *part, const uint8_t *nonce, uint32_t now_us)
+{
+    part->heard_us = now_us;
+    if (!claims(part)) {
+        return;
+    }
+    if (part->config.key == NULL) {
+        enter(part, MSBOT_REFUSED, now_us);
+        return;
+    }
+    msbot_part_prove(&part->config, nonce, part->client.key, part->proof);
+    part->proof_due = true;
+    retry_at(part, now_us);
+}
+
+/* Configuration. */
+
+static bool is_whole(const uint8_t *payload, size_t size)
+{
+    reader from = {payload, size, 0, false};
+    (void)take_u32(&from);
+    (void)take_string(&from);
+    for (uint32_t left = take_u32(&from); left > 0 && !from.broken; left--) {
+        (void)take_binding(&from);
+    }
+    for (uint32_t left = take_u32(&from); left > 0 && !from.broken; left--) {
+        (void)take_string(&from);
+        (void)take_string(&from);
+    }
+    return !from.broken;
+}
+
+static void want_binding(msbot_part *part, const binding *wanted)
+{
+    for (unsigned i = 0; i < part->config.port_count; i++) {
+        const msbot_port_type *port = &part->config.ports[i];
+        if (strcmp(port->name, wanted->port) == 0) {
+            if (strcmp(port->type, wanted->type) != 0 || port->publishes != wanted->publishes) {
+                part->dropped++; /* the library describes another port than the program */
+                return;
+            }
+            uint32_t hash = msbot_crc32((const uint8_t *)wanted->topic, strlen(wanted->topic));
+            part->ports[i].want = (hash & ~1U) | 2U | wanted->reliable;
+            part->ports[i].topic_at = wanted->topic_at;
+            part->ports[i].reliable = wanted->reliable;
+            return;
+        }
+    }
+}
+
+static void tell_settings(msbot_part *part, reader *from)
+{
+    uint32_t told[MSBOT_PART_SETTINGS] = {0};
+    uint32_t count = take_u32(from);
+    for (uint32_t i = 0; i < count; i++) {
+        const char *name = take_string(from);
+        const char *value = take_string(from);
+        uint32_t hash = msbot_crc32((const uint8_t *)name, strlen(name));
+        hash = (hash * 31U + msbot_crc32((const uint8_t *)value, strlen(value))) | 1U;
+        bool known = false;
+        for (unsigned k = 0; k < MSBOT_PART_SETTINGS; k++) {
+            known = known || part->told[k] == hash;
+        }
+        if (i < MSBOT_PART_SETTINGS) {
+            told[i] = hash;
+        }
+        if (!known && part->config.setting != NULL) {
+            part->config.setting(part->config.context, name, value);
+        }
+    }
+    memcpy(part->told, told, sizeof told);
+}
+
+static void use_configuration(msbot_part *part)
+{
+    reader from = {part->configuration, part->configuration_size, 0, false};
+    for (unsigned i = 0; i < part->config.port_count; i++) {
+        part->ports[i].want = 0;
+    }
+    (void)take_u32(&from);
+    (void)take_string(&from);
+    for (uint32_t left = take_u32(&from); left > 0; left--) {
+        binding wanted = take_binding(&from);
+        want_binding(part, &wanted);
+    }
+    tell_settings(part, &from);
+}
+
+static void configuration_received(msbot_part *part, const uint8_t *payload, size_t size, uint32_t now_us)
+{
+    if (!beats(part)) {
+        return;
+    }
+    if (size > sizeof part->configuration || !is_whole(payload, size)) {
+        part->dropped++;
+        return;
+    }
+    uint32_t version = u32(payload);
+    bool news = part->state == MSBOT_CONFIGURING || version != part->version;
+    part->heard_us = now_us;
+    part->version = version;
+    part->has_retry = part->fetch_due = false;
+    part->reply_wanted = MSBOT_BEST_EFFORT;
+    if (news) {
+        memcpy(part->configuration, payload, size);
+        part->configuration_size = (uint16_t)size;
+        use_configuration(part);
+    }
+    if (part->state == MSBOT_CONFIGURING) {
+        enter(part, MSBOT_ACTIVE, now_us);
+    }
+}
+
+/* The port of the configuration's binding with that number, or -1. */
+static int port_at(const msbot_part *part, uint32_t number)
+{
+    reader from = {part->configuration, part->configuration_size, 0, false};
+    (void)take_u32(&from);
+    (void)take_string(&from);
+    uint32_t count = take_u32(&from);
+    for (uint32_t i = 0; i < count && i <= number; i++) {
+        binding bound = take_binding(&from);
+        for (unsigned port = 0; i == number && port < part->config.port_count; port++) {
+            if (strcmp(part->config.ports[port].name, bound.port) == 0) {
+                return (int)port;
+            }
+        }
+    }
+    return -1;
+}
+
+/* Beats, and STOP. */
+
+static void beat(msbot_part *part, uint32_t now_us)
+{
+    uint8_t payload[6];
+    put_u32(payload, part->lease);
+    payload[4] = (uint8_t)part->stop_obeyed;
+    payload[5] = (uint8_t)(part->stop_obeyed >> 8);
+    /* With the number of the STOP that the part obeys the beat confirms it; a usual beat is four octets. */
+    size_t size = part->stop_obeyed != 0 ? sizeof payload : 4;
+    (void)msbot_xrce_write(&part->client, INVENTORY, MSBOT_BEST_EFFORT, payload, size);
+    if (!part->waiting) {
+        part->waiting = true;
+        part->waiting_us = now_us;
+    }
+}
+
+static void beat_answered(msbot_part *part, uint32_t version, uint32_t now_us)
+{
+    if (!beats(part)) {
+        return;
+    }
+    part->waiting = false;
+    part->heard_us = now_us;
+    if (version == 0) {
+        enter(part, MSBOT_CLAIMING, now_us);
+        return;
+    }
+    part->beats++;
+    if (part->state == MSBOT_ACTIVE && version != part->version && !part->has_retry) {
+        fetch(part, now_us);
+    }
+}
+
+static void beat_missed(msbot_part *part, uint32_t now_us)
+{
+    part->missed_beats++;
+    part->waiting = false;
+    if (now_us - part->heard_us >= SILENT_BEATS * part->beat_us) {
+        enter(part, MSBOT_LOST, now_us);
+        /* The agent may well be there: a session whose streams are out of step looks the same from here. */
+        msbot_xrce_connect(&part->client, now_us);
+        return;
+    }
+    msbot_xrce_check(&part->client);
+    beat(part, now_us);
+}
+
+/* STOP number `number` of the master; 0: somebody said it on the bus. */
+static void stop(msbot_part *part, uint32_t number, uint32_t now_us)
+{
+    uint32_t before = part->stop_obeyed;
+    if (number == 0) {
+        part->stop_ends_with = part->stop_heard + 1;
+    } else if (number <= part->stop_over) {
+        return; /* that one is long over */
+    } else {
+        part->stop_heard = number > part->stop_heard ? number : part->stop_heard;
+        /* Whatever was said on the bus before: the master says STOP after it, so its GO ends that as well. */
+        part->stop_ends_with = part->stop_heard;
+    }
+    if (!part->stopped) {
+        part->stopped = true;
+        part->config.safe(part->config.context, MSBOT_ALL_PORTS);
+    }
+    part->stop_obeyed = part->stop_heard >= part->stop_ends_with ? part->stop_heard : 0;
+    if (part->stop_obeyed != 0 && part->stop_obeyed != before && beats(part)) {
+        beat(part, now_us); /* the master waits for a sign that STOP has arrived */
+    }
+}
+
+static void go(msbot_part *part, uint32_t number)
+{
+    part->stop_heard = number > part->stop_heard ? number : part->stop_heard;
+    part->stop_over = number > part->stop_over ? number : part->stop_over;
+    if (part->stopped && number >= part->stop_ends_with) {
+        part->stopped = false;
+        part->stop_obeyed = 0;
+    }
+}
+
+static void notice(msbot_part *part, const uint8_t *payload, uint32_t now_us)
+{
+    uint32_t number = u32(payload);
+    uint8_t kind = payload[6];
+    if (kind == STOP) {
+        stop(part, number, now_us);
+    } else if (kind == GO) {
+        go(part, number);
+    } else if (kind == IDENTIFY && part->config.identify != NULL) {
+        part->config.identify(part->config.context);
+    } else if (kind == PARTNER_LOST && number == part->version && beats(part)) {
+        int port = port_at(part, payload[4] | (uint32_t)payload[5] << 8);
+        if (port >= 0) {
+            part->config.safe(part->config.context, port);
+        }
+    }
+}
+
+static void reply_received(msbot_part *part, const uint8_t *payload, size_t size, uint32_t now_us)
+{
+    switch (size) { /* what it is follows from its length */
+    case 4:
+        beat_answered(part, u32(payload), now_us);
+        break;
+    case 8:
+        notice(part, payload, now_us);
+        break;
+    case 12:
+        verdict_given(part, payload, now_us);
+        break;
+    case 16:
+        challenged(part, payload, now_us);
+        break;
+    default:
+        configuration_received(part, payload, size, now_us);
+    }
+}
+
+static void data_received(void *context, uint16_t object_id, const uint8_t *payload, size_t size, uint32_t now_us)
+{
+    msbot_part *part = context;
+    if (object_id == PROFILE_READER) {
+        profile_seen(part, payload, size, now_us);
+        return;
+    }
+    if (object_id == INVENTORY && size >= 4) {
+        reply_received(part, payload + 4, size - 4, now_us); /* in front: which request it answers */
+        return;
+    }
+    for (unsigned port = 0; port < part->config.port_count; port++) {
+        if (!part->config.ports[port].publishes && endpoint_id(part, port) == object_id && part->ports[port].want != 0) {
+            if (part->state == MSBOT_ACTIVE && !part->stopped) {
+                part->config.received(part->config.context, port, payload, size);
+            }
+            return;
+        }
+    }
+    part->dropped++;
+}
+
+/* Saying what is due; all give false when there is no room. */
+
+static bool book_objects(msbot_part *part)
+{
+    static const char *const service[5] = {"msbot_inventory", "msbot_inventory_request", "msbot_inventory_reply",
+                                           "msbot_inventory_Request", "msbot_inventory_Reply"};
+    msbot_xrce *client = &part->client;
+    bool booked = true;
+    while (booked && part->set_up < OBJECTS) {
+        switch (part->set_up) {
+        case 0: /* without a name: nobody hears who the part is before it has recognised its robot */
+            booked = msbot_xrce_create_participant(client, PARTICIPANT);
+            break;
+        case 1:
+            booked = msbot_xrce_create_group(client, SUBSCRIBER, PARTICIPANT);
+            break;
+        case 2:
+            booked = msbot_xrce_create_topic(client, PROFILE_TOPIC, PARTICIPANT, "msbot_masterTopic", "msbot_master");
+            break;
+        case 3:
+            booked = msbot_xrce_create_endpoint(client, PROFILE_READER, SUBSCRIBER, PROFILE_TOPIC, true);
+            break;
+        default:
+            booked = msbot_xrce_create_requester(client, INVENTORY, PARTICIPANT, service);
+        }
+        part->set_up += booked;
+    }
+    return booked;
+}
+
+static bool book_reads(msbot_part *part)
+{
+    if (part->profile_read != part->profile_wanted) {
+        if (!msbot_xrce_read(&part->client, PROFILE_READER, MSBOT_RELIABLE, (msbot_read_what)part->profile_wanted)) {
+            return false;
+        }
+        part->profile_read = part->profile_wanted;
+    }
+    if (part->reply_stream != part->reply_wanted) {
+        if (!msbot_xrce_read(&part->client, INVENTORY, part->reply_wanted, MSBOT_READ_ALL)) {
+            return false;
+        }
+        part->reply_stream = part->reply_wanted;
+    }
+    return true;
+}
+
+static bool book_port(msbot_part *part, unsigned port)
+{
+    msbot_xrce *client = &part->client;
+    const msbot_port_type *type = &part->config.ports[port];
+    uint16_t endpoint = endpoint_id(part, port);
+    for (;;) {
+        switch (part->ports[port].step) {
+        case MSBOT_UNBOUND:
+            if (part->ports[port].want == 0) {
+                return true;
+            }
+            if (type->publishes && !part->has_publisher) {
+                if (!msbot_xrce_create_group(client, PUBLISHER, PARTICIPANT)) {
+                    return false;
+                }
+                part->has_publisher = true;
+            }
+            if (!msbot_xrce_create_topic(client, topic_id(port), PARTICIPANT,
+                                         (const char *)part->configuration + part->ports[port].topic_at, type->type)) {
+                return false;
+            }
+            part->ports[port].have = part->ports[port].want;
+            part->ports[port].step = MSBOT_HAS_TOPIC;
+            break;
+        case MSBOT_HAS_TOPIC:
+            if (!msbot_xrce_create_endpoint(client, endpoint, type->publishes ? PUBLISHER : SUBSCRIBER, topic_id(port),
+                                            part->ports[port].reliable)) {
+                return false;
+            }
+            part->ports[port].step = type->publishes ? MSBOT_BOUND : MSBOT_HAS_ENDPOINT;
+            break;
+        case MSBOT_HAS_ENDPOINT:
+            if (!msbot_xrce_read(client, endpoint, part->ports[port].reliable ? MSBOT_RELIABLE : MSBOT_BEST_EFFORT,
+                                 MSBOT_READ_ALL)) {
+                return false;
+            }
+            part->ports[port].step = MSBOT_BOUND;
+            break;
+        case MSBOT_BOUND:
+            if (part->ports[port].have == part->ports[port].want) {
+                return true;
+            }
+            if (!msbot_xrce_delete(client, endpoint)) {
+                return false;
+            }
+            part->ports[port].step = MSBOT_CLOSING;
+            break;
+        default: /* MSBOT_CLOSING */
+            if (!msbot_xrce_delete(client, topic_id(port))) {
+                return false;
+            }
+            part->ports[port].step = MSBOT_UNBOUND;
+        }
+    }
+}
+
+static size_t put_string(uint8_t *octets, size_t at, const char *text)
+{
+    size_t length = strlen(text) + 1;
+    at = (at + 3) & ~(size_t)3;
+    put_u32(octets + at, (uint32_t)length);
+    memcpy(octets + at + 4, text, length);
+    return at + 4 + length;
+}
+
+static bool send_claim(msbot_part *part)
+{
+    uint8_t payload[MSBOT_XRCE_MTU] = {0};
+    size_t names = strlen(part->config.part_number) + strlen(part->config.local_name);
+    if (names > MSBOT_XRCE_MTU - 48) {
+        return true; /* cannot be said in one message; the names are the programmer's to shorten */
+    }
+    size_t at = put_string(payload, 0, part->config.part_number);
+    at = put_string(payload, at, part->config.local_name);
+    memcpy(payload + at, part->config.can.uid, 8);
+    at = (at + 8 + 3) & ~(size_t)3;
+    put_u32(payload + at, part->nonce);
+    return msbot_xrce_write(&part->client, INVENTORY, MSBOT_RELIABLE, payload, at + 4);
+}
+
+static bool book_requests(msbot_part *part)
+{
+    uint8_t request[8];
+    if (part->claim_due && !send_claim(part)) {
+        return false;
+    }
+    part->claim_due = false;
+    if (part->proof_due && !msbot_xrce_write(&part->client, INVENTORY, MSBOT_RELIABLE, part->proof, 16)) {
+        return false;
+    }
+    part->proof_due = false;
+    put_u32(request, part->lease);
+    put_u32(request + 4, part->version);
+    if (part->fetch_due && !msbot_xrce_write(&part->client, INVENTORY, MSBOT_RELIABLE, request, 8)) {
+        return false;
+    }
+    part->fetch_due = false;
+    return true;
+}
+
+static void book(msbot_part *part)
+{
+    if (part->client.state != MSBOT_XRCE_CONNECTED || part->state == MSBOT_LOOKING || part->state == MSBOT_LOST) {
+        return;
+    }
+    bool booked = book_objects(part) && book_reads(part) && book_requests(part);
+    for (unsigned port = 0; booked && port < part->config.port_count; port++) {
+        booked = book_port(part, port);
+    }
+}
+
+/* Frames and time. */
+
+static void take_news(msbot_part *part, uint32_t now_us)
+{
+    uint8_t events = msbot_can_events(&part->link);
+    if (events & MSBOT_EVENT_DOWN) {
+        agent_lost(part, now_us);
+        msbot_xrce_close(&part->client);
+    }
+    if (events & MSBOT_EVENT_UP) {
+        msbot_xrce_connect(&part->client, now_us);
+    }
+    if (events & MSBOT_EVENT_STOP) {
+        stop(part, 0, now_us);
+    }
+    events = msbot_xrce_events(&part->client);
+    if (events & MSBOT_XRCE_LOST) {
+        agent_lost(part, now_us);
+    }
+    if (events & MSBOT_XRCE_OPENED) {
+        agent_found(part, now_us);
+    }
+}
+
+void msbot_part_init(msbot_part *part, const msbot_part_config *config)
+{
+    memset(part, 0, sizeof *part);
+    part->config = *config;
+    if (part->config.port_count > MSBOT_PART_PORTS) {
+        part->config.port_count = MSBOT_PART_PORTS;
+    }
+    part->config.can.seed ^= config->random;
+    part->random = config->random ? config->random : 1;
+    msbot_can_init(&part->link, &part->config.can);
+    msbot_xrce_init(&part->client, draw(part));
+    part->nonce = draw(part);
+    part->client.on_data = data_received;
+    part->client.context = part;
+    part->config.safe(part->config.context, MSBOT_ALL_PORTS);
+}
+
+void msbot_part_start(msbot_part *part) { msbot_can_start(&part->link); }
+
+void msbot_part_stop(msbot_part *part, uint32_t now_us)
+{
+    msbot_can_stop(&part->link);
+    take_news(part, now_us);
+}
+
+void msbot_part_receive(msbot_part *part, const msbot_frame *frame, uint32_t now_us)
+{
+    uint8_t packet[MSBOT_CAN_MTU + 1];
+    msbot_can_receive(&part->link, frame, now_us);
+    size_t size = msbot_can_read(&part->link, packet, sizeof packet);
+    if (size > 0) {
+        msbot_xrce_receive(&part->client, packet, size, now_us);
+    }
+    take_news(part, now_us);
+}
+
+void msbot_part_tick(msbot_part *part, uint32_t now_us)
+{
+    msbot_can_tick(&part->link, now_us);
+    msbot_xrce_tick(&part->client, now_us);
+    take_news(part, now_us);
+    if (part->has_retry && is_due(part->retry_us, now_us)) {
+        if (claims(part)) {
+            claim(part, now_us);
+        } else {
+            fetch(part, now_us);
+        }
+    }
+    if (part->waiting && is_due(part->waiting_us + ANSWER_US, now_us)) {
+        beat_missed(part, now_us);
+    }
+    if (part->has_beat && is_due(part->beat_at_us, now_us)) {
+        part->beat_at_us += part->beat_us;
+        if (is_due(part->beat_at_us, now_us)) {
+            part->beat_at_us = now_us + part->beat_us;
+        }
+        beat(part, now_us);
+    }
+}
+
+bool msbot_part_timer(const msbot_part *part, uint32_t *at)
+{
+    uint32_t times[5] = {0, 0, part->retry_us, part->beat_at_us, part->waiting_us + ANSWER_US};
+    bool has[5] = {false, false, part->has_retry, part->has_beat, part->waiting};
+    has[0] = msbot_can_timer(&part->link, &times[0]);
+    has[1] = msbot_xrce_timer(&part->client, &times[1]);
+    bool any = false;
+    for (unsigned i = 0; i < 5; i++) {
+        if (has[i] && (!any || (int32_t)(times[i] - *at) < 0)) {
+            *at = times[i];
+            any = true;
+        }
+    }
+    return any;
+}
+
+bool msbot_part_next(msbot_part *part, unsigned pending, msbot_frame *frame, uint32_t now_us)
+{
+    if (part->link.node_id > 0 && !part->link.out.waiting) {
+        uint8_t packet[MSBOT_XRCE_MTU];
+        book(part);
+        size_t size = msbot_xrce_next(&part->client, packet, now_us);
+        if (size > 0) {
+            (void)msbot_can_send(&part->link, packet, size);
+        }
+    }
+    return msbot_can_next(&part->link, pending, frame);
+}
+
+void msbot_part_drained(msbot_part *part, uint32_t now_us) { msbot_can_drained(&part->link, now_us); }
+
+bool msbot_part_is_bound(const msbot_part *part, unsigned port)
+{
+    return part->state == MSBOT_ACTIVE && port < part->config.port_count && part->ports[port].want != 0;
+}
+
+bool msbot_part_publish(msbot_part *part, unsigned port, const uint8_t *message, size_t size)
+{
+    if (!msbot_part_is_bound(part, port) || !part->config.ports[port].publishes ||
+        part->ports[port].step != MSBOT_BOUND || part->ports[port].have != part->ports[port].want) {
+        return false;
+    }
+    uint8_t stream = part->ports[port].reliable ? MSBOT_RELIABLE : MSBOT_BEST_EFFORT;
+    return msbot_xrce_write(&part->client, endpoint_id(part, port), stream, message, size);
+}
+
+void msbot_part_say_stop(msbot_part *part, uint8_t reason)
+{
+    msbot_can_say_stop(&part->link, reason);
+    part->link.stop_reason = reason;
+    part->link.events |= MSBOT_EVENT_STOP; /* it holds for the part itself, too */
+}

@@ -1,0 +1,153 @@
+#!/usr/bin/env python3
+"""What the firmware takes of a microcontroller: flash, RAM and stack, compiled and linked for it.
+
+    python firmware/c/sizes.py            # prints the tables
+    python firmware/c/sizes.py --check    # ... and fails when link and joining are larger than they may be
+    python firmware/c/sizes.py --write    # ... into docs/explain/firmware.md
+
+Flash is the code and the constants of the modules, all functions used; "of the C library" is what the linker adds from
+newlib-nano for them (memcpy and its like, which a program has but once). RAM is the structure that holds all their
+state (nothing else is static); stack is the largest frame of a single function.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).parent
+PAGE = HERE.parents[1] / "docs" / "explain" / "firmware.md"
+CORES = ("cortex-m0", "cortex-m3", "cortex-m4")
+COMPILER = ("arm-none-eabi-gcc", "-mthumb", "-Os", "-std=c99", "-ffunction-sections", "-fdata-sections")
+
+FLASH_LIMIT = 6 * 1024
+"""Octets that link and joining may take of the flash, header compression included."""
+RAM_LIMIT = 1024
+"""Octets of RAM that they may take."""
+
+MODULES: dict[str, tuple[tuple[str, ...], str]] = {
+    "link and joining": (("msbot_can",), "msbot_can"),
+    "link and joining, with header compression": (("msbot_can", "msbot_compact", "msbot_deflate"), "msbot_can"),
+    "a whole part": (
+        (
+            "msbot_can",
+            "msbot_compact",
+            "msbot_deflate",
+            "msbot_xrce",
+            "msbot_sha256",
+            "msbot_part",
+            "msbot_controller",
+        ),
+        "msbot_part",
+    ),
+}
+"""What is measured: the modules, and the structure that holds all their state."""
+LIMITED = {"link and joining": CORES, "link and joining, with header compression": ("cortex-m3", "cortex-m4")}
+"""What must keep the limits, and on which cores. (A Cortex-M0 needs more code for the same.)"""
+
+
+def run(*command: str | Path) -> str:
+    """Run a command; returns what it prints."""
+    result = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
+    if result.returncode:
+        sys.exit(f"{' '.join(map(str, command))}\n{result.stdout}{result.stderr}")
+    return result.stdout
+
+
+def functions_of(module: str) -> list[str]:
+    """The functions that a module's header declares."""
+    text = re.sub(r"/\*.*?\*/", "", (HERE / f"{module}.h").read_text(), flags=re.DOTALL)
+    return re.findall(r"^[a-z]\w*[ \w]*[ *](msbot_\w+)\(", text, flags=re.MULTILINE)
+
+
+def measure(core: str, modules: tuple[str, ...], structure: str, folder: Path) -> tuple[int, int, int, int]:
+    """Flash, flash that the C library adds, RAM and the largest stack frame, in octets."""
+    used = [name for module in modules for name in functions_of(module)]
+    everything = folder / "everything.c"
+    everything.write_text(
+        "".join(f'#include "{module}.h"\n' for module in modules)
+        + f"{structure} all_the_ram;\nvoid (*volatile used)(void);\nvoid Reset_Handler(void) {{\n"
+        + "".join(f"    used = (void (*)(void)){name};\n" for name in ("&all_the_ram", *used))
+        + "}\n"
+    )
+    caller_object = folder / "everything.o"
+    run(*COMPILER, f"-mcpu={core}", "-I", HERE, "-c", everything, "-o", caller_object)
+    objects = [folder / core / f"{module}.o" for module in modules]
+    program = folder / "program"
+    link = ("-nostartfiles", "--specs=nano.specs", "-Wl,--gc-sections", "-Wl,-e,Reset_Handler")
+    run(*COMPILER, f"-mcpu={core}", *link, caller_object, *objects, "-o", program)
+    caller, own = flash_of(caller_object), sum(map(flash_of, objects))
+    symbols = run("arm-none-eabi-nm", "-S", program)
+    ram = re.search(r"^\w+ (\w+) B all_the_ram$", symbols, flags=re.MULTILINE)
+    assert ram is not None
+    frames = [largest_frame(target.with_suffix(".su")) for target in objects]
+    return own, flash_of(program) - caller - own, int(ram[1], 16), max(frames)
+
+
+def compile_all(core: str, folder: Path) -> None:
+    """Compile all modules for a core, into a folder of its name."""
+    (folder / core).mkdir()
+    for source in HERE.glob("msbot_*.c"):
+        target = folder / core / f"{source.stem}.o"
+        run(*COMPILER, f"-mcpu={core}", "-fstack-usage", "-c", source, "-o", target)
+
+
+def flash_of(program: Path) -> int:
+    """Octets of code and constants."""
+    text, data, _ = map(int, run("arm-none-eabi-size", program).splitlines()[1].split()[:3])
+    return text + data
+
+
+def largest_frame(usage: Path) -> int:
+    """Octets of the largest stack frame of one function, from the compiler's list."""
+    return max(int(line.split("\t")[1]) for line in usage.read_text().splitlines())
+
+
+def tables() -> tuple[list[str], list[str]]:
+    """The lines of the table, and what is too large, in words."""
+    lines = ["| | core | flash | and of the C library | RAM | largest stack frame |", "|---|---|---|---|---|---|"]
+    too_large = []
+    with tempfile.TemporaryDirectory() as folder:
+        for core in CORES:
+            compile_all(core, Path(folder))
+        for what, (modules, structure) in MODULES.items():
+            for core in CORES:
+                flash, library, ram, frame = measure(core, modules, structure, Path(folder))
+                lines.append(f"| {what} | {core} | {flash:,} | {library:,} | {ram:,} | {frame:,} |")
+                if core in LIMITED.get(what, ()) and flash > FLASH_LIMIT:
+                    too_large.append(f"{what} on {core}: {flash} octets of flash, at most {FLASH_LIMIT}")
+                if core in LIMITED.get(what, ()) and ram > RAM_LIMIT:
+                    too_large.append(f"{what} on {core}: {ram} octets of RAM, at most {RAM_LIMIT}")
+    return lines, too_large
+
+
+def write(lines: list[str]) -> None:
+    """Put the table into the page."""
+    text = PAGE.read_text()
+    begin, end = "<!-- firmware/c/sizes.py: sizes -->", "<!-- end of sizes -->"
+    if begin not in text or end not in text:
+        sys.exit(f"{PAGE} has no place for the table: {begin} ... {end}")
+    before, rest = text.split(begin)
+    PAGE.write_text(f"{before}{begin}\n\n" + "\n".join(lines) + f"\n\n{end}{rest.split(end)[1]}")
+
+
+def main() -> None:
+    """Measure, print, and do what was asked for."""
+    parser = argparse.ArgumentParser(description="what the firmware takes of a microcontroller")
+    parser.add_argument("--check", action="store_true", help="fail when link and joining are too large")
+    parser.add_argument("--write", action="store_true", help="put the table into docs/explain/firmware.md")
+    arguments = parser.parse_args()
+    lines, too_large = tables()
+    sys.stdout.write("\n".join(lines) + "\n")
+    if arguments.write:
+        write(lines)
+    if arguments.check and too_large:
+        sys.exit("\n".join(too_large))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,190 @@
+"""Header compression on CAN: a shorter form of a message and back (docs/reference/can.md, "Header compression").
+
+Exact and without memory: `decompress(compress(packet)) == packet` for all octets. All forms are read; of those that a
+part can write, the ones that matter: samples, requests, acknowledgements, logins. What others have squeezed by DEFLATE
+is read; of our own messages only the longest is squeezed, a part's first, which is always the same.
+"""
+
+import struct
+from deflate import RAW, DeflateIO
+from io import BytesIO
+
+from micropython import const
+
+from .errors import RemoteProtocolError
+from .xrce import (
+    BEST_EFFORT, ENDLESS, RELIABLE, create_message, endpoint_blob, read_message, service_blob, submessage, topic_blob
+)  # fmt: skip
+
+_ESCAPE = const(0x1F)
+_DEFLATED = const(0x5F)
+_LARGEST = const(1024)  # octets that may come out: more than our MTU and its form
+_LOGIN_HEAD = b"\x80\0\0\0\0\1\x10\0XRCE\1\0\1\x0f"
+
+
+def _join(bodies):
+    out = bytearray()
+    for body in bodies:
+        out += body + bytes(-len(body) & 3)
+    return bytes(out)
+
+
+_OBJECTS = _join((
+    create_message(10, 0x11, b"\0\0", 0),
+    create_message(11, 0x14, b"\0\0", 0x11),
+    create_message(12, 0x12, topic_blob("msbot_masterTopic", "msbot_master"), 0x11),
+    create_message(13, 0x16, endpoint_blob(0x12, True, b"\0\0"), 0x14),
+    create_message(14, 0x17, service_blob("msbot_inventory"), 0x11),
+))  # fmt: skip
+_PORTS = _join((
+    create_message(15, 0x22, topic_blob("/", ""), 0x11),
+    create_message(16, 0x13, b"\0\0", 0x11),
+    create_message(17, 0x15, endpoint_blob(0x22, True, b"\0"), 0x13),
+    create_message(18, 0x32, topic_blob("/", ""), 0x11),
+    create_message(19, 0x26, endpoint_blob(0x32, True, b"\0\0"), 0x14),
+))  # fmt: skip
+_READS = [read_message(*read) for read in ((0x16, RELIABLE, ENDLESS), (0x17, RELIABLE, ENDLESS))]
+_MORE_READS = [read_message(*read) for read in ((0x17, BEST_EFFORT, ENDLESS), (0x26, RELIABLE, ENDLESS))]
+DICTIONARY = _OBJECTS + _join(_READS) + _PORTS + _join(_MORE_READS)
+"""What every robot says (504 octets); both ends must have the same."""
+
+FIRST = b"\0\0" + _OBJECTS + read_message(0x16, RELIABLE, None) + _READS[1]
+"""A part's first message on a shared bus, behind the code of its form; and squeezed, by that code (session id)."""
+del _OBJECTS, _PORTS, _READS, _MORE_READS
+_SQUEEZED = {0x39: b"_\xb3\x84:m4\xeaqD=\x07,\xea\xb1F9\x00", 0x79: b"_\xab\x84:m4\xeaqD=\x07,\xea\xb1F9\x00"}
+
+_INFO = b"\x06\x01\x1c\x00\x00\x0a\xff\xfd\x00%c\x01\x0dXRCE\x01\x00\x01\x0f\x00\x01\x0d\x00\x01\x00" + bytes(6)
+FIXED = (
+    b"\x04\x01\x0b\x00\x00\x00XRCE\x01\x00\x01\x0f\x00",
+    b"\x02\x01\x08\x00\x00\x0a\xff\xfd\x02\x00\x00\x00",
+    _INFO.replace(b"%c", b"\x00"),
+    _INFO.replace(b"%c", b"\x01"),
+    b"\x02\x01\x08\x00\x00\x00\xff\xfe\x01\x00\x00\x00",
+    b"\x06\x01\x08\x00\x00\x00\xff\xfe\x00\x00\x00\x00",
+    b"\x03\x01\x04\x00\x00\x02\xff\xfe",
+    b"\x05\x01\x06\x00\x00\x02\xff\xfe\x00\x00",
+    b"\x0c\x01\x00\x00",
+)
+"""Messages outside of streams that are always the same, by number."""
+
+
+def compress(packet):
+    """A short form of a message; never longer than the packet and one octet."""
+    session = packet[0] if packet else 0
+    if session < 0x80:
+        return bytes((_ESCAPE,)) + packet
+    if len(packet) < 8 or session > 0x82 or packet[1] not in (0, BEST_EFFORT, RELIABLE):
+        return packet
+    code = 0x40 if session == 0x82 else 0
+    if packet[1] == 0:
+        return _shorten_outside(packet, code, packet[4:]) if packet[2:4] == b"\0\0" else packet
+    if session == 0x80:
+        return packet
+    code |= 0x20 if packet[1] == RELIABLE else 0
+    kind, flags, length, request_id, object_id = struct.unpack("<BBH", packet[4:8]) + _ids(packet)
+    end = 8 + length
+    ruled = (0xA000 if code & 0x20 else 0x8000) | (packet[2] | packet[3] << 8) & 0x1FFF
+    is_whole = length >= 4 and len(packet) == end + 3 & ~3 and not any(packet[end:])
+    if kind == 7 and flags == 1 and is_whole and request_id == ruled and object_id >> 4:
+        number = (object_id >> 4) - 1
+        if (object_id & 15 == 5 and number < 8) or (object_id & 15 == 7 and number < 2):
+            form = number if object_id & 15 == 5 else 16 + number
+            return bytes((code | form,)) + packet[2:4] + packet[12:end]
+    code |= 25
+    return _SQUEEZED.get(code) if packet[2:] == FIRST else bytes((code,)) + packet[2:]
+
+
+def _ids(packet):
+    return struct.unpack(">HH", packet[8:12]) if len(packet) >= 12 else (0, 0)
+
+
+def _shorten_outside(packet, code, body):
+    if packet[:16] == _LOGIN_HEAD and len(packet) == 24 and packet[20] in (0x81, 0x82) and packet[21] == 0:
+        return bytes(((packet[20] - 0x81) << 6 | 28,)) + packet[16:20] + packet[22:]
+    if body in FIXED:
+        return bytes((code | 29, FIXED.index(body) | (0x80 if packet[0] == 0x80 else 0)))
+    if packet[0] == 0x80:
+        return packet
+    if len(body) == 9 and body[:4] in (b"\x0a\1\5\0", b"\x0b\1\5\0") and body[8] == RELIABLE:
+        expected = b"\0\0" if body[0] == 0x0A else body[4:6]
+        return bytes((code | body[0] + 16,)) + (body[4:6] if body[6:8] == expected else body[4:8])
+    return bytes((code | 30,)) + body
+
+
+def decompress(data):
+    """The message of which `data` is a form; raises RemoteProtocolError when it is none."""
+    if data[:1] == b"\x5f":
+        data = _inflate(data[1:])
+    code = data[0] if data else _DEFLATED
+    if code >= 0x80:
+        return data
+    if code == _ESCAPE:
+        return data[1:]
+    form, session = code & 0x1F, 0x81 + (code >> 6)
+    if form <= 25 and len(data) >= 3:
+        return _expand_on_stream(form, bytes((session, RELIABLE if code & 0x20 else BEST_EFFORT)) + data[1:3], data[3:])
+    if form > 30 or form <= 25 or code & 0x20:
+        raise RemoteProtocolError("compressed message: code 0x{:02X} is not in use".format(code))
+    return _expand_outside(form, session, data[1:])
+
+
+def _need(condition):
+    if not condition:
+        raise RemoteProtocolError("compressed message: the octets do not fit their form")
+
+
+def _expand_on_stream(form, header, data):
+    if form == 25:
+        return header + data
+    if form >= 23:
+        return header + submessage(13, data, 3 if form == 24 else 1)
+    if form == 22:
+        _need(len(data) in (3, 4, 6))
+        status = data[:2] + b"\0" + data[2:] if len(data) == 3 else data
+        return header + submessage(5, status + bytes(6 - len(status)))
+    if form >= 20:
+        _need(len(data) >= 4)
+        object_id = 0
+    elif form >= 16:
+        object_id = (form & 1) + 1 << 4 | 7
+    else:
+        object_id = (form & 7) + 1 << 4 | (5 if form < 8 else 6)
+    is_data = 8 <= form < 16 or form in (18, 19, 21)
+    if form in (18, 19):
+        _need(len(data) >= 2)
+        related = data[0] | data[1] << 8
+        data = struct.pack(">HH", 0x8000 | related & 0x3FFF, object_id) + data[2:] + bytes(related >> 14)
+    if object_id:
+        ruled = (0xA000 if header[1] == RELIABLE else 0x8000) | (header[2] | header[3] << 8) & 0x1FFF
+        data = struct.pack(">HH", 0xC000 | object_id if is_data else ruled, object_id) + data
+    packet = header + submessage(9 if is_data else 7, data)
+    return packet if is_data else packet + bytes(-len(packet) & 3)
+
+
+def _expand_outside(form, session, data):
+    size = len(data)
+    header = bytes((session, 0, 0, 0))
+    if form == 30:
+        return header + data
+    if form == 29:
+        _need(size == 1 and data[0] & 0x7F < len(FIXED))
+        return (b"\x80\0\0\0" if data[0] & 0x80 else header) + FIXED[data[0] & 0x7F]
+    if form == 28:
+        _need(size == 6)
+        return _LOGIN_HEAD + data[:4] + bytes((session, 0)) + data[4:]
+    _need(size in (2, 4, 5))
+    if size == 2:
+        data += b"\0\0" if form == 26 else data
+    return header + bytes((form - 16, 1, 5, 0)) + data + (b"" if size == 5 else b"\x80")
+
+
+def _inflate(data):
+    """What was squeezed: the dictionary goes in front as a block of its own, and is cut off what comes out."""
+    size = len(DICTIONARY)
+    stored = struct.pack("<BHH", 0, size, size ^ 0xFFFF) + DICTIONARY
+    try:
+        out = DeflateIO(BytesIO(stored + data), RAW, 11).read(size + _LARGEST + 1)
+    except (OSError, EOFError, ValueError):
+        raise RemoteProtocolError("compressed message: DEFLATE cannot read it") from None
+    _need(len(out) <= size + _LARGEST)
+    return out[size:]

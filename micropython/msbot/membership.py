@@ -1,0 +1,313 @@
+"""How a part joins its robot: two steps, then beats (docs/explain/plug_and_play.md). It decides and speaks.
+
+Nothing is said about the part before the robot's profile agrees (step 1); then it claims its place until somebody
+answers (step 2), fetches its configuration and beats. What the inventory says is told apart by its length.
+"""
+
+import random
+import struct
+
+from micropython import const
+
+from .cdr import Reader, put, put_text
+from .errors import RemoteProtocolError
+from .xrce import BEST_EFFORT, ENDLESS, RELIABLE, Client, endpoint_blob, service_blob, topic_blob
+
+
+class State:
+    """One of a few; `value` is the word a person reads."""
+
+    def __init__(self, value):
+        self.value = value
+
+
+class JoinState:
+    """Where a part stands."""
+
+    LOOKING = State("looking")
+    RECOGNISING = State("recognising")
+    CLAIMING = State("claiming")
+    CONFIGURING = State("configuring")
+    ACTIVE = State("active")
+    LOST = State("lost")
+    REFUSED = State("refused")
+    WRONG_ROBOT = State("wrong robot")
+    ENDED = State("ended")
+
+
+_S = JoinState
+_CLAIMS = (_S.CLAIMING, _S.REFUSED)
+_BEATS = (_S.CONFIGURING, _S.ACTIVE)
+_AFTER_PROFILE = (_S.RECOGNISING, _S.CLAIMING, _S.REFUSED, _S.CONFIGURING, _S.ACTIVE)
+
+PARTICIPANT = const(0x0011)
+SUBSCRIBER = const(0x0014)
+_PROFILE_TOPIC = const(0x0012)
+_PROFILE_READER = const(0x0016)
+_REQUESTER = const(0x0017)
+PUBLISHER = const(0x0013)
+
+_REFUSED_RETRY = const(2000)
+_SHORTEST_BEAT = const(20)
+
+
+class ExpectedRobot:
+    """The robot a part is made for; `*` in a field = any."""
+
+    def __init__(self, name="*", version="*", serial_number="*", manufacturer="*"):
+        self.fields = (name, version, serial_number, manufacturer)
+
+    def disagreement(self, seen):
+        """Why a robot with these fields is not this one, in words; None when it is."""
+        for word, mine, theirs in zip(("name", "version", "serial number", "manufacturer"), self.fields, seen):
+            if mine not in ("*", theirs):
+                return "this robot's {} is {!r}, the part expects {!r}".format(word, theirs, mine)
+        return None
+
+
+class Membership:
+    """One part's membership in one robot, over one client; calls the part's `changed`, `configure`, `noticed`."""
+
+    def __init__(self, part, link):
+        client = Client(link, random.getrandbits(32) or 1, self)
+        self.part = part
+        self.state = _S.LOOKING
+        self.reason = "looking for an agent"
+        self.dropped = 0
+        self.version = 0
+        self.client = client
+        self._shared = link.shared
+        # Between claims, for the answer to a beat, beats without any answer (docs/reference/part.md).
+        self._retry, self._patience, self._silent = (2000, 1000, 12.0) if self._shared else (500, 500, 3.5)
+        self._lease = 0
+        self._period = 1000
+        self._retry_at = self._beat_at = self._waiting_since = None
+        self._heard_at = 0
+        claim = bytearray()
+        put_text(claim, part.part_number)
+        put_text(claim, part.local_name)
+        claim += part.uid
+        put(claim, "I", random.getrandbits(32))
+        self._claim = bytes(claim)
+        client.create(PARTICIPANT)  # without a name: nobody hears who the part is before it knows its robot
+        client.create(SUBSCRIBER, b"\0\0", PARTICIPANT)
+        client.create(_PROFILE_TOPIC, topic_blob("msbot_masterTopic", "msbot_master"), PARTICIPANT)
+        client.create(_PROFILE_READER, endpoint_blob(_PROFILE_TOPIC, True, b"\0\0"), SUBSCRIBER)
+        client.create(_REQUESTER, service_blob("msbot_inventory"), PARTICIPANT)
+        client.read(_PROFILE_READER, RELIABLE, None if self._shared else ENDLESS)
+        client.read(_REQUESTER)
+
+    # News.
+
+    def connected(self, now):
+        """A session is open."""
+        if self.state in (_S.LOOKING, _S.LOST):
+            self._change(_S.RECOGNISING, "agent found, waiting for the robot's profile", now)
+
+    def lost(self, reason, now):
+        """There is no session; all that was agreed in it is void."""
+        self._read_replies(RELIABLE)
+        if self.state in (_S.LOOKING, _S.LOST):
+            self.reason = reason
+        elif self.state is not _S.ENDED:
+            self._change(_S.LOST, reason, now)
+
+    def topic_received(self, object_id, octets, now):
+        """Take a sample: the robot's profile, or one for a port."""
+        if object_id != _PROFILE_READER:
+            self.part.sample_received(object_id, octets, now)
+            return
+        reader = Reader(octets)
+        try:
+            reader.number("I")
+            seen = [reader.text() for _ in range(5)]
+        except RemoteProtocolError:
+            self.dropped += 1
+            return
+        # By position: name, version, serial number, release date, manufacturer (thesis 3.12.1).
+        wrong = self.part.robot.disagreement((seen[0], seen[1], seen[2], seen[4]))
+        if wrong and self.state in _AFTER_PROFILE:
+            self._change(_S.WRONG_ROBOT, wrong, now)
+        elif not wrong and self.state in (_S.RECOGNISING, _S.WRONG_ROBOT):
+            self._change(_S.CLAIMING, "recognised robot " + seen[0], now)
+
+    def reply_received(self, octets, now):
+        """Take what the inventory says."""
+        try:
+            self._take_reply(octets, now)
+        except RemoteProtocolError:
+            self.dropped += 1
+
+    def _take_reply(self, octets, now):
+        size = len(octets)
+        if size == 4:
+            self._beat_answered(struct.unpack("<I", octets)[0], now)
+        elif size == 8:
+            number, place, kind, _ = struct.unpack("<IHBB", octets)
+            self.part.noticed(kind, number, place, now)
+        elif size == 12:
+            lease, _, period, reason, _ = struct.unpack("<IIHBB", octets)
+            self._verdict(lease, period, reason, now)
+        elif size == 16:
+            self._challenged(octets, now)
+        else:
+            reader = Reader(octets)
+            version, slot = reader.number("I"), reader.text()
+            bindings = []
+            for _ in range(reader.number("I")):
+                port, topic, topic_type = reader.text(), reader.text(), reader.text()
+                subscribes, reliable = reader.take(2)
+                bindings.append((port, topic, topic_type, subscribes == 1, reliable == 1))
+            settings = [(reader.text(), reader.text()) for _ in range(reader.number("I"))]
+            self._configured(version, slot, bindings, settings, now)
+
+    def closed(self, now):
+        """The part ends; it never leaves this state."""
+        if self.state is not _S.ENDED:
+            self._change(_S.ENDED, "ended", now)
+
+    # What follows from it.
+
+    def _challenged(self, nonce, now):
+        part = self.part
+        self._heard_at = now
+        if self.state not in _CLAIMS:
+            return
+        if part.key is None:
+            from .words import key_needed
+
+            self._refused(key_needed(), now)
+        else:
+            from .keys import prove
+
+            proof = prove(part.key, nonce, part.uid, part.part_number, part.local_name, self.client.key)
+            self.client.write(_REQUESTER, proof, RELIABLE)
+            self._retry_at = now + self._retry
+
+    def _verdict(self, lease, period, reason, now):
+        self._heard_at = now
+        if lease and self.state in _CLAIMS + _BEATS:
+            self._lease = lease
+            self._period = max(period, _SHORTEST_BEAT)
+            if self.state in _CLAIMS:  # else the claim was repeated on a slow bus
+                self._change(_S.CONFIGURING, "registered, fetching the configuration", now)
+        elif not lease:
+            from .words import refusal
+
+            self._refused(refusal(reason), now)
+
+    def _refused(self, words, now):
+        if self.state is _S.CLAIMING:
+            self._change(_S.REFUSED, words, now)
+        if self.state is _S.REFUSED:
+            self.reason = words
+            self._retry_at = now + _REFUSED_RETRY
+
+    def _configured(self, version, slot, bindings, settings, now):
+        if self.state not in _BEATS:
+            return
+        self._heard_at = now
+        news = self.state is _S.CONFIGURING or version != self.version
+        self.version = version
+        if self.state is _S.ACTIVE:
+            self._retry_at = None
+        if news:
+            self.part.configure(slot, bindings, settings, now)
+        if self.state is _S.CONFIGURING:
+            self._change(_S.ACTIVE, "in slot " + slot, now)
+        if self.state is _S.ACTIVE:
+            self._read_replies(BEST_EFFORT)  # a late answer to a beat is worth nothing
+
+    def _beat_answered(self, version, now):
+        if self.state not in _BEATS:
+            return
+        self._waiting_since = None
+        self._heard_at = now
+        if version == 0:
+            self._change(_S.CLAIMING, "the inventory does not know this part any more", now)
+            return
+        self.part.counters.beats += 1
+        if self.state is _S.ACTIVE and version != self.version and self._retry_at is None:
+            self._fetch(now)
+
+    def beat_soon(self, now):
+        """Beat at once: somebody waits for a sign."""
+        if self.state in _BEATS:
+            self._beat(now)
+
+    def step(self, now):
+        """Claim, fetch, beat, notice a missed beat."""
+        if self._retry_at is not None and now >= self._retry_at:
+            if self.state in _CLAIMS:
+                self._send_claim(now)
+            else:
+                self._fetch(now)
+        if self._waiting_since is not None and now >= self._waiting_since + self._patience:
+            self._beat_missed(now)
+        if self._beat_at is not None and now >= self._beat_at:
+            self._beat_at = max(self._beat_at + self._period, now + 1)
+            self._beat(now)
+
+    def due(self):
+        """When `step` wants to be called: moments, or None."""
+        return self._retry_at, self._beat_at, self._waiting_since and self._waiting_since + self._patience
+
+    def _change(self, state, reason, now):
+        before, self.state, self.reason = self.state, state, reason
+        self._retry_at = None
+        if state not in _BEATS:
+            self._lease = self.version = 0
+            self._beat_at = self._waiting_since = None
+        self._read_profile()
+        self.part.changed(before, state, reason, now)
+        if self.state is not state:
+            return  # a function of the part has ended it
+        if state is _S.CLAIMING:
+            self._send_claim(now)
+        elif state is _S.REFUSED:
+            self._retry_at = now + _REFUSED_RETRY
+        elif state is _S.CONFIGURING:
+            self._beat_at = now + self._period
+            self._fetch(now)
+
+    def _send_claim(self, now):
+        self.client.write(_REQUESTER, self._claim, RELIABLE)
+        self._retry_at = now + (self._retry if self.state is _S.CLAIMING else _REFUSED_RETRY)
+
+    def _fetch(self, now):
+        self._read_replies(RELIABLE)
+        self.client.write(_REQUESTER, struct.pack("<II", self._lease, self.version), RELIABLE)
+        self._retry_at = now + self._retry
+
+    def _beat(self, now):
+        beat = struct.pack("<IH", self._lease, self.part.obeys & 0xFFFF)
+        self.client.write(_REQUESTER, beat if self.part.obeys else beat[:4], BEST_EFFORT)
+        if self._waiting_since is None:
+            self._waiting_since = now
+
+    def _beat_missed(self, now):
+        self.part.counters.missed_beats += 1
+        self._waiting_since = None
+        if now - self._heard_at >= self._silent * self._period:
+            # The agent may well be there: a session whose streams are out of step looks the same from here.
+            self.client.lose("the inventory has not answered any beat lately", now)
+            return
+        self.client.check(now)
+        self._beat(now)
+
+    def _read_replies(self, stream):
+        if self.client.find(_REQUESTER).reading[0] != stream:
+            self.client.read(_REQUESTER, stream)
+
+    def _read_profile(self):
+        """On a shared bus the profile is read once: its repetitions cost others their time, and the beacon tells."""
+        running = self.client.find(_PROFILE_READER).reading[1]
+        wanted = running
+        if not self._shared or self.state is _S.WRONG_ROBOT:
+            wanted = ENDLESS
+        elif self.state in (_S.LOOKING, _S.LOST):
+            wanted = None
+        elif self.state is _S.CLAIMING and running == ENDLESS:
+            wanted = 0
+        if wanted != running:
+            self.client.read(_PROFILE_READER, RELIABLE, wanted)

@@ -1,0 +1,193 @@
+"""Messages: a class with fields becomes CDR. The standard messages are made of a table when they are used first.
+
+MicroPython throws annotations away, so a class of your own must come through `msbot.start` (see `annotations`).
+"""
+
+import struct
+
+from .cdr import Reader, put, put_text
+from .errors import LocalProtocolError, RemoteProtocolError
+
+# A type on the wire is a code of `struct`, or str, bool, bytes, or a Message class.
+uint8, uint16, uint32, uint64 = "BHIQ"
+int8, int16, int32, int64 = "bhiq"
+float32, float64 = "fd"
+
+_WORDS = {"f": "float32", "d": "float64", str: "str", bool: "bool", bytes: "bytes"}
+_SHOWN = 60
+
+
+class _Field:
+    made = 0
+
+    def __init__(self, kind, default):
+        _Field.made += 1
+        self.place = _Field.made  # MicroPython's class dictionaries have no order
+        self.kind = kind
+        self.default = default
+
+
+def field(kind, default=None):
+    """One field of a message class; without a default it is zero."""
+    return _Field(kind, zero(kind) if default is None else default)
+
+
+def zero(kind):
+    """The value of a field that nobody set."""
+    if isinstance(kind, str):
+        return 0.0 if kind in "fd" else 0
+    return kind()
+
+
+def fields_of(message_class):
+    """The fields `(name, kind, default)` of a message class in the order of the wire."""
+    found = message_class.__dict__.get("_fields")
+    if found is None:
+        own = [
+            (value.place, name, value) for name, value in message_class.__dict__.items() if isinstance(value, _Field)
+        ]
+        own.sort(key=lambda item: item[0])
+        found = [item for base in message_class.__bases__ if base not in (object, Message) for item in fields_of(base)]
+        found += [(name, value.kind, value.default) for _, name, value in own]
+        if not found:
+            words = "class {} has no fields: MicroPython forgets annotations; start the file with msbot.start"
+            raise LocalProtocolError(words.format(message_class.__name__))
+        message_class._fields = found
+    return found
+
+
+def type_name_of(message_class):
+    """Its name in the data space."""
+    return message_class.__dict__.get("type_name", message_class.__name__)
+
+
+class Message:  # noqa: PLW1641 - it can change, and has no hash
+    """Base of everything that travels on a topic."""
+
+    def __init__(self, **values):
+        for name, kind, default in fields_of(type(self)):
+            value = values.pop(name, default)
+            if isinstance(default, Message) and value is default:
+                value = kind()
+            setattr(self, name, value)
+        for name in values:
+            raise TypeError("{} has no field {!r}".format(type(self).__name__, name))
+        self._check()
+
+    def __eq__(self, other):
+        return type(other) is type(self) and all(
+            getattr(self, name) == getattr(other, name) for name, _, _ in fields_of(type(self))
+        )
+
+    def __repr__(self):
+        inside = ", ".join("{}={!r}".format(name, getattr(self, name)) for name, _, _ in fields_of(type(self)))
+        return "{}({})".format(type(self).__name__, inside)
+
+    def _check(self):
+        for name, kind, _ in fields_of(type(self)):
+            value = getattr(self, name)
+            needs = misfit(kind, value)
+            if needs:
+                shown = repr(value)
+                shown = shown if len(shown) <= _SHOWN else shown[:_SHOWN] + "..."
+                raise LocalProtocolError("{}.{} cannot be {}: {}".format(type(self).__name__, name, shown, needs))
+
+    def encode(self):
+        """The message as octets."""
+        out = bytearray()
+        self._write(out)
+        return bytes(out)
+
+    def _write(self, out):
+        self._check()  # once more: a field can be set to anything
+        for name, kind, _ in fields_of(type(self)):
+            value = getattr(self, name)
+            if isinstance(kind, str):
+                put(out, kind, value)
+            elif kind is bool:
+                out.append(value)
+            elif kind is str:
+                put_text(out, value)
+            elif kind is bytes:
+                put(out, "I", len(value))
+                out += value
+            else:
+                value._write(out)
+
+    @classmethod
+    def decode(cls, octets):
+        """The message in the octets; up to 3 octets of padding may follow it."""
+        reader = Reader(octets)
+        message = read(cls, reader)
+        if len(octets) - reader.at > 3:
+            words = "{} octets left over after {}: is it another type?"
+            raise RemoteProtocolError(words.format(len(octets) - reader.at, type_name_of(cls)))
+        return message
+
+
+def read(kind, reader):
+    """A value of that kind."""
+    if isinstance(kind, str):
+        return reader.number(kind)
+    if kind is bool:
+        value = reader.take(1)[0]
+        if value > 1:
+            raise RemoteProtocolError("a boolean that is {}".format(value))
+        return value == 1
+    if kind is str:
+        return reader.text()
+    if kind is bytes:
+        return reader.take(reader.number("I"))
+    return kind(**{name: read(inner, reader) for name, inner, _ in fields_of(kind)})
+
+
+def limits(code):
+    """The least and the greatest whole number of a code."""
+    bits = 8 * struct.calcsize(code)
+    return (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if code in "bhiq" else (0, (1 << bits) - 1)
+
+
+def misfit(kind, value):
+    """What a field of that kind needs, in words; None when the value fits."""
+    if kind is str:
+        fits = isinstance(value, str) and "\0" not in value
+        return None if fits else "str needs a text without NUL characters"
+    if not isinstance(kind, str):
+        needs = {bool: "bool needs True or False", bytes: "bytes needs bytes"}
+        return None if isinstance(value, kind) else needs.get(kind) or "needs a " + kind.__name__
+    is_number = isinstance(value, int) and not isinstance(value, bool)
+    if kind in "fd":
+        return None if is_number or isinstance(value, float) else _WORDS[kind] + " needs a number"
+    low, high = limits(kind)
+    if is_number and low <= value <= high:
+        return None
+    word = "{}int{}".format("" if low else "u", 8 * struct.calcsize(kind))
+    return "{} needs a whole number from {} to {}".format(word, low, high)
+
+
+def value_of(kind, text):
+    """The value that a setting's text means for a field; raises ValueError."""
+    if kind is bool:
+        return {"true": True, "false": False}[text]
+    if kind is str:
+        return text
+    return float(text) if kind in ("f", "d") else int(text)
+
+
+_STANDARD = (
+    "HelloWorld index:I message:s;Switch on:?;Number value:f;Count value:i;Level percent:f;Text text:s;Light lux:f;"
+    "Colour red:B green:B blue:B;Temperature celsius:f;Pressure hectopascal:f;Gas ppm:f;Distance metres:f in_range:?;"
+    "Angle degrees:f;Speed rpm:f;Vector x:f y:f z:f;Stick x:f y:f pressed:?;Key key:s pressed:?;"
+    "Line position:f seen:?;Tone hertz:f seconds:f;Battery volts:f amperes:f percent:f;Weight grams:f;"
+    "Place latitude:d longitude:d altitude:f satellites:B;Trigger index:I"
+)
+
+
+def standard(name):
+    """The class of a standard message, or None."""
+    for entry in _STANDARD.split(";"):
+        if entry.startswith(name + " "):
+            pairs = [pair.split(":") for pair in entry.split(" ")[1:]]
+            kinds = [(field_name, {"s": str, "?": bool}.get(code, code)) for field_name, code in pairs]
+            return type(name, (Message,), {"_fields": [(field_name, kind, zero(kind)) for field_name, kind in kinds]})
+    return None

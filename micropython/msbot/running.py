@@ -1,0 +1,77 @@
+"""From a program to a part that runs: the loop, and programs whose annotations count."""
+
+import sys
+import time
+
+from .errors import MsbotError, say
+
+_NAP = 1  # ms between two looks at the link
+
+_host = None
+
+
+def use_host(host):
+    """Have `run` hand each part to `host(part)`, which begins and steps it: for browsers, which must not block."""
+    global _host  # noqa: PLW0603 - one per board
+    _host = host
+
+
+def run(part):
+    """Run the part until it ends or Ctrl-C."""
+    if _host is not None:
+        _host(part)
+        return
+    try:
+        link = _once("board").open_for(part)
+    except MsbotError as error:
+        say("error", str(error))
+        return
+    clock = Clock()
+    part.clock = clock.now
+    part.begin(link, clock.now())
+    due = 0
+    while due is not None:
+        try:
+            due = part.step(clock.now())
+            if due is not None:
+                time.sleep_ms(max(0, min(due - clock.now(), _NAP)))
+        except KeyboardInterrupt:
+            part.end()
+
+
+def start(name):
+    """Run a program file, with the fields of its message classes kept (see `message`)."""
+    try:
+        with open(name) as file:
+            source = _once("annotations").with_fields(file.read())
+    except OSError:
+        say("error", "there is no file {} on the board".format(name))
+        return
+    try:
+        exec(compile(source, name, "exec"), {"__name__": "__main__"})
+    except MsbotError as error:
+        say("error", str(error))
+
+
+class Clock:
+    """Milliseconds that do not wrap."""
+
+    def __init__(self):
+        self._ticks = time.ticks_ms()
+        self._now = 0
+
+    def now(self):
+        """Since it was made."""
+        ticks = time.ticks_ms()
+        self._now += time.ticks_diff(ticks, self._ticks)
+        self._ticks = ticks
+        return self._now
+
+
+def _once(name):
+    """A module that is needed only now: its memory is free again afterwards."""
+    package = __name__.rpartition(".")[0]
+    module = __import__(package + "." + name, None, None, ("",))
+    sys.modules.pop(package + "." + name)
+    delattr(sys.modules[package], name)
+    return module

@@ -1,0 +1,124 @@
+"""Which client a packet belongs to: by its address, or by the key that some sessions carry in every header.
+
+Session ids from 0x80 up have no key in the header; the client is the one that logged in from that address with that
+id. Ids below 0x80 have the key in the header, and the address does not matter (XRCE 1.0 §8.2.1; seen on the wire).
+
+DEVIATION: the genuine agent finds a client by its address alone, whatever the id. A packet of the client's earlier
+session that comes late, even from before a restart of the agent, would then push the streams of the new one on, and
+what the client sends next would be taken for repetitions, and be lost without a trace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from msbot.agent.proxy import Proxy
+from msbot.link import Link, Peer
+from msbot.runtime.tally import Tally
+from msbot.xrce.messages import SESSION_NONE
+
+
+@dataclass(slots=True, eq=False)
+class Port:
+    """One link of the agent and the clients that logged in over it."""
+
+    link: Link
+    batch: int | None
+    """Packets that are pulled out of a session at once; None = all."""
+    clients: dict[Peer, Proxy] = field(default_factory=dict)
+    """The clients without keys in their headers, by address: one for each."""
+    members: dict[Proxy, Peer] = field(default_factory=dict)
+    """All clients; any number with keys in their headers may share an address."""
+    gone: dict[Peer, list[Proxy]] = field(default_factory=dict)
+    """Clients that went with their peer, and go on where they were when it is back, by address."""
+    blocked: dict[Proxy, None] = field(default_factory=dict)
+    """Clients with packets that the link had no room for, in the order they met that."""
+    opened: bool = False
+    """Whether the link has carried anything or said that it is up."""
+    dropped: Tally = field(default_factory=Tally)
+    """Packets of nobody, by reason in words."""
+
+
+class ClientTable:
+    """All clients of the agent."""
+
+    def __init__(self) -> None:
+        self._by_key: dict[int, Proxy] = {}
+        self._gone: dict[Proxy, tuple[Port, Peer]] = {}
+
+    def __len__(self) -> int:
+        return len(self._by_key)
+
+    def __iter__(self) -> Iterator[Proxy]:
+        return iter(list(self._by_key.values()))
+
+    def by_key(self, client_key: int) -> Proxy | None:
+        """The client with that key."""
+        return self._by_key.get(client_key)
+
+    def keyed(self, client_key: int) -> Proxy | None:
+        """The client with that key if its session carries the key in every header, and it has not gone.
+
+        DEVIATION: the genuine agent takes such packets for sessions without keys, too; anybody who knows a key could
+        then speak for its owner from any address.
+        """
+        proxy = self._by_key.get(client_key)
+        if proxy is None or proxy.gone is not None or not _has_key_in_headers(proxy):
+            return None
+        return proxy
+
+    def place(self, proxy: Proxy, port: Port, peer: Peer) -> None:
+        """Enter a client, or move it to another address: the old one then belongs to nobody."""
+        self._leave_place(proxy)
+        self._forget_gone(proxy)
+        self._by_key[proxy.info.key] = proxy
+        proxy.place = (port, peer)
+        port.members[proxy] = peer
+        if not _has_key_in_headers(proxy):
+            port.clients[peer] = proxy
+            port.gone.pop(peer, None)
+
+    def set_gone(self, proxy: Proxy) -> None:
+        """Its peer has gone: the client has no address any more, and what is meant for it waits."""
+        place = proxy.place
+        assert place is not None
+        self._leave_place(proxy)
+        self._gone[proxy] = place
+        port, peer = place
+        port.gone.setdefault(peer, []).append(proxy)
+        proxy.is_blocked = True
+
+    def remove(self, proxy: Proxy) -> bool:
+        """Forget a client; False when it was not known."""
+        if self._by_key.get(proxy.info.key) is not proxy:
+            return False
+        self._leave_place(proxy)
+        self._forget_gone(proxy)
+        del self._by_key[proxy.info.key]
+        return True
+
+    def _forget_gone(self, proxy: Proxy) -> None:
+        place = self._gone.pop(proxy, None)
+        if place is not None:
+            proxy.is_blocked = False
+            port, peer = place
+            others = [other for other in port.gone.pop(peer, ()) if other is not proxy]
+            if others:
+                port.gone[peer] = others
+
+    def _leave_place(self, proxy: Proxy) -> None:
+        place = proxy.place
+        if place is not None:
+            proxy.place = None
+            port, peer = place
+            del port.members[proxy]
+            if not _has_key_in_headers(proxy):
+                del port.clients[peer]
+            if proxy.is_blocked:
+                proxy.is_blocked = False
+                del port.blocked[proxy]
+
+
+def _has_key_in_headers(proxy: Proxy) -> bool:
+    return proxy.session.session_id < SESSION_NONE

@@ -1,0 +1,160 @@
+"""From a definition to the object: what each kind of CREATE makes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from msbot.agent.endpoint_sides import EndpointHost
+from msbot.agent.endpoints import DataReader, DataWriter, Endpoint, Replier, Requester
+from msbot.agent.limits import AgentSettings
+from msbot.space import Qos, Topic
+from msbot.xrce.messages import ObjectKind
+from msbot.xrce.objects import Definition, ParticipantDef, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef
+
+_DOMAIN_OF_AGENT = 255
+"""Domain id by which a participant leaves the choice to the agent (seen in the genuine agent)."""
+
+
+@dataclass(slots=True, eq=False)
+class Participant:
+    """A client's place in one domain, and its topics: type and number of users by name."""
+
+    domain: int
+    topics: dict[str, tuple[str, int]] = field(default_factory=dict)
+
+    def use(self, name: str, type_name: str) -> Topic:
+        """Make the topic or use the existing one of that name, whose type then counts."""
+        known_type, users = self.topics.get(name, (type_name, 0))
+        self.topics[name] = (known_type, users + 1)
+        return Topic(name, known_type, self.domain)
+
+    def release(self, name: str) -> None:
+        """End one use; the topic goes with its last user."""
+        type_name, users = self.topics[name]
+        if users > 1:
+            self.topics[name] = (type_name, users - 1)
+        else:
+            del self.topics[name]
+
+
+@dataclass(slots=True, eq=False)
+class Entity:
+    """One object of a client."""
+
+    definition: Definition
+    """What it was made from; an equal one is the same object."""
+    participant: Participant
+    topic: Topic | None = None
+    """The topic it is or uses; released when the object goes."""
+    endpoint: Endpoint | None = None
+
+    @property
+    def topic_name(self) -> str | None:
+        """The topic it is, writes or reads."""
+        if self.endpoint is not None:
+            return self.endpoint.topic
+        return None if self.topic is None else self.topic.name
+
+    @property
+    def troubles(self) -> tuple[str, ...]:
+        """Who should meet it in the space and cannot."""
+        return () if self.endpoint is None else self.endpoint.troubles()
+
+    @property
+    def is_attached(self) -> bool:
+        """False while the gate keeps it out of the space."""
+        return self.endpoint is None or self.endpoint.attached
+
+
+class NoSuchTopic(Exception):
+    """A writer or reader names a topic that its participant does not have."""
+
+
+class Creator:
+    """Makes the objects of one client."""
+
+    def __init__(self, host: EndpointHost, settings: AgentSettings) -> None:
+        self._host = host
+        self._settings = settings
+
+    def make(self, object_id: int, definition: Definition, parent: Entity | None, topics: dict[int, Entity]) -> Entity:
+        """Make the object of that id.
+
+        Args:
+            object_id: id with the kind in its low four bits.
+            definition: what it shall be.
+            parent: the object it belongs to; None for a participant.
+            topics: the client's objects by id, to look up topics in.
+
+        Raises:
+            NoSuchTopic: it names a topic that its participant does not have.
+        """
+        if parent is None:
+            assert isinstance(definition, ParticipantDef)
+            return Entity(definition, Participant(self._domain(definition.domain_id)))
+        participant = parent.participant
+        match definition:
+            case TopicDef():
+                topic = participant.use(definition.name, definition.type_name)
+                return Entity(definition, participant, topic)
+            case WriterDef():
+                topic = self._topic_of(definition, participant, topics)
+                endpoint: Endpoint = DataWriter(self._host, object_id, topic, self._qos(definition))
+                return Entity(definition, participant, topic, endpoint)
+            case ReaderDef():
+                topic = self._topic_of(definition, participant, topics)
+                qos = self._qos(definition, latched=self._host.is_latched(topic.name))
+                endpoint = DataReader(self._host, object_id, topic, qos, self._host.own_filter)
+                return Entity(definition, participant, topic, endpoint)
+            case RequesterDef():
+                endpoint = Requester(self._host, object_id, *_service(definition, participant), self._service_qos())
+                return Entity(definition, participant, endpoint=endpoint)
+            case ReplierDef():
+                endpoint = Replier(self._host, object_id, *_service(definition, participant), self._service_qos())
+                return Entity(definition, participant, endpoint=endpoint)
+        return Entity(definition, participant)
+
+    def _domain(self, domain_id: int) -> int:
+        return self._settings.domain_255 if domain_id == _DOMAIN_OF_AGENT else domain_id
+
+    def _topic_of(
+        self, definition: WriterDef | ReaderDef, participant: Participant, topics: dict[int, Entity]
+    ) -> Topic:
+        """Use the topic that an endpoint names, by id or (XML, reference) by name."""
+        if definition.topic_id is not None:
+            entity = topics.get((definition.topic_id & 0xFFF0) | ObjectKind.TOPIC)
+            if entity is None or entity.topic is None or entity.participant is not participant:
+                raise NoSuchTopic(f"topic {definition.topic_id:04X}")
+            return participant.use(entity.topic.name, entity.topic.type_name)
+        name = definition.topic_name
+        if name is None or name not in participant.topics:
+            raise NoSuchTopic(f"topic {name!r}")
+        return participant.use(name, "")
+
+    def _qos(self, definition: WriterDef | ReaderDef, *, latched: bool = False) -> Qos:
+        settings = self._settings
+        depth = settings.max_depth if definition.keep_all else definition.depth or settings.default_depth
+        return Qos(
+            reliable=definition.reliable,
+            transient_local=definition.transient_local or latched,
+            keep_all=definition.keep_all,
+            depth=min(depth, settings.max_depth),
+            late_depth=None if definition.late_depth is None else min(definition.late_depth, settings.max_depth),
+            partitions=definition.partitions,
+            deadline_s=definition.deadline_s,
+            lifespan_s=definition.lifespan_s,
+            exclusive=definition.exclusive,
+            strength=definition.strength,
+            separation_s=definition.separation_s,
+        )
+
+    def _service_qos(self) -> Qos:
+        return Qos(depth=min(self._settings.max_requests, self._settings.max_depth), service=True)
+
+
+def _service(definition: RequesterDef | ReplierDef, participant: Participant) -> tuple[Topic, Topic]:
+    """Request and reply topic; they need no topic objects."""
+    return (
+        Topic(definition.request_topic, definition.request_type, participant.domain),
+        Topic(definition.reply_topic, definition.reply_type, participant.domain),
+    )

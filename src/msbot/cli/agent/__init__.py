@@ -1,0 +1,1 @@
+"""`msbot agent` and `msbot clients`: the DDS-XRCE agent for any client."""

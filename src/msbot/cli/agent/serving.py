@@ -1,0 +1,202 @@
+"""Runs a DDS-XRCE agent on one link, as `msbot agent` was asked to."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import ipaddress
+import logging
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import click
+
+from msbot.agent import Agent, AgentSettings, DiscoveryResponder, StatusServer, host_ipv6_addresses
+from msbot.cli.agent.packets import packet_tap
+from msbot.cli.run.until_ended import run_until_signal
+from msbot.errors import ConfigError
+from msbot.link import Link, Peer, Signal
+from msbot.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
+from msbot.runtime.terminal_log import TerminalHandler
+from msbot.space import MEMORY, Space, SpaceAddress, open_space
+from msbot.xrce import References
+
+LEVELS = (
+    logging.CRITICAL + 1, logging.CRITICAL, logging.ERROR, logging.WARNING, logging.INFO, logging.DEBUG, logging.DEBUG
+)  # fmt: skip
+"""Levels of logging by the number behind `-v`."""
+SAY_HELLO = 4
+SAY_PACKETS = 6
+
+DOMAIN_VARIABLE = "XRCE_DOMAIN_ID_OVERRIDE"
+"""Environment variable with the domain of participants that leave the choice to the agent."""
+
+MOST_DOMAIN = 232
+"""The highest domain whose ports exist (DDSI-RTPS 2.5 §9.6.1)."""
+
+FILES_BESIDES = 64
+"""Files a process needs besides its connections."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the user asked for, whatever the link."""
+
+    verbose: int
+    middleware: str | None
+    refs: Path | None
+    dead_after_s: float
+    """Infinite: silent clients stay."""
+    space: SpaceAddress = field(default_factory=SpaceAddress)
+
+
+@dataclass(frozen=True, slots=True)
+class Discovery:
+    """Where clients are told of the agent."""
+
+    port: int
+    interface: str | None
+    """IPv4 address of the one interface on which clients ask; None = all."""
+    told: str | None = None
+    """IPv6 address that is told; None = the IPv4 addresses of the interfaces, or for an agent on IPv6 all of them."""
+    ip: int = 4
+    """The agent's kind of IP."""
+
+
+def serve(link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hint: str = "") -> None:
+    """Run an agent on that link until Ctrl-C or SIGTERM; `hint` is said with its greeting.
+
+    Raises:
+        ConfigError: the profile file cannot be used.
+        LinkDown: the link or the discovery port cannot be opened; the text names the remedy.
+    """
+    logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])
+    logging.getLogger().setLevel(max(LEVELS[wishes.verbose], logging.WARNING))
+    logging.getLogger("msbot").setLevel(LEVELS[wishes.verbose])  # the details of libraries are of no use here
+    references = None if wishes.refs is None else read_references(wishes.refs)
+    if isinstance(link, TcpServerLink):
+        _allow_connections()
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_main(link, wishes, references, discovery, hint))
+
+
+def read_references(path: Path) -> References:
+    """The profiles in a file.
+
+    Raises:
+        ConfigError: it cannot be read, or a profile is wrong; the text says where.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot read the profiles in {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path} is no text in UTF-8") from error
+    return References.parse(text, str(path))
+
+
+def discovery_for(host: str, port: int | None) -> Discovery | None:
+    """Discovery on a port for an agent that listens at that host; None without a port.
+
+    Raises:
+        ConfigError: the agent has no IPv4 address that could be told.
+    """
+    if port is None:
+        return None
+    if host in ("0.0.0.0", "::"):
+        return Discovery(port, None, ip=6 if host == "::" else 4)
+    try:
+        address = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host.partition("%")[0])
+    except ValueError as error:
+        raise ConfigError(
+            f"--discovery tells addresses, and --host {host} is a name: give the address, 0.0.0.0 or ::"
+        ) from error
+    if isinstance(address, ipaddress.IPv6Address):
+        return Discovery(port, "127.0.0.1" if address.is_loopback else None, told=str(address), ip=6)
+    return Discovery(port, str(address))
+
+
+def domain_override(text: str | None) -> int:
+    """The domain that the environment names; 0 without one.
+
+    Raises:
+        ConfigError: it is no domain.
+    """
+    if not text:
+        return 0
+    if not (text.isascii() and text.isdigit() and int(text) <= MOST_DOMAIN):
+        raise ConfigError(f"{DOMAIN_VARIABLE} is {text!r}: a domain is a number from 0 to {MOST_DOMAIN}")
+    return int(text)
+
+
+def _allow_connections() -> None:
+    """Let the process have as many open files as it may: each TCP connection is one."""
+    try:
+        import resource
+    except ImportError:
+        return  # not on Windows, which has no such limit
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MAX_CONNECTIONS + FILES_BESIDES
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        most = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+
+
+async def _main(
+    link: Link, wishes: Wishes, references: References | None, discovery: Discovery | None, hint: str
+) -> None:
+    with open_space(wishes.space) as space:
+        where = "; ".join(filter(None, (hint, space.words)))
+        await _run_in(space, link, wishes, references, partial(_greet, wishes=wishes, hint=where), discovery)
+
+
+async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
+    space: Space, link: Link, wishes: Wishes, references: References | None, greet: Callable[[Link, str], None],
+    discovery: Discovery | None,
+) -> None:  # fmt: skip
+    up = asyncio.Event()
+
+    def signalled(link: Link, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:  # noqa: ARG001
+        if signal is Signal.LINK_UP:
+            if wishes.verbose >= SAY_HELLO and not up.is_set():
+                greet(link, reason)
+            up.set()
+
+    settings = AgentSettings(
+        dead_after_s=wishes.dead_after_s,
+        any_text_is_a_name=wishes.middleware == "ced",
+        domain_255=domain_override(os.environ.get(DOMAIN_VARIABLE)),
+    )
+    agent = Agent(space, settings=settings, references=references, signal=signalled)
+    agent.add_link(link)
+    if wishes.verbose >= SAY_PACKETS:
+        agent.tap = packet_tap(link, click.echo)
+    beside = [StatusServer(agent, what="agent", name=link.info.name).run()]
+    if discovery is not None:
+        beside.append(_answer_questions(link, up, discovery))
+    await run_until_signal(agent.run(), beside=beside)
+
+
+async def _answer_questions(link: Link, up: asyncio.Event, discovery: Discovery) -> None:
+    await up.wait()
+    assert isinstance(link, UdpServerLink | TcpServerLink)
+    told: Callable[[], Sequence[str]] | None = None
+    if discovery.told is not None:
+        told = partial(list, [discovery.told])
+    elif discovery.ip == 6:
+        told = host_ipv6_addresses
+    await DiscoveryResponder(link.port, port=discovery.port, interface=discovery.interface, told=told).run()
+
+
+def _greet(link: Link, reason: str, *, wishes: Wishes, hint: str) -> None:
+    name = link.info.name
+    if isinstance(link, UdpServerLink | TcpServerLink):
+        name = f"{name.rpartition(':')[0]}:{link.port}"  # where port 0 was asked for
+        reason = ""
+    words = ", ".join(filter(None, (f"agent on {name}", reason, hint)))
+    click.echo(f"{words}; Ctrl-C ends it")
+    if wishes.middleware in ("dds", "rtps") and wishes.space.kind == MEMORY:
+        click.echo(f"-m {wishes.middleware}: samples stay in this process' memory; --space dds puts them into DDS")

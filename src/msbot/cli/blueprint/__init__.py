@@ -1,0 +1,1 @@
+"""The commands about blueprints: write, check, compare, put into force, export."""

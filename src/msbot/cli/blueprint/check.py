@@ -1,0 +1,60 @@
+"""`msbot check`: is a blueprint in order?"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import click
+
+from msbot.cli.options import DEFAULT_BLUEPRINT, library_option
+from msbot.config import Blueprint, FoundProblems, Library, open_blueprint, problems_json
+
+
+@click.command("check")
+@click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
+@library_option
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object: problems and hints.")
+def command(blueprint: Path, folders: tuple[Path, ...], *, as_json: bool) -> None:
+    """Check BLUEPRINT (robot.toml) against the part library; nothing is started and nothing is changed.
+
+    Every problem is told with file, line and key; status 2 when there are any. Hints are no mistakes.
+    """
+    if not as_json:
+        robot, library = open_blueprint(blueprint, *folders)
+        for hint in hints(robot, library):
+            click.echo(f"hint: {hint}")
+        click.echo(f"{blueprint} is in order: {_counted(robot)}.")
+        return
+    try:
+        robot, library = open_blueprint(blueprint, *folders)
+    except FoundProblems as found:
+        click.echo(json.dumps({"problems": problems_json(found), "hints": []}))
+        sys.exit(2)
+    click.echo(json.dumps({"problems": [], "hints": hints(robot, library)}))
+
+
+def hints(blueprint: Blueprint, library: Library) -> list[str]:
+    """What is allowed and perhaps not meant."""
+    bound = {str(end) for binding in blueprint.bindings for end in binding.ends}
+    told = []
+    for slot in blueprint.slots:
+        part_type = library.get(slot.part)
+        assert part_type is not None
+        loose = [port.name for port in part_type.ports if f"{slot.name}.{port.name}" not in bound]
+        if part_type.ports and len(loose) == len(part_type.ports):
+            told.append(f"no port of slot {slot.name} is bound to a topic: its part will do nothing")
+        elif loose:
+            told.append(f"slot {slot.name}: not bound to a topic: {', '.join(loose)}")
+    numbers = [slot.part for slot in blueprint.slots]
+    for number in sorted({number for number in numbers if numbers.count(number) > 1}):
+        alike = [slot for slot in blueprint.slots if slot.part == number]
+        if any(not slot.local_name for slot in alike):
+            names = ", ".join(slot.name for slot in alike)
+            told.append(f"slots {names} take the same part {number}: the parts need these as local names")
+    return told
+
+
+def _counted(robot: Blueprint) -> str:
+    return f"robot {robot.robot.name}, {len(robot.slots)} slots, {len(robot.bindings)} bindings"

@@ -1,0 +1,71 @@
+"""`msbot slot`: new roles in a robot, written into its blueprint and put into force at once."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import click
+
+from msbot.cli.blueprint.apply import put_in_force
+from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, json_option, library_option
+from msbot.config import Slot, open_blueprint, parse_blueprint, slot_toml
+from msbot.errors import ConfigError
+from msbot.registry import open_registry
+
+
+@click.group("slot")
+def command() -> None:
+    """The slots of a robot: its roles, which parts fill."""
+
+
+@command.command("add")
+@click.argument("name")
+@click.argument("part")
+@click.option("--description", default="", help="What it is for, in words.")
+@click.option("--local-name", default="", metavar="LOCAL", help="Only the part that shows this local name asks for it.")
+@click.option("--blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT, show_default=True,
+              help="The robot's blueprint; the slot is written to its end.")  # fmt: skip
+@library_option
+@db_option
+@json_option
+def add(
+    name: str, part: str, *, description: str, local_name: str, blueprint: Path, folders: tuple[Path, ...],
+    db: str | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Give the robot a slot NAME that takes parts of the number PART.
+
+    It is written to the end of robot.toml, whose other lines stay as they are, and put into force, in a running robot
+    at once: a part of that number that waits gets it.
+    """
+    _, library = open_blueprint(blueprint, *folders)
+    before = blueprint.read_bytes()
+    table = slot_toml(Slot(name, part, local_name, description))
+    end = b"" if before.endswith(b"\n") else b"\n"
+    after = before + end + f"\n{table}".encode()
+    wanted = parse_blueprint(after.decode("utf-8-sig"), library, str(blueprint))
+    address = db or database_beside(blueprint)
+    _replace(blueprint, after)
+    try:
+        with open_registry(address) as registry:
+            words = put_in_force(registry, wanted, library, blueprint, folders)
+    except Exception:
+        _replace(blueprint, before)  # the file says what holds
+        raise
+    if as_json:
+        click.echo(json.dumps({"words": words, "slot": name, "part": part}))
+    else:
+        click.echo(f"slot {name} stands in {blueprint}; {words}")
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Write a file anew, whole or not at all."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        draft.write_bytes(content)
+        draft.chmod(path.stat().st_mode)
+        draft.replace(path)
+    except OSError as error:
+        draft.unlink(missing_ok=True)
+        raise ConfigError(f"{path}: cannot be written ({error.strerror})") from None

@@ -1,0 +1,1 @@
+"""`msbot bus`: tools for people who look at a CAN bus."""

@@ -1,0 +1,141 @@
+"""Every frame of a bus or of a log, with what it says: `msbot bus dump`."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import click
+
+from msbot.cli.bus.decode import decoded_lines
+from msbot.cli.bus.frame_filter import FrameFilter, wanted
+from msbot.cli.bus.frame_log import FrameReader, FrameWriter
+from msbot.cli.bus.source import Listening, is_log, open_bus
+from msbot.link.can.protocol import NODES, CanDecoder, CanIds, Frame, LegacyDecoder, LogLine
+from msbot.pnp import Overhearer
+from msbot.xrce import decompress, is_whole
+
+COLOURS: Final = ("cyan", "green", "yellow", "magenta", "blue", "bright_cyan", "bright_green", "bright_yellow")
+"""Of the frames to and from a node, by its number, on a terminal."""
+
+_IDS = CanIds()
+
+
+@dataclass(frozen=True, slots=True)
+class DumpWishes:
+    """What the user asked for."""
+
+    decode: bool = True
+    legacy: bool = False
+    log: Path | None = None
+    filters: tuple[FrameFilter, ...] = ()
+    count: int | None = None
+
+
+class Dump:
+    """Shows frames one after the other; `finished` once enough were shown."""
+
+    def __init__(self, wishes: DumpWishes, say: Callable[[str], None]) -> None:
+        """Begin.
+
+        Raises:
+            ConfigError: the log cannot be written.
+        """
+        explain = Overhearer().explain
+        self._decoder = (
+            LegacyDecoder(explain, is_whole) if wishes.legacy else CanDecoder(explain, decompress=decompress)
+        )
+        self._wishes = wishes
+        self._say = say
+        self._writer = None if wishes.log is None else FrameWriter(wishes.log)
+        self._shown = 0
+
+    @property
+    def finished(self) -> bool:
+        """Whether as many frames were shown as were asked for."""
+        return self._wishes.count is not None and self._shown >= self._wishes.count
+
+    def show(self, line: LogLine) -> None:
+        """One frame; what is filtered out is understood, too, because it may be part of what comes later."""
+        if self.finished:
+            return
+        words = self._decoder.decode(line.frame, line.at or 0.0) if self._wishes.decode else [""]
+        if not wanted(line.frame, self._wishes.filters):
+            return
+        self._shown += 1
+        if self._writer is not None:
+            self._writer.write(line)
+        colour = colour_of(line.frame)
+        for text in decoded_lines(line, words):
+            self._say(click.style(text.rstrip(), fg=colour))
+
+    def close(self) -> None:
+        """Close the log."""
+        if self._writer is not None:
+            self._writer.close()
+
+
+def colour_of(frame: Frame) -> str | None:
+    """The colour of a frame's node; red for reports of errors and STOP; None for everything else."""
+    if frame.error or (frame.can_id == _IDS.stop and not frame.extended):
+        return "red"
+    for base in (_IDS.up, _IDS.down):
+        if 0 < frame.can_id - base <= NODES and not frame.extended:
+            return COLOURS[(frame.can_id - base) % len(COLOURS)]
+    return None
+
+
+def dump(name: str, wishes: DumpWishes, say: Callable[[str], None], complain: Callable[[str], None]) -> None:
+    """Show the frames of a bus, until Ctrl-C, or those of a log.
+
+    Args:
+        name: address of the bus, file, or `-` for standard input.
+        wishes: what the user asked for.
+        say: takes a line of the answer.
+        complain: takes what is wrong with the bus or the log.
+
+    Raises:
+        ConfigError: there is no such bus, or a file cannot be read or written.
+        LinkDown: the bus cannot be opened; the text names the remedy.
+    """
+    if is_log(name):
+        dumping = Dump(wishes, say)
+        try:
+            _dump_log(name, dumping, complain)
+        finally:
+            dumping.close()
+        return
+    asyncio.run(_dump_bus(name, wishes, say, complain))
+
+
+def _dump_log(name: str, dumping: Dump, complain: Callable[[str], None]) -> None:
+    reader = FrameReader()
+    for line in reader.read(name):
+        dumping.show(line)
+        if dumping.finished:
+            return
+    if reader.unreadable:
+        total = reader.frames + reader.unreadable
+        complain(f"{reader.unreadable} of {total} lines were no frames; {reader.first_problem}")
+
+
+async def _dump_bus(
+    address: str, wishes: DumpWishes, say: Callable[[str], None], complain: Callable[[str], None]
+) -> None:
+    listening = Listening(open_bus(address, node="dump", listen_only=True), complain)
+    dumping = Dump(wishes, say)
+    channel = address.partition("?")[0].rpartition(":")[2]
+
+    def heard(frame: Frame, at: float) -> None:
+        dumping.show(LogLine(at, channel, frame))
+        if dumping.finished:
+            listening.finish()
+
+    listening.on_frame(heard)
+    try:
+        await listening.run()
+    finally:
+        dumping.close()

@@ -1,0 +1,183 @@
+"""Frames of a bus as a candump log: writing them, and reading them whatever program has written them."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, TextIO
+
+from msbot.errors import ConfigError
+from msbot.link.can.adapters import frame_of, message_of
+from msbot.link.can.protocol import Frame, LogLine, format_log_line, parse_log_line
+
+if TYPE_CHECKING:
+    import can.io.generic
+
+LONGEST_LINE = 4096
+"""Characters of a line that are read; one with a CAN FD frame has some two hundred."""
+OWN_FORMAT = ".log"
+"""Ending of log files as `candump -l` writes them."""
+FOREIGN_FORMATS = (".asc", ".blf", ".trc", ".csv", ".db", ".mf4")
+"""Endings of log files that python-can reads and writes for us."""
+TEXT_FORMAT = ".txt"
+"""Ending of files with what python-can prints; they are written only."""
+
+
+class FrameLog:
+    """Writes every frame it is told to a stream, one line each, as `candump -l` does."""
+
+    def __init__(self, stream: TextIO, channel: str, *, epoch_s: float) -> None:
+        """Write to `stream`; `epoch_s` is the time since 1970 at which the times of the frames begin."""
+        self._stream = stream
+        self._channel = channel
+        self._epoch_s = epoch_s
+
+    def tap(self, at: float, _sender: str, frame: Frame) -> None:
+        """One frame; a `FrameTap`."""
+        self._stream.write(format_log_line(LogLine(self._epoch_s + at, self._channel, frame)) + "\n")
+
+
+class FrameReader:
+    """The frames of a log, in their order; lines that are none are counted and told about, not obeyed."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+        """Frames read so far."""
+        self.unreadable = 0
+        """Lines that were none."""
+        self.first_problem = ""
+        """What was wrong with the first of them."""
+
+    def read(self, name: str) -> Iterator[LogLine]:
+        """Every frame in the file of that name, or, with `-`, on standard input.
+
+        Raises:
+            ConfigError: the file cannot be read, or there are lines, but no frame in them.
+        """
+        if Path(name).suffix.lower() in FOREIGN_FORMATS:
+            yield from self._read_foreign(Path(name))
+            return
+        import click
+
+        try:
+            with click.open_file(name, encoding="utf-8", errors="replace") as stream:
+                yield from self._read_lines(stream)
+        except OSError as error:
+            raise ConfigError(f"cannot read {name}: {error.strerror}") from None
+        if self.unreadable and not self.frames:
+            raise ConfigError(f"there is no frame in {name}: {self.first_problem}")
+
+    def _read_lines(self, stream: IO[str]) -> Iterator[LogLine]:
+        for number, text in enumerate(_lines(stream), 1):
+            if not text.strip():
+                continue
+            try:
+                line = parse_log_line(text)
+            except ConfigError as error:
+                self.unreadable += 1
+                self.first_problem = self.first_problem or f"line {number}: {error}"
+                continue
+            self.frames += 1
+            yield line
+
+    def _read_foreign(self, path: Path) -> Iterator[LogLine]:
+        try:
+            from can.io.blf import BLFParseError
+
+            import can
+        except ImportError:
+            raise _needs_python_can("reading", path) from None
+        # Opened here, because python-can leaves files open in which it finds nonsense; SQLite wants the name.
+        readers: dict[str, tuple[str, Callable[..., Iterable[can.Message]]]] = {
+            ".asc": ("r", partial(can.ASCReader, relative_timestamp=False)),
+            ".blf": ("rb", can.BLFReader),
+            ".trc": ("r", can.TRCReader),
+            ".csv": ("r", can.CSVReader),
+            ".db": ("rb", lambda _: can.SqliteReader(path)),
+            ".mf4": ("rb", lambda _: can.MF4Reader(path)),
+        }
+        mode, reader = readers[path.suffix.lower()]
+        try:
+            with path.open(mode) as stream:
+                for message in reader(stream):
+                    self.frames += 1
+                    yield LogLine(message.timestamp, f"can{message.channel or 0}", frame_of(message))
+        except OSError as error:
+            raise ConfigError(f"cannot read {path}: {error.strerror or error}") from None
+        except NotImplementedError:
+            raise _needs_asammdf("reading", path) from None
+        except (ValueError, LookupError, TypeError, struct.error, sqlite3.Error, BLFParseError) as error:
+            raise ConfigError(f"{path} is no {path.suffix} file that python-can understands: {error}") from None
+
+
+def _lines(stream: IO[str]) -> Iterator[str]:
+    """Every line, cut where it is longer than any frame's, and without what a terminal would obey."""
+    while text := stream.readline(LONGEST_LINE):
+        rest = text
+        while rest and not rest.endswith("\n"):
+            rest = stream.readline(LONGEST_LINE)
+        text = text.strip()
+        yield text if text.isprintable() else "".join(one if one.isprintable() else "?" for one in text)
+
+
+class FrameWriter:
+    """Writes frames to a file in the format that its ending names."""
+
+    def __init__(self, path: Path) -> None:
+        """Open the file; what is in it is overwritten.
+
+        Raises:
+            ConfigError: no such format, no python-can for it, or the file cannot be written.
+        """
+        self._stream: TextIO | None = None
+        self._logger: can.io.generic.MessageWriter | None = None
+        try:
+            if path.suffix.lower() == OWN_FORMAT:
+                self._stream = path.open("w", encoding="utf-8")
+                return
+            if path.suffix.lower() not in (*FOREIGN_FORMATS, TEXT_FORMAT):
+                known = ", ".join((OWN_FORMAT, *FOREIGN_FORMATS, TEXT_FORMAT))
+                raise ConfigError(f"cannot write {path}: its ending names no format; there are {known}")
+            try:
+                import can
+            except ImportError:
+                raise _needs_python_can("writing", path) from None
+            path.open("wb").close()
+            self._logger = can.Logger(path)
+        except OSError as error:
+            raise ConfigError(f"cannot write {path}: {error.strerror}") from None
+        except NotImplementedError:
+            path.unlink()
+            raise _needs_asammdf("writing", path) from None
+
+    def write(self, line: LogLine) -> None:
+        """One frame."""
+        if self._stream is not None:
+            self._stream.write(format_log_line(line) + "\n")
+        elif self._logger is not None:
+            message = message_of(line.frame)
+            message.timestamp = line.at or 0.0
+            message.channel = 0
+            message.is_error_frame = line.frame.error
+            self._logger(message)
+
+    def close(self) -> None:
+        """Write what is left, and close the file."""
+        if self._stream is not None:
+            self._stream.close()
+        if self._logger is not None:
+            self._logger.stop()
+
+
+def _needs_python_can(what: str, path: Path) -> ConfigError:
+    return ConfigError(
+        f"{what} {path.suffix} files needs python-can: install it with `pip install 'msbot[can]'`, "
+        f"or use candump's format, {OWN_FORMAT}"
+    )
+
+
+def _needs_asammdf(what: str, path: Path) -> ConfigError:
+    return ConfigError(f"{what} {path.suffix} files needs asammdf: install it with `pip install 'python-can[mf4]'`")

@@ -1,0 +1,173 @@
+"""How busy a live bus is, second by second and identifier by identifier: `msbot bus load ADDRESS`."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+from msbot.cli.bus.source import Listening, open_bus
+from msbot.errors import ConfigError, LocalProtocolError
+from msbot.link.can.protocol import NODES, CanIds, Frame, frame_bits, is_joining
+
+WINDOW_S: Final = 1.0
+"""The load is that of a second."""
+MOST_ROWS: Final = 16
+"""Identifiers shown for a second; the rest is added up."""
+
+_IDS = CanIds()
+
+
+@dataclass(slots=True)
+class Traffic:
+    """What was heard of one identifier."""
+
+    who: str
+    frames: int = 0
+    bits: int = 0
+    busy_s: float = 0.0
+
+
+@dataclass(slots=True)
+class Second:
+    """What was heard in one second."""
+
+    by_id: dict[str, Traffic] = field(default_factory=dict)
+    """By identifier as it is written: 3 hexadecimal digits, 8 for an extended one."""
+    uncounted: int = 0
+    """Reports of errors and the like, which are no frames of the bus."""
+
+    def add(self, frame: Frame, bitrate: int, data_bitrate: int | None) -> None:
+        """One frame."""
+        try:
+            length = frame_bits(frame)
+        except LocalProtocolError:
+            self.uncounted += 1
+            return
+        digits = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
+        traffic = self.by_id.get(digits)
+        if traffic is None:
+            traffic = self.by_id[digits] = Traffic(who_says(frame))
+        traffic.frames += 1
+        traffic.bits += sum(length)
+        traffic.busy_s += length.seconds(bitrate, data_bitrate)
+
+    def total(self) -> Traffic:
+        """All identifiers together."""
+        return _sum("together", self.by_id.values())
+
+    def rows(self) -> list[tuple[str, Traffic]]:
+        """The busiest identifiers first, what is left in one row."""
+        ordered = sorted(self.by_id.items(), key=lambda item: (-item[1].busy_s, item[0]))
+        rest = [traffic for _, traffic in ordered[MOST_ROWS:]]
+        return ordered[:MOST_ROWS] + ([("", _sum(f"{len(rest)} more", rest))] if rest else [])
+
+
+def who_says(frame: Frame) -> str:
+    """Who sends frames with this identifier, as far as it is ours."""
+    if not frame.extended:
+        for base, words in ((_IDS.up, "node {} to master"), (_IDS.down, "master to node {}")):
+            if 0 < frame.can_id - base <= NODES:
+                return words.format(frame.can_id - base)
+        if frame.can_id in (_IDS.beacon, _IDS.stop):
+            return "BEACON" if frame.can_id == _IDS.beacon else "STOP"
+    elif is_joining(frame, _IDS):
+        return "joining"
+    return "foreign"
+
+
+def show_load(
+    address: str, *, bitrate: int, data_bitrate: int, seconds: float | None, as_json: bool,
+    say: Callable[[str], None], complain: Callable[[str], None],
+) -> None:  # fmt: skip
+    """Say each second how busy a bus is, until Ctrl-C.
+
+    Args:
+        address: the bus.
+        bitrate: nominal bit rate, used when the bus does not tell its own.
+        data_bitrate: the same for the data phase of CAN FD.
+        seconds: end by itself after that time.
+        as_json: one JSON object for each second.
+        say: takes a line of the answer.
+        complain: takes what goes wrong on the bus.
+
+    Raises:
+        ConfigError: the address makes no sense.
+        LinkDown: the bus cannot be opened; the text names the remedy.
+    """
+    show = _as_json if as_json else _as_text
+    asyncio.run(_main(address, bitrate, data_bitrate, seconds, lambda *what: say(show(*what)), complain=complain))
+
+
+async def _main(
+    address: str, bitrate: int, data_bitrate: int, seconds: float | None, tell: Callable[[float, Second, int], None],
+    *, complain: Callable[[str], None],
+) -> None:  # fmt: skip
+    bus = open_bus(address, node="load", listen_only=True)
+    bitrate = bus.info.bits_per_second or bitrate
+    fast = (bus.info.data_bits_per_second or data_bitrate) if bus.info.fd else None
+    if fast is not None and fast < bitrate:
+        raise ConfigError(f"--data-bitrate {fast} is below the nominal bit rate {bitrate}")
+    listening = Listening(bus, complain)
+    second = Second()
+    listening.on_frame(lambda frame, _at: second.add(frame, bitrate, fast))
+
+    async def report() -> None:
+        nonlocal second
+        await listening.opened.wait()
+        loop = asyncio.get_running_loop()
+        started_at = loop.time()
+        number = 0
+        while seconds is None or number < seconds:
+            number += 1
+            second = Second()
+            await asyncio.sleep(started_at + number * WINDOW_S - loop.time())
+            tell(number * WINDOW_S, second, bitrate)
+
+    await listening.run_with(report())
+
+
+def _as_text(at_s: float, second: Second, bitrate: int) -> str:
+    total = second.total()
+    head = f"{at_s:6.0f} s   load {total.busy_s / WINDOW_S:7.2%} of {bitrate / 1000:g} kbit/s   {total.frames} frames"
+    lines = [head + (f"   {second.uncounted} reports of errors" if second.uncounted else "")]
+    lines += [
+        f"  {digits:>8}  {traffic.who:18}  {traffic.frames:6} frames  {traffic.bits:8} bits  "
+        f"{traffic.busy_s / WINDOW_S:7.2%}"
+        for digits, traffic in second.rows()
+    ]
+    return "\n".join(lines)
+
+
+def _as_json(at_s: float, second: Second, bitrate: int) -> str:
+    total = second.total()
+    return json.dumps(
+        {
+            "at_s": at_s,
+            "bitrate": bitrate,
+            "load_percent": round(100 * total.busy_s / WINDOW_S, 4),
+            "frames": total.frames,
+            "bits": total.bits,
+            "reports": second.uncounted,
+            "by_id": {
+                digits: {
+                    "who": traffic.who,
+                    "frames": traffic.frames,
+                    "bits": traffic.bits,
+                    "load_percent": round(100 * traffic.busy_s / WINDOW_S, 4),
+                }
+                for digits, traffic in sorted(second.by_id.items())
+            },
+        }
+    )
+
+
+def _sum(who: str, parts: Iterable[Traffic]) -> Traffic:
+    whole = Traffic(who)
+    for part in parts:
+        whole.frames += part.frames
+        whole.bits += part.bits
+        whole.busy_s += part.busy_s
+    return whole

@@ -1,0 +1,40 @@
+"""Serves a simulated bus that other programs join by its name: `msbot bus serve`."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+
+import click
+
+from msbot.cli.run.until_ended import run_until_signal
+from msbot.link.can.sim import SimBus, SimBusDriver, SimBusServer, rates_words
+from msbot.runtime.terminal_log import TerminalHandler
+
+
+def serve(name: str, bitrate: int, data_bitrate: int | None) -> None:
+    """Serve a bus until Ctrl-C; with a data bit rate it is CAN FD.
+
+    Raises:
+        ConfigError: it is no name.
+        LinkDown: another process serves a bus of that name.
+    """
+    logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_main(name, bitrate, data_bitrate))
+
+
+async def _main(name: str, bitrate: int, data_bitrate: int | None) -> None:
+    fd = data_bitrate is not None
+    server = SimBusServer(SimBusDriver(SimBus(bitrate, data_bitrate, fd=fd)), name)
+
+    def greet() -> None:
+        click.echo(
+            f"simulated bus {name} ({rates_words(bitrate, data_bitrate, fd=fd)}) is up: --link sim:{name}, "
+            f"msbot bus dump sim:{name}, python -m can.logger -i msbot -c {name}; Ctrl-C ends it"
+        )
+
+    await run_until_signal(server.run(), ready=server.ready, say=greet)
+    counters = server.driver.counters
+    click.echo(f"{counters.frames} frames, {counters.errors} attempts failed")

@@ -1,0 +1,141 @@
+"""How a command reaches a robot: its running master if there is one, else its database, while nobody runs it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from msbot.agent import RunningProcess, running_processes
+from msbot.cli.options import (
+    DEFAULT_BLUEPRINT,
+    database_beside,
+    database_identity,
+    existing_database,
+    user_name,
+    wants_json,
+)
+from msbot.errors import ConfigError
+from msbot.runtime.terminal_log import TerminalHandler
+
+if TYPE_CHECKING:
+    from msbot.master import Master
+
+MASTER = "master"
+
+
+def details_of(master: Master, db: str, *, page: str = "", trouble: str | None = None) -> dict[str, str]:
+    """What a master says of itself to the other programs of its user.
+
+    Args:
+        master: the robot.
+        db: its database: so that `perform` finds it.
+        page: the address of its page; empty when it has none.
+        trouble: what is wrong with its database.
+    """
+    known = {
+        "robot": master.profile.name,
+        "serial_number": master.profile.serial_number,
+        "database": database_identity(db),
+        "page": page,
+        "slots": str(len(master.inventory.slots.names())),
+        "active": str(len(master.inventory.members())),
+    }
+    return known | {"trouble": trouble} if trouble else known
+
+
+def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> dict[str, object]:
+    """Have something done to a robot, and give the answer.
+
+    Args:
+        db: its database; None: robot.db here, or else the one robot that runs on this computer.
+        robot: its name; None: it is clear which one is meant.
+        do: the operation, see `msbot.operations.table`.
+        args: what it takes.
+
+    Raises:
+        ConfigError: it is not clear which robot is meant, or the operation says what is wrong.
+        RegistryError: the database cannot be used.
+    """
+    logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])
+    request = {"do": do, "args": {name: value for name, value in args.items() if value is not None}, "who": user_name()}
+    path = db or database_beside(DEFAULT_BLUEPRINT)
+    is_named = db is not None or Path(path).exists()
+    running = _find(database_identity(path) if is_named else None, robot)
+    answer = _on_database(path, robot, request) if running is None else running.ask(request)
+    if "error" in answer:
+        raise ConfigError(str(answer["error"]))
+    return answer
+
+
+def say(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> None:
+    """Have something done, and print what came of it: in words, or with `--json` as it is."""
+    answer = perform(db, robot, do, args)
+    if wants_json():
+        click.echo(json.dumps(answer))
+        return
+    undo = f" (`msbot undo {answer['edit']}` takes it back)" if "edit" in answer and do != "undo" else ""
+    click.echo(f"{answer['words']}{undo}")
+
+
+def running_master(db: str | None, robot: str | None) -> RunningProcess | None:
+    """The master that runs the robot with that database, or None.
+
+    Raises:
+        ConfigError: several could be meant.
+    """
+    path = db or database_beside(DEFAULT_BLUEPRINT)
+    is_named = db is not None or Path(path).exists()
+    return _find(database_identity(path) if is_named else None, robot)
+
+
+def database_to_read(db: str | None, robot: str | None) -> str:
+    """The database that a command reads: the one that is named, robot.db here, or that of the master that runs here.
+
+    Raises:
+        ConfigError: there is none, or several could be meant.
+    """
+    if db is None and not Path(database_beside(DEFAULT_BLUEPRINT)).exists():
+        master = running_master(None, robot)
+        if master is not None:
+            return master.details["database"]
+    return existing_database(db)
+
+
+def _find(database: str | None, robot: str | None) -> RunningProcess | None:
+    found = [
+        process
+        for process in running_processes()
+        if process.what == MASTER
+        and (database is None or process.details.get("database") == database)
+        and (robot is None or process.details.get("robot") == robot)
+    ]
+    if len(found) > 1:
+        names = ", ".join(f"{one.details.get('robot')} ({one.details.get('database')})" for one in found)
+        raise ConfigError(f"{len(found)} masters run here: say which robot is meant with --robot or --db: {names}")
+    return found[0] if found else None
+
+
+def _on_database(path: str, robot: str | None, request: Mapping[str, object]) -> dict[str, object]:
+    if "://" not in path and not Path(path).exists():
+        raise ConfigError(
+            f"no master runs here, and there is no database {path}: start `msbot master`, or name one with --db"
+        )
+    from msbot.operations.operations import perform, stored_operations  # a running robot needs no SQLAlchemy here
+    from msbot.registry import open_registry
+
+    with open_registry(path, create=False) as registry:
+        robots = [one for one in registry.robots.all() if robot in (None, one.name)]
+        if len(robots) != 1:
+            names = ", ".join(one.name for one in registry.robots.all()) or "none"
+            raise ConfigError(f"the database {path} has the robots {names}: say which one is meant with --robot")
+
+        async def act() -> dict[str, object]:
+            return await perform(stored_operations(registry, robots[0]), request)
+
+        return asyncio.run(act())

@@ -1,0 +1,62 @@
+"""The commands that change a robot, made from the table of operations."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+
+import click
+
+from msbot.cli.change.robot_access import say
+from msbot.cli.options import answer_options
+from msbot.operations.table import OPERATIONS, Argument, Kind, Operation
+
+WRITTEN_BY_HAND = ("adopt", "set", "undo", "stop", "go")
+"""Commands that do more than one operation; each has a file of its name."""
+
+
+def verb(name: str) -> click.Command:
+    """The command that does an operation."""
+    if name in WRITTEN_BY_HAND:
+        command = importlib.import_module(f"msbot.cli.change.{name}").command
+        assert isinstance(command, click.Command)
+        return command
+    operation = OPERATIONS[name]
+
+    def run(db: str | None, robot: str | None, **given: object) -> None:
+        say(db, robot, name, _arguments(operation, given))
+
+    run.__doc__ = f"{operation.summary}\n\n{operation.help}"
+    decorated: Callable[..., object] = answer_options(run)
+    for argument in reversed(operation.arguments):
+        decorated = _decorate(argument)(decorated)
+    # Several values may be negative numbers, which look like options.
+    takes_values = any(argument.kind is Kind.TEXTS and not argument.option for argument in operation.arguments)
+    return click.command(name, context_settings={"ignore_unknown_options": takes_values})(decorated)
+
+
+def _arguments(operation: Operation, given: Mapping[str, object]) -> dict[str, object]:
+    """What the person typed, as the operation takes it."""
+    wish: dict[str, object] = {}
+    for argument in operation.arguments:
+        value = given[argument.passed_as]
+        if argument.kind is Kind.FLAG:
+            value = bool(value) != argument.default  # the option says what is not so by default
+        wish[argument.name] = list(value) if isinstance(value, tuple) else value
+    return wish
+
+
+def _decorate(argument: Argument) -> Callable[[Callable[..., object]], Callable[..., object]]:
+    if not argument.option:
+        count = -1 if argument.kind is Kind.TEXTS else 1
+        return click.argument(
+            argument.passed_as, required=argument.is_needed, metavar=argument.shown_as or None, nargs=count
+        )
+    if argument.kind is Kind.FLAG:
+        return click.option(argument.option, argument.passed_as, is_flag=True, help=argument.help)
+    default = "" if argument.default == "" else None
+    return click.option(
+        argument.option, argument.passed_as, required=argument.is_needed, metavar=argument.shown_as or None,
+        multiple=argument.kind is Kind.TEXTS, default=() if argument.kind is Kind.TEXTS else default,
+        help=argument.help, type=float if argument.kind is Kind.NUMBER else str,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""`msbot demo`: a simulated robot in the terminal."""

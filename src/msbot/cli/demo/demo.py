@@ -1,0 +1,395 @@
+"""`msbot demo`: the sample robot, live in the terminal, as lines, or as one JSON object."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import re
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from random import Random
+from typing import TYPE_CHECKING
+
+import click
+
+from msbot.agent import StatusServer
+from msbot.cli.bus.frame_log import FrameLog
+from msbot.cli.change.robot_access import MASTER, details_of
+from msbot.cli.demo.json import as_json
+from msbot.cli.demo.key_presses import KeyPresses
+from msbot.cli.options import space_option
+from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
+from msbot.config import SAMPLES, Blueprint, Library, load_blueprint, load_library, write_sample
+from msbot.demo import DemoRobot, Wire
+from msbot.errors import ConfigError, MsbotError
+from msbot.link.can.sim import SimBusServer, check_free
+from msbot.master import StopSocket, first_error, robot_space
+from msbot.operations.operations import RunningOperations, perform
+from msbot.registry import Registry, RobotRecord, open_registry
+from msbot.space import SpaceAddress
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from msbot.web.room import WebRoom
+
+_Deeds = Mapping[str, Callable[[str], None]]
+
+REFRESH_S = 0.2
+STATUS_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class ScriptStep:
+    """One thing to do on time."""
+
+    at_s: float
+    verb: str
+    """`plug`, `unplug` or `undo`."""
+    part: str
+    """Empty for `undo`."""
+
+
+class ScriptType(click.ParamType[list[ScriptStep]]):
+    """`3:unplug AA;12:plug AA`."""
+
+    name = "script"
+
+    def convert(
+        self, value: str | list[ScriptStep], param: click.Parameter | None, ctx: click.Context | None
+    ) -> list[ScriptStep]:
+        """The steps, in order of time."""
+        if isinstance(value, list):
+            return value
+        steps = []
+        for text in filter(None, (piece.strip() for piece in value.split(";"))):
+            match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*:\s*(?:(plug|unplug)\s+(\S+)|(undo))", text)
+            if match is None:
+                self.fail(
+                    f"{text!r} is no step; write SECONDS:plug PART, SECONDS:unplug PART or SECONDS:undo, "
+                    "for example 3:unplug AA",
+                    param,
+                    ctx,
+                )
+            steps.append(ScriptStep(float(match[1]), match[2] or match[4], match[3] or ""))
+        return sorted(steps, key=lambda step: step.at_s)
+
+
+@dataclass(frozen=True, slots=True)
+class _Options:
+    wire: Wire
+    bitrate: int
+    data_bitrate: int
+    compression: bool
+    seconds: float | None
+    script: list[ScriptStep]
+    json: bool
+    log: Path | None
+    bus: str | None
+    seed: int | None
+    sample: str
+    spare: bool
+    page: PageWishes
+    space: SpaceAddress
+
+
+@click.command("demo")
+@click.option("--link", "wire", type=click.Choice([wire.value for wire in Wire]), default="can", show_default=True,
+              help="The wire: simulated classic CAN, simulated CAN FD, or UDP on this machine.")  # fmt: skip
+@click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), default=500_000, show_default=True,
+              help="Bit rate of the CAN bus, bit/s.")  # fmt: skip
+@click.option("--data-bitrate", type=click.IntRange(10_000, 8_000_000), default=2_000_000, show_default=True,
+              help="Bit rate of the data phase of CAN FD, bit/s.")  # fmt: skip
+@click.option("--no-compression", is_flag=True, help="Send DDS-XRCE headers on CAN as they are.")
+@click.option("--seconds", type=click.FloatRange(min=0.1), help="End by itself after that time.")
+@click.option(
+    "--script", type=ScriptType(), default="", help='Pull and plug parts on time: "3:unplug AA;12:plug AA;15:undo".'
+)
+@click.option("--json", "as_json_object", is_flag=True, help="Print one JSON object at the end and nothing else.")
+@click.option("--log", type=click.Path(path_type=Path, dir_okay=False),
+              help="Write every frame on the CAN bus to this file, as candump does.")  # fmt: skip
+@click.option("--bus", metavar="NAME", help="Let other programs join the CAN bus by this name (sim:NAME).")
+@click.option("--seed", type=int, help="Draw the same random values every time.")
+@click.option(
+    "--db", type=click.Path(path_type=Path), help="Keep the robot's database in this file (else it is forgotten)."
+)
+@click.option("--robot", "sample", type=click.Choice(list(SAMPLES)), default="rover", show_default=True,
+              help="The sample: a rover of ten parts to play with, or the thesis' ring of three.")  # fmt: skip
+@click.option("--spare", is_flag=True, help="One part more than slots, DD like BB: it takes over when BB is lost.")
+@space_option
+@page_options
+def command(
+    *, wire: str, bitrate: int, data_bitrate: int, no_compression: bool, seconds: float | None,
+    script: list[ScriptStep], as_json_object: bool, log: Path | None, bus: str | None, seed: int | None,
+    db: Path | None, sample: str, spare: bool, space: SpaceAddress,
+    port: int | None, host: str, no_page: bool, certificate: Path | None,
+    certificate_key: Path | None,
+    page_names: tuple[str, ...],
+) -> None:  # fmt: skip
+    """Run a robot on this machine, everything simulated: a rover of ten parts, or the thesis' ring of three.
+
+    The page is at the address that is printed. In a terminal the key beside a part pulls it out and plugs it in
+    again, q ends the robot. With --json nothing but the object is printed, and there is no page, unless --port asks
+    for one.
+    """
+    options = _Options(
+        Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, log, bus, seed, sample,
+        spare,
+        page_wishes(port=port, host=host, no_page=no_page or (as_json_object and port is None),
+                    certificate=certificate, certificate_key=certificate_key, page_names=page_names),
+        space,
+    )  # fmt: skip
+    if log is not None and options.wire is Wire.UDP:
+        raise click.UsageError("--log writes the frames of a CAN bus: leave --link udp out")
+    if bus is not None and options.wire is Wire.UDP:
+        raise click.UsageError("--bus is for a CAN bus: leave --link udp out")
+    if bus is not None:
+        check_free(bus)
+    if as_json_object and seconds is None:
+        raise click.UsageError("--json prints at the end: say when with --seconds N")
+    if sys.stdout.isatty() and not options.page.off and not as_json_object:
+        click.echo("Starting the robot and its page ...")
+    with tempfile.TemporaryDirectory(prefix="msbot-demo-") as folder, contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_main(options, Path(folder), db))
+
+
+async def _main(options: _Options, folder: Path, db: Path | None) -> None:
+    path = folder / "robot.toml"
+    write_sample(path, options.sample)
+    library = load_library()
+    blueprint = load_blueprint(path, library)
+    address = str(db or folder / "robot.db")
+    with robot_space(options.space, blueprint, library) as space, open_registry(address) as registry:
+        record = registry.robots.apply_blueprint(blueprint, library)
+        robot = DemoRobot(
+            blueprint,
+            registry.runs.begin(record),
+            node_ids=registry.runs.node_ids(record, "demo"),
+            wire=options.wire,
+            bitrate=options.bitrate,
+            data_bitrate=options.data_bitrate,
+            compression=options.compression,
+            random=None if options.seed is None else Random(options.seed),
+            library=library,
+            space=space,
+            spares=_spares(blueprint) if options.spare else None,
+        )
+        _check_script(options.script, robot)
+        operations = RunningOperations(robot.master, registry, record, library=library)
+        notes = _Notes()
+        deeds = _deeds(robot, operations, notes)
+        with _logging(robot, options.log):
+            beside: list[Coroutine[object, object, None]] = []
+            room: WebRoom | None = None
+
+            def page_address() -> str:
+                return "" if room is None else room.server.own_address
+
+            if not options.page.off:
+                with made_to_stay():
+                    room = _make_page(robot, operations, library, (registry, record, address), options.page)
+                beside.append(serve_page(room, robot.master.ready, options.page, notes.add))
+            beside.append(
+                _answering(robot, operations, address, page_address, lambda: registry.storage.health.trouble).run()
+            )
+            beside.append(
+                StopSocket(robot.master, lambda: details_of(robot.master, address, page=page_address())).run()
+            )
+            if options.bus is None or robot.bus_driver is None:
+                await _run_beside(_run(robot, options, notes, deeds), beside)
+            else:
+                server = SimBusServer(robot.bus_driver, options.bus)
+                await _run_served(server, partial(_run, robot, options, notes, deeds), beside)
+
+
+def _spares(blueprint: Blueprint) -> dict[str, str]:
+    """DD for the slot BB; in another sample one for the first slot."""
+    of = "BB" if blueprint.slot("BB") else blueprint.slots[0].name
+    return {"DD" if blueprint.slot("DD") is None else "spare": of}
+
+
+def _answering(
+    robot: DemoRobot,
+    operations: RunningOperations,
+    address: str,
+    page: Callable[[], str],
+    trouble: Callable[[], str | None],
+) -> StatusServer:
+    """What lets the other commands see the robot and change it."""
+    profile = robot.master.profile
+    return StatusServer(
+        robot.master.agent,
+        what=MASTER,
+        name=f"{profile.name} {profile.version}",
+        details=lambda: details_of(robot.master, address, page=page(), trouble=trouble()),
+        control=partial(perform, operations),
+    )
+
+
+class _Notes:
+    """Lines for the person at the terminal that come while the robot runs: where the page is."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.say: Callable[[str], None] | None = None
+        """Takes a line at once; None: whoever draws the screen shows `lines`."""
+
+    def add(self, line: str) -> None:
+        self.lines.append(line)
+        if self.say is not None:
+            self.say(line)
+
+
+def _make_page(
+    robot: DemoRobot, operations: RunningOperations, library: Library, database: tuple[Registry, RobotRecord, str],
+    wishes: PageWishes,
+) -> WebRoom:  # fmt: skip
+    from msbot.web.room import Database, WebRoom
+    from msbot.web.simulated.demo_bench import seen_of
+
+    seen = seen_of(robot, asyncio.get_running_loop().time)
+    return WebRoom(
+        robot.master, operations, library, database=Database(*database), seen=seen, settings=wishes.settings(),
+        entry_link=True,
+    )  # fmt: skip
+
+
+async def _run_beside(work: Coroutine[object, object, None], beside: Iterable[Coroutine[object, object, None]]) -> None:
+    """Run the robot, and what helps it as long as it runs."""
+    try:
+        async with asyncio.TaskGroup() as tasks:
+            helping = [tasks.create_task(helper) for helper in beside]
+            await work
+            for helper in helping:
+                helper.cancel()
+    except* MsbotError as errors:
+        raise first_error(errors) from None
+
+
+async def _run_served(
+    server: SimBusServer,
+    work: Callable[[], Coroutine[object, object, None]],
+    beside: list[Coroutine[object, object, None]],
+) -> None:
+    """Let other programs join the bus meanwhile."""
+
+    async def when_served() -> None:
+        await server.ready.wait()
+        await work()
+
+    await _run_beside(when_served(), [server.run(), *beside])
+
+
+@contextlib.contextmanager
+def _logging(robot: DemoRobot, path: Path | None) -> Iterator[None]:
+    if path is None:
+        yield
+        return
+    try:
+        stream = path.open("w", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot write the log {path}: {error.strerror}") from None
+    with stream:
+        robot.on_frame(FrameLog(stream, "sim0", epoch_s=time.time() - asyncio.get_running_loop().time()).tap)
+        yield
+
+
+def _check_script(script: list[ScriptStep], robot: DemoRobot) -> None:
+    for step in script:
+        if step.part and step.part not in robot.names:
+            raise ConfigError(f"--script: there is no part {step.part!r}; there are {', '.join(robot.names)}")
+
+
+def _deeds(robot: DemoRobot, operations: RunningOperations, notes: _Notes) -> _Deeds:
+    """What the steps of a script do."""
+
+    undoing: set[asyncio.Task[None]] = set()
+
+    async def undo() -> None:
+        try:
+            notes.add((await operations.do("undo", who="the script")).words)
+        except MsbotError as error:
+            notes.add(f"undo: {error}")
+
+    def begin_undo(_: str) -> None:
+        task = asyncio.get_running_loop().create_task(undo())
+        undoing.add(task)
+        task.add_done_callback(undoing.discard)
+
+    return {"plug": robot.plug, "unplug": robot.unplug, "undo": begin_undo}
+
+
+async def _run(robot: DemoRobot, options: _Options, notes: _Notes, deeds: _Deeds) -> None:
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError):
+            loop.add_signal_handler(number, robot.finish)
+    for step in options.script:
+        loop.call_later(step.at_s, deeds[step.verb], step.part)
+    if options.seconds is not None:
+        loop.call_later(options.seconds, robot.finish)
+    if options.json:
+        await robot.run()
+        click.echo(json.dumps(as_json(robot)))
+    elif sys.stdout.isatty():
+        await _run_live(robot, notes)
+    else:
+        await _run_plain(robot, notes)
+
+
+async def _run_live(robot: DemoRobot, notes: _Notes) -> None:
+    from rich.live import Live
+
+    from msbot.cli.demo.view import keys_of, live_view
+
+    keys = keys_of(robot.names)
+
+    def view() -> RenderableType:
+        return live_view(robot.snapshot(), robot.events, notes.lines, live.console.width, live.console.height)
+
+    def pressed(key: str) -> None:
+        if key in ("q", "\x03", "\x04"):
+            robot.finish()
+        elif key in keys:
+            name = keys[key]
+            (robot.unplug if robot.is_plugged(name) else robot.plug)(name)
+
+    live = Live(screen=False, auto_refresh=False, vertical_overflow="crop")
+    with KeyPresses(pressed), live:
+        async with asyncio.TaskGroup() as tasks:
+            drawing = tasks.create_task(_every(REFRESH_S, lambda: live.update(view(), refresh=True)))
+            try:
+                await robot.run()
+            finally:
+                drawing.cancel()
+
+
+async def _run_plain(robot: DemoRobot, notes: _Notes) -> None:
+    from msbot.cli.demo.view import event_words, status_words
+
+    def say(text: str) -> None:
+        click.echo(text)
+        sys.stdout.flush()
+
+    robot.on_event = lambda event: say(event_words(event))
+    notes.say = say
+    async with asyncio.TaskGroup() as tasks:
+        reporting = tasks.create_task(_every(STATUS_S, lambda: say(status_words(robot.snapshot()))))
+        try:
+            await robot.run()
+        finally:
+            reporting.cancel()
+    say(f"{robot.snapshot().robot} has ended.")
+
+
+async def _every(seconds: float, action: Callable[[], None]) -> None:
+    while True:
+        await asyncio.sleep(seconds)
+        action()

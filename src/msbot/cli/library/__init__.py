@@ -1,0 +1,1 @@
+"""`msbot library`: the part types that robots are made of."""

@@ -1,0 +1,56 @@
+"""`msbot parts`: what a robot's database knows of its parts."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+
+import click
+
+from msbot.cli.change.robot_access import database_to_read
+from msbot.cli.look.one_robot import one_robot
+from msbot.cli.options import json_option, robot_options
+from msbot.registry import PartRecord, open_registry
+
+
+@click.command("parts")
+@robot_options
+@json_option
+def command(db: str | None, robot: str | None, *, as_json: bool) -> None:
+    """List every part the robot has seen: its slot, its state and since when.
+
+    States come from the journal of transitions, which the master writes; heartbeats are never stored.
+    """
+    with open_registry(database_to_read(db, robot), read_only=True) as registry:
+        several = robot is None and len(registry.robots.all()) > 1
+        rows = registry.robots.parts(None if robot is None else one_robot(registry, robot))
+    if as_json:
+        click.echo(json.dumps([_as_json(row) for row in rows]))
+        return
+    if not rows:
+        click.echo("No part has been seen yet.")
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table()
+    for title in (*["robot"] * several, "part", "number", "slot", "state", "since", "reason"):
+        table.add_column(title)
+    for row in rows:
+        since = datetime.fromtimestamp(row.changed_ns / 1e9).strftime("%Y-%m-%d %H:%M:%S")
+        table.add_row(*[row.robot] * several, row.name, row.part_number, row.slot or "-", row.state, since, row.reason)
+    Console().print(table)
+
+
+def _as_json(row: PartRecord) -> dict[str, str | int | None]:
+    return {
+        "robot": row.robot,
+        "name": row.name,
+        "part_number": row.part_number,
+        "uid": row.uid.hex(),
+        "slot": row.slot,
+        "state": row.state,
+        "reason": row.reason,
+        "address": row.address,
+        "changed_at_ms": row.changed_ns // 1_000_000,
+    }

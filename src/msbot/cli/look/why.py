@@ -1,0 +1,93 @@
+"""`msbot why`: the reason for a part's state, with the evidence."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from pathlib import Path
+
+import click
+
+from msbot.cli.change.robot_access import perform, running_master
+from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, existing_database, json_option, robot_options
+from msbot.errors import ConfigError, RegistryError
+from msbot.registry import JournalEntry, Registry, open_registry
+
+
+@click.command("why")
+@click.argument("part")
+@click.option("--last", type=click.IntRange(min=1), default=3, show_default=True, help="How many changes to explain.")
+@robot_options
+@json_option
+def command(part: str, last: int, db: str | None, robot: str | None, *, as_json: bool) -> None:
+    """Say why PART (a name, slot, part number or UID) is, or is not, in the robot.
+
+    Prints its latest changes of state, newest last, each with the rules that were tried and what came of them, and
+    how it stands now if the robot runs.
+    """
+    master = running_master(db, robot)
+    lines: list[str] = []
+    troubles: list[str] = []
+    if master is not None:
+        found = perform(db, robot, "why", {"part": part})
+        lines, troubles = _texts(found["lines"]), _texts(found["troubles"])
+        if db is None and not Path(database_beside(DEFAULT_BLUEPRINT)).exists():
+            db = master.details.get("database")
+    try:
+        entries = _read(part, last, db, must_be_there=not lines)
+    except RegistryError as error:
+        if not lines:
+            raise
+        click.echo(f"msbot: {error}; this is what the master knows:", err=True)
+        if as_json:
+            click.echo(json.dumps({"history": [], "now": lines, "troubles": troubles}))
+            return
+        for line in lines:
+            click.echo(line)
+        return
+    if as_json:
+        history = [_as_json(entry) for entry in entries]
+        click.echo(json.dumps({"history": history, "now": lines, "troubles": troubles}))
+        return
+    for entry in entries:
+        when = datetime.fromtimestamp(entry.at_ns / 1e9).strftime("%Y-%m-%d %H:%M:%S")
+        first, *evidence = entry.event.sentences()
+        click.echo(f"{when}  {first}")
+        for line in evidence:
+            click.echo(line)
+    if lines:
+        click.echo(f"now: {lines[0]}")
+    for line in troubles:
+        click.echo(f"now: {line}")
+
+
+def _as_json(entry: JournalEntry) -> dict[str, object]:
+    event = entry.event
+    return {
+        "at_ms": entry.at_ns // 1_000_000,
+        "robot": entry.robot,
+        "part": event.part,
+        "slot": event.slot,
+        "from": None if event.from_state is None else event.from_state.value,
+        "to": event.to_state.value,
+        "reason": event.reason,
+        "evidence": [list(pair) for pair in event.evidence],
+    }
+
+
+def _texts(found: object) -> list[str]:
+    assert isinstance(found, list)
+    return found
+
+
+def _read(part: str, last: int, db: str | None, *, must_be_there: bool) -> list[JournalEntry]:
+    with open_registry(existing_database(db), read_only=True) as registry:
+        entries = registry.robots.journal(last, part)
+        if not entries and must_be_there:
+            raise ConfigError(f"no part {part!r} is in the journal; {_seen(registry)}")
+    return entries
+
+
+def _seen(registry: Registry) -> str:
+    names = sorted({record.name for record in registry.robots.parts()})
+    return f"seen so far: {', '.join(names)}" if names else "nothing has been plugged in yet"

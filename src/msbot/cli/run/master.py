@@ -1,0 +1,139 @@
+"""`msbot master`: a robot's master on real links."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from msbot.agent import StatusServer
+from msbot.cli.change.robot_access import MASTER, details_of
+from msbot.cli.options import (
+    DEFAULT_BLUEPRINT,
+    DEFAULT_LINK,
+    database_beside,
+    database_identity,
+    db_option,
+    library_option,
+    space_option,
+)
+from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
+from msbot.cli.run.until_ended import run_until_signal
+from msbot.config import Blueprint, Library, open_blueprint
+from msbot.link import open_link
+from msbot.link.can import CanSettings, Codec
+from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
+from msbot.operations.operations import RunningOperations, perform
+from msbot.pnp import PartEvent
+from msbot.registry import open_registry
+from msbot.registry import waiting_restore as held
+from msbot.runtime.terminal_log import TerminalHandler
+from msbot.space import SpaceAddress
+from msbot.xrce import compress, decompress, is_whole
+
+if TYPE_CHECKING:
+    from msbot.web.room import WebRoom
+
+CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
+
+
+@click.command("master")
+@click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
+@click.option("--link", "addresses", multiple=True, default=(DEFAULT_LINK,), show_default=True,
+              help="Where parts come in; may be given several times.")  # fmt: skip
+@library_option
+@space_option
+@db_option
+@click.option("-v", "--verbose", is_flag=True, help="Say more.")
+@page_options
+def command(
+    blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
+    verbose: bool, port: int | None, host: str, no_page: bool, certificate: Path | None, certificate_key: Path | None,
+    page_names: tuple[str, ...],
+) -> None:  # fmt: skip
+    """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C.
+
+    Its page is at the address that is printed; at the first start a link that makes you its administrator.
+    """
+    page = page_wishes(
+        port=port,
+        host=host,
+        no_page=no_page,
+        certificate=certificate,
+        certificate_key=certificate_key,
+        page_names=page_names,
+    )
+    logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[TerminalHandler()])
+    robot, library = open_blueprint(blueprint, *folders)
+    for address in addresses:
+        open_link(address, serve=True, can=CAN)  # what is wrong is told before the database is touched
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_main(robot, library, addresses, space, db or database_beside(blueprint), page))
+
+
+async def _main(  # noqa: PLR0917 - what the command was given
+    blueprint: Blueprint, library: Library, addresses: Sequence[str], where: SpaceAddress, db: str, page: PageWishes
+) -> None:
+    profile = profile_of(blueprint)
+    kept = held.bring_back_held(db)
+    if kept is not None:
+        click.echo(f"the backup that was handed in is in force; what the database had is kept in {kept}")
+    with robot_space(where, blueprint, library) as space, open_registry(db) as registry:
+        robot = registry.robots.apply_blueprint(blueprint, library)
+        file = stop_file(profile.name, profile.serial_number, database_identity(db))
+        master = Master(blueprint, registry.runs.begin(robot), space=space, stop_file=file)
+        operations = RunningOperations(master, registry, robot, library=library)
+        master.inventory.on_event(_say)
+        can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.runs.node_ids, robot))
+        links = [open_link(address, serve=True, can=can) for address in addresses]
+        for link in links:
+            master.add_link(link)
+        links_words = ", ".join(link.info.name for link in links)
+        space_words = "" if space.words is None else f"; {space.words}"
+
+        def greet() -> None:
+            click.echo(
+                f"{profile.name} {profile.version} is up on {links_words}; database {registry.database}{space_words}. "
+                "Ctrl-C ends it."
+            )
+            if master.stop.stopped:
+                click.echo(f"STOP holds since before, said by {master.stop.by}: `msbot go` ends it")
+
+        page_beside = []
+        room: WebRoom | None = None
+
+        def page_address() -> str:
+            return "" if room is None else room.server.own_address
+
+        if not page.off:
+            with made_to_stay():
+                from msbot.web.real_buses import seen_of_links
+                from msbot.web.room import Database, WebRoom
+
+                database = Database(registry, robot, db)
+                room = WebRoom(
+                    master, operations, library, database=database, seen=seen_of_links(links), settings=page.settings()
+                )
+            page_beside.append(serve_page(room, master.ready, page, click.echo))
+        status = StatusServer(
+            master.agent,
+            what=MASTER,
+            name=f"{profile.name} {profile.version}",
+            details=lambda: details_of(master, db, page=page_address(), trouble=registry.storage.health.trouble),
+            control=partial(perform, operations),
+        )
+        stop = StopSocket(master, lambda: details_of(master, db, page=page_address()))
+        await run_until_signal(
+            master.run(), beside=[stop.run(), status.run(), *page_beside], ready=master.ready, say=greet
+        )
+
+
+def _say(event: PartEvent) -> None:
+    click.echo(event.sentences()[0])

@@ -1,0 +1,122 @@
+"""The web page beside a running robot, as `msbot master` and `msbot demo` offer it."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+from msbot.errors import ConfigError
+
+if TYPE_CHECKING:
+    from msbot.web.room import WebRoom
+    from msbot.web.server import WebSettings
+
+DEFAULT_PORT = 8080
+
+_C = TypeVar("_C", bound=Callable[..., object])
+
+
+@dataclass(frozen=True, slots=True)
+class PageWishes:
+    """What the user asked for."""
+
+    host: str
+    port: int
+    or_any_port: bool
+    """Take any free port when nobody asked for a certain one and the usual one is taken."""
+    off: bool
+    certificate: Path | None
+    key: Path | None
+    names: tuple[str, ...] = ()
+
+    def settings(self) -> WebSettings:
+        """The same as the web room takes it; imports that room."""
+        from msbot.web.server import WebSettings
+
+        return WebSettings(self.host, self.port, self.or_any_port, self.certificate, self.key, self.names)
+
+
+def page_options(command: _C) -> _C:
+    """Add the options of the page to a command; `page_wishes` reads them."""
+    path = click.Path(path_type=Path, dir_okay=False, exists=True)
+    for option in (
+        click.option("--certificate-key", type=path, help="The certificate's private key (PEM file), if apart."),
+        click.option("--certificate", type=path, help="Serve the page by TLS with this certificate (PEM)."),
+        click.option("--page-name", "page_names", multiple=True, metavar="NAME",
+                     help="Another host name by which browsers ask for the page; the computer's own always will do."),
+        click.option("--no-page", is_flag=True, help="Serve no web page."),
+        click.option("--host", default="127.0.0.1", show_default=True,
+                     help="Where the page is served: 127.0.0.1 is this computer only, 0.0.0.0 every network it is in."),
+        click.option("--port", type=click.IntRange(0, 65535),
+                     help=f"Port of the page: {DEFAULT_PORT}, or any free one if that is taken; 0 = any free one."),
+    ):  # fmt: skip
+        command = option(command)
+    return command
+
+
+def page_wishes(
+    *,
+    port: int | None,
+    host: str,
+    no_page: bool,
+    certificate: Path | None,
+    certificate_key: Path | None,
+    page_names: tuple[str, ...] = (),
+) -> PageWishes:
+    """The options as one value.
+
+    Raises:
+        ConfigError: a key without a certificate.
+    """
+    if certificate_key is not None and certificate is None:
+        raise ConfigError("--certificate-key needs the certificate, too: --certificate FILE")
+    return PageWishes(
+        host,
+        DEFAULT_PORT if port is None else port,
+        port is None,
+        off=no_page,
+        certificate=certificate,
+        key=certificate_key,
+        names=page_names,
+    )
+
+
+@contextmanager
+def made_to_stay() -> Iterator[None]:
+    """While the page is loaded and made: look for garbage neither meanwhile nor, in what was made, ever after.
+
+    A sixth of the time of the start, and no long pause later while the robot runs.
+    """
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+async def serve_page(room: WebRoom, ready: asyncio.Event, wishes: PageWishes, say: Callable[[str], None]) -> None:
+    """Serve the page until cancelled; say where it is as soon as the robot is up.
+
+    Args:
+        room: the page. It is made before the robot runs: what that takes would be time in which nothing beats.
+        ready: set when the robot is up.
+        wishes: the options.
+        say: takes the lines for the person at the terminal.
+    """
+    async with asyncio.TaskGroup() as tasks:
+        serving = tasks.create_task(room.run())
+        await room.server.ready.wait()
+        await ready.wait()
+        say(f"The page is at {room.server.link}")
+        if wishes.host not in ("127.0.0.1", "localhost", "::1"):
+            say("Everybody in this computer's networks can reach it; a password protects it"
+                + ("." if wishes.certificate else ", but what travels can be read: add --certificate."))  # fmt: skip
+        await serving

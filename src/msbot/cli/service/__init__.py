@@ -1,0 +1,1 @@
+"""`msbot service`: a robot that starts with the computer."""

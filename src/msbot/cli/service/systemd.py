@@ -1,0 +1,116 @@
+"""What `msbot service` asks of systemd, for a user's services or the computer's."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from msbot.errors import ConfigError
+
+Run = Callable[[Sequence[str]], "subprocess.CompletedProcess[str]"]
+
+PROPERTIES = ("LoadState", "ActiveState", "SubState", "Result", "NRestarts", "MainPID", "ActiveEnterTimestamp",
+              "UnitFileState", "NextElapseUSecRealtime", "LastTriggerUSec")  # fmt: skip
+
+
+def is_there() -> bool:
+    """Whether systemd runs this computer."""
+    return Path("/run/systemd/system").is_dir() and shutil.which("systemctl") is not None
+
+
+def unit_folder(*, for_all: bool) -> Path:
+    """Where unit files go."""
+    if for_all:
+        return Path("/etc/systemd/system")
+    home = os.environ.get("XDG_CONFIG_HOME")
+    return (Path(home) if home else Path.home() / ".config") / "systemd" / "user"
+
+
+def _run(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+
+
+class Systemd:
+    """Speaks to systemd by its own command.
+
+    Args:
+        for_all: the computer's services, not the user's.
+        run: runs a command; the real thing if absent.
+    """
+
+    def __init__(self, *, for_all: bool, run: Run = _run) -> None:
+        self.folder = unit_folder(for_all=for_all)
+        self._for_all = for_all
+        self._run = run
+
+    def install(self, files: Mapping[str, str], started: Sequence[str]) -> None:
+        """Write unit files, start the units, and have them start with the computer.
+
+        Raises:
+            ConfigError: a file cannot be written, or systemd refuses; the text says why.
+        """
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            for name, text in files.items():
+                (self.folder / name).write_text(text, encoding="utf-8")
+        except OSError as error:
+            more = "; a service for the whole computer needs sudo" if self._for_all else ""
+            raise ConfigError(f"cannot write {self.folder}: {error.strerror}{more}") from None
+        if not self._for_all:
+            self._ask(["loginctl", "enable-linger"])  # so that it runs without anybody signed in
+        self._systemctl("daemon-reload")
+        self._systemctl("enable", *started)
+        self._systemctl("restart", *started)
+
+    def remove(self, unit: str) -> list[str]:
+        """Stop the units of a robot and remove their files; gives the files that are gone.
+
+        Raises:
+            ConfigError: systemd refuses, or a file cannot be removed.
+        """
+        found = self.files(unit)
+        if not found:
+            return []
+        runnable = [path.name for path in found if not path.name.endswith("-backup.service")]
+        self._systemctl("disable", "--now", *runnable)
+        try:
+            for path in found:
+                path.unlink()
+        except OSError as error:
+            raise ConfigError(f"cannot remove it from {self.folder}: {error.strerror}") from None
+        self._systemctl("daemon-reload")
+        return [path.name for path in found]
+
+    def files(self, unit: str) -> list[Path]:
+        """The unit files that are there."""
+        names = (f"{unit}.service", f"{unit}-backup.timer", f"{unit}-backup.service")
+        return [path for name in names if (path := self.folder / name).is_file()]
+
+    def properties(self, unit: str) -> dict[str, str]:
+        """What systemd knows of one unit.
+
+        Raises:
+            ConfigError: it cannot be asked.
+        """
+        answer = self._systemctl("show", unit, f"--property={','.join(PROPERTIES)}")
+        return dict(line.partition("=")[::2] for line in answer.splitlines() if "=" in line)
+
+    def logs_command(self, unit: str) -> str:
+        """What shows the log."""
+        return f"journalctl {'' if self._for_all else '--user '}-u {unit} -f"
+
+    def _systemctl(self, *arguments: str) -> str:
+        return self._ask(["systemctl", *([] if self._for_all else ["--user"]), *arguments])
+
+    def _ask(self, command: Sequence[str]) -> str:
+        try:
+            done = self._run(command)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise ConfigError(f"`{' '.join(command)}` does not work: {error}") from None
+        if done.returncode != 0:
+            words = (done.stderr or done.stdout).strip() or f"status {done.returncode}"
+            raise ConfigError(f"`{' '.join(command)}` was refused: {words}")
+        return done.stdout

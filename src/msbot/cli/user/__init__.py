@@ -1,0 +1,1 @@
+"""`msbot user`: the people who may sign in on the page."""

@@ -1,0 +1,1 @@
+"""The blueprint of a robot: reading, checking, comparing and writing `robot.toml`."""

@@ -1,0 +1,224 @@
+"""What must agree in a blueprint: slots with the library, bindings with slots and ports, periods with each other.
+
+Values that were found wrong before (they are empty then) are passed over, so that one mistake is told once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from msbot.config.blueprint.model import Binding, Endpoint, Slot, Timing
+from msbot.config.library.library import Direction, Library, PartType, Port, scalar_text
+from msbot.config.toml.problems import MOST_LISTED, quoted, suggestion
+from msbot.config.toml.table import Table
+
+RESERVED_TOPICS = (
+    "msbot_masterTopic",
+    "msbot_inventory_Request",
+    "msbot_inventory_Reply",
+    "service_name_Request",
+    "service_name_Reply",
+)
+"""Plug-and-play's own topics: the profile, the inventory's service, and the original programs' service."""
+
+_LATE_AFTER_BEATS = 1.5
+"""A part is late after so many beat periods; it must be late before it can be delisted."""
+
+
+class Complaints(Protocol):
+    """Where problems of one binding go: its table in a file, or a list."""
+
+    def problem(self, sentence: str, *steps: str | int) -> None:
+        """Note one mistake about a key."""
+
+
+class _Sentences:
+    """Problems of bindings that stand in no file."""
+
+    def __init__(self) -> None:
+        self.found: list[str] = []
+
+    def problem(self, sentence: str, *_steps: str | int) -> None:
+        self.found.append(sentence)
+
+
+def binding_faults(bindings: Sequence[Binding], slots: Sequence[Slot], library: Library) -> list[str]:
+    """What is wrong with bindings that come from elsewhere than a file, in the words for a file."""
+    sentences = _Sentences()
+    check_bindings([sentences] * len(bindings), bindings, slots, library)
+    return sentences.found
+
+
+def check_timing(table: Table, timing: Timing) -> None:
+    """A part that beats in time must not be delisted."""
+    shortest = (timing.life - 1) * timing.tick_period_s
+    if shortest < _LATE_AFTER_BEATS * timing.beat_period_s:
+        table.problem(
+            f"a part that beats every {timing.beat_period_s:g} s could be delisted {shortest:g} s after a beat "
+            f"(life {timing.life}, tick {timing.tick_period_s:g} s); use a tick_period_s of at least "
+            f"{_LATE_AFTER_BEATS * timing.beat_period_s / (timing.life - 1):g}, a higher life, or a shorter "
+            "beat_period_s"
+        )
+
+
+def check_free_topics(table: Table, topics: Sequence[str]) -> None:
+    """Plug-and-play's own topics are never free for all."""
+    for position, topic in enumerate(topics):
+        if topic in RESERVED_TOPICS:
+            table.problem(f'"{topic}" belongs to plug-and-play itself; remove it', "free_topics", position)
+
+
+def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], library: Library) -> None:
+    """Each slot has a name of its own, a part type of the library, and settings that type knows."""
+    if not slots and "slot" not in root:
+        root.problem('a robot needs at least one slot; add [[slot]] with name = "AA" and part = "ABCD"', "slot")
+    first_of: dict[str, Table] = {}
+    for table, slot in zip(tables, slots, strict=True):
+        first = first_of.setdefault(slot.name, table)
+        if slot.name and first is not table:
+            table.problem(
+                f'there is a slot "{slot.name}" already on line {first.place("name").line}; '
+                "give each slot a name of its own",
+                "name",
+            )
+        part_type = library.get(slot.part)
+        if part_type is not None:
+            _check_settings(table, slot, part_type)
+        elif slot.part:
+            table.problem(f'the library has no part number "{slot.part}"; {library.suggest(slot.part)}', "part")
+
+
+def _check_settings(table: Table, slot: Slot, part_type: PartType) -> None:
+    for name, value in slot.settings.items():
+        parameter = part_type.parameter(name)
+        if parameter is None:
+            known = [parameter.name for parameter in part_type.parameters]
+            right = suggestion(name, known, none_known="it has none: remove the line")
+            table.problem(f'part {part_type.number} has no parameter "{name}"; {right}', "settings", name)
+        elif fault := parameter.fault(value):
+            example = f"{name} = {scalar_text(parameter.default)}"
+            table.problem(f"{fault}; the library's default is {example}", "settings", name)
+
+
+def check_bindings(
+    tables: Sequence[Complaints], bindings: Sequence[Binding], slots: Sequence[Slot], library: Library
+) -> None:
+    """Each binding joins ports that exist, of the right direction and of its message type."""
+    ports = _Ports(slots, library)
+    topics: dict[str, Binding] = {}
+    for table, binding in zip(tables, bindings, strict=True):
+        _check_topic(table, binding, topics)
+        ports.check(table, binding, binding.source, Direction.PUBLISH, "from")
+        seen: set[Endpoint] = set()
+        for position, target in enumerate(binding.targets):
+            if target in seen:
+                table.problem(f'"{target}" is there twice; keep one', "to", position)
+            else:
+                ports.check(table, binding, target, Direction.SUBSCRIBE, "to", position)
+            seen.add(target)
+
+
+def _check_topic(table: Complaints, binding: Binding, topics: dict[str, Binding]) -> None:
+    if binding.topic in RESERVED_TOPICS:
+        table.problem(f'"{binding.topic}" belongs to plug-and-play itself; choose another name', "topic")
+    earlier = topics.setdefault(binding.topic, binding)
+    if earlier is binding or not binding.topic:
+        return
+    if earlier.source == binding.source:
+        table.problem(
+            f'"{binding.source}" is bound to "{binding.topic}" already; put all receivers into one list `to`', "topic"
+        )
+    if earlier.type_name != binding.type_name and binding.type_name:
+        table.problem(
+            f'topic "{binding.topic}" carries "{earlier.type_name}" in another binding and "{binding.type_name}" '
+            "here; a topic has one type",
+            "type",
+        )
+    if earlier.in_dds != binding.in_dds:
+        table.problem(
+            f'topic "{binding.topic}" is in DDS in another way in another binding; say the same in both', "topic"
+        )
+    if earlier.reliable != binding.reliable:
+        table.problem(
+            f'topic "{binding.topic}" has reliable = {scalar_text(earlier.reliable)} in another binding; '
+            "say the same in both",
+            "reliable",
+        )
+
+
+class _Ports:
+    """The ports of a robot, by slot."""
+
+    def __init__(self, slots: Sequence[Slot], library: Library) -> None:
+        self._slots = {slot.name: slot for slot in slots if slot.name}
+        self._library = library
+        self._topics: dict[Endpoint, str] = {}
+
+    def check(
+        self, table: Complaints, binding: Binding, endpoint: Endpoint, direction: Direction, *steps: str | int
+    ) -> None:
+        """Note what is wrong with one end of a binding."""
+        if not endpoint.slot:
+            return
+        slot = self._slots.get(endpoint.slot)
+        if not endpoint.port:
+            example = f"{endpoint.slot if slot else 'AA'}.{self._example(slot, direction)}"
+            table.problem(f'"{endpoint}" names no port; write slot, dot, port, for example "{example}"', *steps)
+        elif slot is None:
+            right = suggestion(endpoint.slot, list(self._slots), none_known="add the slot first")
+            table.problem(f'"{endpoint}": there is no slot "{endpoint.slot}"; {right}', *steps)
+        elif (part_type := self._library.get(slot.part)) and _check_port(
+            table, binding, endpoint, part_type, direction, *steps
+        ):
+            self._check_one_topic(table, binding, endpoint, direction, *steps)
+
+    def _check_one_topic(
+        self, table: Complaints, binding: Binding, endpoint: Endpoint, direction: Direction, *steps: str | int
+    ) -> None:
+        earlier = self._topics.setdefault(endpoint, binding.topic)
+        if earlier != binding.topic and earlier and binding.topic:
+            remedy = "let all senders publish that topic"
+            if direction is Direction.PUBLISH:
+                remedy = "list all receivers in one binding"
+            table.problem(f'"{endpoint}" is bound to "{earlier}" already and carries one topic; {remedy}', *steps)
+
+    def _example(self, slot: Slot | None, direction: Direction) -> str:
+        part_type = self._library.get(slot.part) if slot else None
+        ports = [port.name for port in part_type.ports if port.direction is direction] if part_type else []
+        return ports[0] if ports else {Direction.PUBLISH: "out", Direction.SUBSCRIBE: "in"}[direction]
+
+
+def _check_port(
+    table: Complaints,
+    binding: Binding,
+    endpoint: Endpoint,
+    part_type: PartType,
+    direction: Direction,
+    *steps: str | int,
+) -> bool:
+    """Whether the port is there, of that direction and of the binding's type; otherwise a problem is noted."""
+    port = part_type.port(endpoint.port)
+    what = f"part {part_type.number} ({part_type.name})"
+    if port is None:
+        known = [port.name for port in part_type.ports if port.direction is direction]
+        right = suggestion(endpoint.port, known, none_known=f"it has none that can {direction.value}")
+        table.problem(f'"{endpoint}": {what} has no port "{endpoint.port}"; {right}', *steps)
+    elif port.direction is not direction:
+        table.problem(f'"{endpoint}": this port can only {port.direction.value}; {_fitting(part_type, port)}', *steps)
+    elif binding.type_name and port.type_name != binding.type_name:
+        table.problem(
+            f'"{endpoint}" carries messages of type "{port.type_name}", the binding says "{binding.type_name}"; '
+            f'write type = "{port.type_name}" or bind another port',
+            *steps,
+        )
+    else:
+        return True
+    return False
+
+
+def _fitting(part_type: PartType, wrong: Port) -> str:
+    fitting = [port.name for port in part_type.ports if port.direction is not wrong.direction]
+    if not fitting:
+        return f"part {part_type.number} has no port of the other direction: choose another slot"
+    return f"use {quoted(fitting[:MOST_LISTED], ' or ')}"

@@ -1,0 +1,151 @@
+"""The blueprint of a robot: `robot.toml` as values (thesis 3.12.2).
+
+A blueprint says who the robot is (profile), which roles it has (slots), who talks to whom (bindings) and how quickly
+a silent part is noticed (timing). It names no hardware: which part sits in a slot is the registry's business.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from msbot.config.toml.table import Scalar
+
+
+@dataclass(frozen=True, slots=True)
+class RobotProfile:
+    """Who the robot is; what its master publishes in step 1 (thesis 3.12.1)."""
+
+    name: str
+    version: str = "1"
+    serial_number: str = "1"
+    """With the name, it says which robot this is."""
+    released: str = "-"
+    """Release date, as text."""
+    manufacturer: str = "-"
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How quickly things are noticed (thesis 3.12.1.2)."""
+
+    preset: str
+    """`thesis` or `fast`: where the values come from that the file does not name."""
+    beat_period_s: float
+    """A part beats that often."""
+    tick_period_s: float
+    """Every life status is decremented that often."""
+    life: int
+    """Life status after registration and after each beat; at 0 the part is delisted."""
+    profile_period_s: float
+    """The profile is repeated that often."""
+
+
+PRESETS = {
+    "thesis": Timing("thesis", beat_period_s=1.0, tick_period_s=2.0, life=3, profile_period_s=5.0),
+    "fast": Timing("fast", beat_period_s=0.25, tick_period_s=0.5, life=3, profile_period_s=5.0),
+}
+"""`thesis`: a silent part is delisted after 4 to 6 s; `fast`: after 1.0 to 1.5 s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A role in the robot that one part can fill."""
+
+    name: str
+    part: str
+    """Part number of what fits."""
+    local_name: str = ""
+    """The part that shows this local name is meant for this slot; empty: the slot's own name counts."""
+    description: str = ""
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
+    """Values for parameters of the part type."""
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A port of a slot."""
+
+    slot: str
+    port: str
+
+    def __str__(self) -> str:
+        """`SLOT.port`."""
+        return f"{self.slot}.{self.port}" if self.port else self.slot
+
+
+NOBODY = Endpoint("", "")
+"""No port: the source of a binding to which nobody publishes yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class InDds:
+    """How a topic is in DDS besides the robot's own partition; without a DDS data space it does nothing."""
+
+    export: bool = False
+    """It is in the partition without a name, too, where everybody looks."""
+    ros: bool = False
+    """ROS 2 nodes see it, by the names and types of ROS."""
+    ros_type: str = ""
+    """`std_msgs/msg/Float32`; empty: what the message type usually is."""
+    ros_fields: tuple[tuple[str, str], ...] = ()
+    """Which field is which, ours and theirs; nothing: the usual ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """A topic: who publishes it and who subscribes to it."""
+
+    topic: str
+    type_name: str
+    source: Endpoint
+    """The port that publishes; `NOBODY` as long as there is none."""
+    targets: tuple[Endpoint, ...]
+    reliable: bool = True
+    """False: best effort, the newest sample matters more than each sample."""
+    in_dds: InDds = InDds()
+
+    @property
+    def ends(self) -> tuple[Endpoint, ...]:
+        """Every port that it joins, the publishing one first."""
+        return (self.source, *self.targets) if self.source.slot else self.targets
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the robot does otherwise than usual."""
+
+    explain: bool = True
+    """Tell a refused part why; off: silence towards strangers (thesis 3.12.1.1), the default of robots with keys."""
+    free_topics: tuple[str, ...] = ()
+    """Topics that every client may use without being a part."""
+    authentication: str = "open"
+    """`open`: a part is let in by what it says (as in the thesis); `key`: it must prove that it knows its key."""
+
+
+AUTHENTICATIONS = ("open", "key")
+"""How a robot may make sure that a part is the one it says it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blueprint:
+    """Everything `robot.toml` says, checked against the library."""
+
+    robot: RobotProfile
+    slots: tuple[Slot, ...]
+    bindings: tuple[Binding, ...] = ()
+    timing: Timing = field(default_factory=lambda: PRESETS["thesis"])
+    options: Options = field(default_factory=Options)
+    library: tuple[str, ...] = ()
+    """Folders (or single files) with more part types, as they are written; relative to the blueprint's own folder."""
+    source: Path | None = None
+    """The file it was read from."""
+
+    def slot(self, name: str) -> Slot | None:
+        """The slot of that name."""
+        return next((slot for slot in self.slots if slot.name == name), None)
+
+    def topics(self) -> Mapping[str, str]:
+        """Every bound topic and its message type, in the order of the file."""
+        return {binding.topic: binding.type_name for binding in self.bindings}

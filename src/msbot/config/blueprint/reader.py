@@ -1,0 +1,207 @@
+"""Reads `robot.toml`, the blueprint of a robot, and checks it against the part library."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from msbot.config.blueprint.check import check_bindings, check_free_topics, check_slots, check_timing
+from msbot.config.blueprint.model import (
+    AUTHENTICATIONS,
+    NOBODY,
+    PRESETS,
+    Binding,
+    Blueprint,
+    Endpoint,
+    InDds,
+    Options,
+    RobotProfile,
+    Slot,
+    Timing,
+)
+from msbot.config.library.library import Library, load_library
+from msbot.config.toml.document import Document, parse_document, read_document
+from msbot.config.toml.problems import Problems
+from msbot.config.toml.table import Table
+
+
+def open_blueprint(path: Path, *folders: Path) -> tuple[Blueprint, Library]:
+    """Read a blueprint with the library that belongs to it: what MsBOT brings, what it names itself, and `folders`.
+
+    Raises:
+        ConfigError: file or library cannot be read, or are wrong; the text names every problem with line and remedy.
+    """
+    problems = Problems()
+    document = _open(path, problems)
+    named = _read_library(Table(document, problems, document.values))
+    problems.raise_if_any()
+    library = load_library(*(path.parent / folder for folder in named), *folders)
+    return _checked(document, problems, library, path), library
+
+
+def library_folders(path: Path) -> tuple[Path, ...]:
+    """The folders that a blueprint names, for commands that need the library only; none where there is no file.
+
+    Raises:
+        ConfigError: the file cannot be read.
+    """
+    if not path.is_file():
+        return ()
+    problems = Problems()
+    document = _open(path, problems)
+    named = _read_library(Table(document, problems, document.values))
+    problems.raise_if_any()
+    return tuple(path.parent / folder for folder in named)
+
+
+def load_blueprint(path: Path, library: Library) -> Blueprint:
+    """Read a blueprint and check it against a part library that is read already.
+
+    Raises:
+        ConfigError: the file cannot be read, or is wrong; the text names every problem with line and remedy.
+    """
+    problems = Problems()
+    return _checked(_open(path, problems), problems, library, path)
+
+
+def parse_blueprint(text: str, library: Library, name: str = "robot.toml") -> Blueprint:
+    """Read a blueprint from a text, as a page sends it, and check it against the part library.
+
+    Raises:
+        ConfigError: it is wrong; the text names every problem with line and remedy.
+    """
+    problems = Problems()
+    document = parse_document(text, name, problems)
+    problems.raise_if_any()
+    assert document is not None
+    return _checked(document, problems, library, None)
+
+
+def _open(path: Path, problems: Problems) -> Document:
+    document = read_document(path, problems, if_missing=f"`msbot init {path}` writes a sample robot there")
+    problems.raise_if_any()
+    assert document is not None
+    return document
+
+
+def _checked(document: Document, problems: Problems, library: Library, path: Path | None) -> Blueprint:
+    blueprint = _read(document, problems, library, path)
+    problems.raise_if_any()
+    return blueprint
+
+
+def _read(document: Document, problems: Problems, library: Library, path: Path | None) -> Blueprint:
+    table = Table(document, problems, document.values)
+    folders = _read_library(table)
+    robot = _read_robot(table.table("robot", required=True))
+    timing = _read_timing(table.table("timing"))
+    options = _read_options(table.table("options"))
+    slot_tables, binding_tables = table.tables("slot"), table.tables("binding")
+    slots = [_read_slot(entry) for entry in slot_tables]
+    bindings = [_read_binding(entry) for entry in binding_tables]
+    table.finish()
+    check_slots(table, slot_tables, slots, library)
+    check_bindings(binding_tables, bindings, slots, library)
+    return Blueprint(robot, tuple(slots), tuple(bindings), timing, options, folders, path)
+
+
+def _read_library(table: Table) -> tuple[str, ...]:
+    return tuple(table.names("library", "parts"))
+
+
+def _read_robot(table: Table) -> RobotProfile:
+    if not table.is_there:
+        return RobotProfile("")
+    usual = RobotProfile("")
+    robot = RobotProfile(
+        name=table.name("name", "MSBOT_MASTER"),
+        version=table.name("version", "MSBOT_V1", default=usual.version),
+        serial_number=table.name("serial_number", "X100Y100Z100", default=usual.serial_number),
+        released=table.name("released", "8-4-2021", default=usual.released),
+        manufacturer=table.name("manufacturer", "MASSEY_ENGINEERING_DEP", default=usual.manufacturer),
+    )
+    table.finish()
+    return robot
+
+
+def _read_timing(table: Table) -> Timing:
+    preset = PRESETS[table.choice("preset", list(PRESETS), default="thesis")]
+    timing = Timing(
+        preset=preset.preset,
+        beat_period_s=table.number("beat_period_s", default=preset.beat_period_s, least=0.02, most=65.0, unit="s"),
+        tick_period_s=table.number("tick_period_s", default=preset.tick_period_s, least=0.02, most=3600.0, unit="s"),
+        life=table.whole("life", default=preset.life, least=2, most=255),
+        profile_period_s=table.number(
+            "profile_period_s", default=preset.profile_period_s, least=0.1, most=3600.0, unit="s"
+        ),
+    )
+    table.finish()
+    check_timing(table, timing)
+    return timing
+
+
+def _read_options(table: Table) -> Options:
+    authentication = table.choice("authentication", list(AUTHENTICATIONS), default="open")
+    options = Options(
+        # In a classroom silence costs an hour; a robot with keys tells strangers nothing.
+        explain=table.flag("explain", default=authentication == "open"),
+        free_topics=tuple(table.names("free_topics", "HelloWorldTopic_1_to_2")),
+        authentication=authentication,
+    )
+    table.finish()
+    check_free_topics(table, options.free_topics)
+    return options
+
+
+def _read_slot(table: Table) -> Slot:
+    slot = Slot(
+        name=table.name("name", "AA", forbidden="."),
+        part=table.name("part", "ABCD"),
+        local_name=table.name("local_name", "ABCD-local", default=""),
+        description=table.text("description", "light sensor, 5V"),
+        settings=table.scalars("settings"),
+    )
+    table.finish()
+    return slot
+
+
+def _read_binding(table: Table) -> Binding:
+    binding = Binding(
+        topic=table.name("topic", "HelloWorldTopic_1_to_2"),
+        type_name=table.name("type", "HelloWorld"),
+        source=_source(table),
+        targets=tuple(_endpoint(name) for name in table.names("to", "BB.in", required=True)),
+        reliable=table.flag("reliable", default=True),
+        in_dds=_in_dds(table),
+    )
+    table.finish()
+    if table.scalar("from") == "" and table.is_empty("to"):
+        table.problem('joins no port: name who publishes, for example from = "AA.out", or who subscribes', "from")
+    return binding
+
+
+def _in_dds(table: Table) -> InDds:
+    fields = table.table("ros_fields")
+    found = InDds(
+        export=table.flag("export", default=False),
+        ros=table.flag("ros", default=False),
+        ros_type=table.text("ros_type", "std_msgs/msg/Float32"),
+        ros_fields=tuple((name, fields.text(name, "data")) for name in fields.present_keys()),
+    )
+    fields.finish()
+    if not found.ros:
+        for key in ("ros_type", "ros_fields"):
+            if key in table:
+                table.problem("says how ROS 2 sees the topic: add ros = true", key)
+    return found
+
+
+def _source(table: Table) -> Endpoint:
+    if table.scalar("from") == "":
+        return NOBODY
+    return _endpoint(table.name("from", "AA.out"))
+
+
+def _endpoint(name: str) -> Endpoint:
+    """`SLOT.port` taken apart; a name without a dot gets no port, which the check then reports."""
+    slot, _, port = name.rpartition(".")
+    return Endpoint(slot, port) if slot else Endpoint(name, "")

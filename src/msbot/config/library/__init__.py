@@ -1,0 +1,1 @@
+"""The part library: part types, message types and simulators, read from TOML files."""

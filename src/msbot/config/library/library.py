@@ -1,0 +1,182 @@
+"""The part library: what part numbers are (the thesis' Hardware Information Module, 5.4.2).
+
+One TOML file describes one part type. MsBOT brings more than thirty; a robot may add folders of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from importlib.resources import files
+from pathlib import Path
+
+from msbot.config.library.agreement import check_agreement
+from msbot.config.library.message_types import FieldKind, MessageType, standard_message_types
+from msbot.config.library.part_types import (
+    Category,
+    Direction,
+    Parameter,
+    ParameterKind,
+    PartType,
+    Pin,
+    PinKind,
+    Port,
+    Supply,
+    scalar_text,
+)
+from msbot.config.library.reader import LibraryFile, open_library_file, read_part_type
+from msbot.config.library.search import PartSearch
+from msbot.config.library.versions import split_number
+from msbot.config.toml.document import Document, parse_document, read_document
+from msbot.config.toml.problems import MOST_LISTED, Problems, TextPlace, nearest, quoted
+from msbot.errors import ConfigError
+
+__all__ = [
+    "Category",
+    "Direction",
+    "FieldKind",
+    "Library",
+    "MessageType",
+    "Parameter",
+    "ParameterKind",
+    "PartType",
+    "Pin",
+    "PinKind",
+    "Port",
+    "Supply",
+    "load_library",
+    "scalar_text",
+]
+
+
+SHIPPED = "msbot library, "
+"""What the source of a part type begins with that MsBOT brings."""
+MOST_FILES = 1000
+"""A folder with more TOML files is no part library."""
+
+
+class Library:
+    """Part types by number, and message types by name."""
+
+    def __init__(self, types: Iterable[PartType] = (), messages: Mapping[str, MessageType] | None = None) -> None:
+        self._by_number = {part_type.number: part_type for part_type in types}
+        self.messages = standard_message_types() if messages is None else messages
+        """Every message type that a port can have."""
+        self._search: PartSearch | None = None
+
+    def __len__(self) -> int:
+        return len(self._by_number)
+
+    def __iter__(self) -> Iterator[PartType]:
+        return iter(self._by_number.values())
+
+    def get(self, number: str) -> PartType | None:
+        """The part type with exactly this number."""
+        return self._by_number.get(number)
+
+    def find(self, shown: str) -> PartType | None:
+        """The part type of what a part shows: exactly this number, or the one before its @ if the version fits."""
+        if exact := self._by_number.get(shown):
+            return exact
+        number, version = split_number(shown)
+        part_type = self._by_number.get(number)
+        return part_type if part_type is not None and version and version in part_type.versions else None
+
+    def require(self, shown: str) -> PartType:
+        """As `find`.
+
+        Raises:
+            ConfigError: the library has no such number; the text says which ones are near.
+        """
+        if found := self.find(shown):
+            return found
+        number, version = split_number(shown)
+        known = self.get(number)
+        if known is not None:
+            raise ConfigError(f"part {number} is known, but not in version {version!r}; known: {known.versions}")
+        raise ConfigError(f'the library has no part number "{shown}"; {self.suggest(number)}')
+
+    def numbers(self) -> list[str]:
+        """All part numbers, sorted."""
+        return sorted(self._by_number)
+
+    def nearest(self, number: str, limit: int = 3) -> list[str]:
+        """The part numbers that look most like this one, best first."""
+        return nearest(number, self._by_number, limit)
+
+    def suggest(self, number: str) -> str:
+        """What would be right in place of a number that is not there: numbers like it, or what it may mean."""
+        if near := self.nearest(number):
+            return f"did you mean {quoted(near, ' or ')}?"
+        self._search = self._search or PartSearch(self)
+        if found := self._search.find(number, limit=3):
+            words = " or ".join(f'"{entry.number}" ({entry.name})' for entry in found)
+            return f"did you mean {words}?"
+        if 0 < len(self) <= MOST_LISTED:
+            return f"known: {quoted(self.numbers())}"
+        return "`msbot library list` shows what there is" if len(self) else "the library is empty"
+
+
+def load_library(*extra: Path) -> Library:
+    """Read the part types MsBOT brings, and those of the folders (or single files) named, each folder once.
+
+    Raises:
+        ConfigError: a folder is missing, or files are wrong; every problem of every file is told at once.
+    """
+    problems = Problems()
+    opened = [open_library_file(document, problems) for document in (*_shipped(problems), *_in(extra, problems))]
+    messages = dict(standard_message_types())
+    for file in opened:
+        _add_messages(messages, file)
+    types: dict[str, tuple[LibraryFile, PartType]] = {}
+    for file in opened:
+        part_type = read_part_type(file, messages)
+        if part_type is None:
+            continue
+        if part_type.number in types:
+            _, other = types[part_type.number]
+            file.table.problem(
+                f'part number "{part_type.number}" is taken by {other.source}; give each type a number of its own',
+                "number",
+            )
+        elif part_type.number:
+            types[part_type.number] = (file, part_type)
+    check_agreement({number: (file.table, part_type) for number, (file, part_type) in types.items()})
+    problems.raise_if_any()
+    return Library((part_type for _, part_type in types.values()), messages)
+
+
+def _add_messages(messages: dict[str, MessageType], file: LibraryFile) -> None:
+    for table, message in file.messages:
+        other = messages.setdefault(message.name, message)
+        if not other.same_as(message) and message.name:
+            table.problem(
+                f'the message type "{message.name}" has other fields in {other.source}; use those or another name',
+                "name",
+            )
+
+
+def _shipped(problems: Problems) -> Iterator[Document]:
+    folder = files("msbot.config.library") / "types"
+    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        if not entry.name.endswith(".toml"):
+            continue
+        document = parse_document(entry.read_text("utf-8"), f"{SHIPPED}{entry.name}", problems)
+        if document is not None:
+            yield document
+
+
+def _in(places: Iterable[Path], problems: Problems) -> Iterator[Document]:
+    for place in {place.absolute(): place for place in places}.values():
+        if not place.is_dir() and place.suffix != ".toml":
+            problems.add(TextPlace(str(place)), "there is no such library folder; create it or name another one")
+            continue
+        found = sorted(place.glob("*.toml")) if place.is_dir() else [place]
+        if len(found) > MOST_FILES:
+            problems.add(
+                TextPlace(str(place)), f"has more than {MOST_FILES} TOML files; name the folder of the library"
+            )
+            continue
+        for path in found:
+            document = read_document(path, problems)
+            if document is not None:
+                yield document

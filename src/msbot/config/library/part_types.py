@@ -1,0 +1,200 @@
+"""What a part type consists of: ports, parameters, pins, supply (the thesis' Hardware Information Module, 5.4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from msbot.config.library.message_types import MessageType
+from msbot.config.library.simulator import Simulator
+from msbot.config.library.versions import ANY_VERSION, Versions
+from msbot.config.toml.table import Scalar, kind_words
+
+
+class Direction(Enum):
+    """Which way a port's messages go, seen from the part."""
+
+    PUBLISH = "publish"
+    SUBSCRIBE = "subscribe"
+
+
+class Category(Enum):
+    """What a part is for, in one word; decides the picture that is drawn of it."""
+
+    SENSOR = "sensor"
+    INPUT = "input"
+    ACTUATOR = "actuator"
+    DISPLAY = "display"
+    POWER = "power"
+    BOARD = "board"
+    OTHER = "other"
+
+
+class PinKind(Enum):
+    """What a pin of a connector carries."""
+
+    POWER = "power"
+    GROUND = "ground"
+    SIGNAL = "signal"
+    BUS = "bus"
+    UNUSED = "unused"
+
+
+class ParameterKind(Enum):
+    """What values a parameter takes."""
+
+    BOOL = "bool"
+    INT = "int"
+    FLOAT = "float"
+    TEXT = "text"
+
+    @property
+    def words(self) -> str:
+        """The kind in a sentence: "must be ..."."""
+        return {"bool": "true or false", "int": "a whole number", "float": "a number", "text": "text in quotes"}[
+            self.value
+        ]
+
+    def takes(self, value: Scalar) -> bool:
+        """Whether a TOML value is of this kind; a whole number is a number too."""
+        match self:
+            case ParameterKind.BOOL:
+                return isinstance(value, bool)
+            case ParameterKind.INT:
+                return isinstance(value, int) and not isinstance(value, bool)
+            case ParameterKind.FLOAT:
+                return isinstance(value, int | float) and not isinstance(value, bool)
+            case ParameterKind.TEXT:
+                return isinstance(value, str)
+
+    def parse(self, text: str) -> Scalar | None:
+        """The value that a text stands for, `true`, `12`, `0.5`; None when it stands for none of this kind."""
+        try:
+            match self:
+                case ParameterKind.BOOL:
+                    return {"true": True, "false": False}.get(text)
+                case ParameterKind.INT:
+                    return int(text)
+                case ParameterKind.FLOAT:
+                    return float(text)
+                case ParameterKind.TEXT:
+                    return text
+        except ValueError:
+            return None
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """One kind of message a part sends or takes."""
+
+    name: str
+    direction: Direction
+    type_name: str
+    """Name of the message type, for example `Light`."""
+    rate_hz: float = 0.0
+    """How often it is usually sent; 0 = only when something happens."""
+    safe: Mapping[str, Scalar] | None = None
+    """Fields of the message an actuator applies to itself when its partner or the master is lost; None = keep on."""
+    description: str = ""
+    message: MessageType | None = None
+    """The fields of the message; None only for types that were not read from a library."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """Something about a part that can be set."""
+
+    name: str
+    kind: ParameterKind
+    default: Scalar
+    unit: str = ""
+    least: float | None = None
+    most: float | None = None
+    description: str = ""
+
+    def fault(self, value: Scalar) -> str | None:
+        """Why this value cannot be set, with what would be right; None when it can."""
+        if not self.kind.takes(value):
+            return f"must be {self.kind.words}, for example {scalar_text(self.default)!r}; it is {kind_words(value)}"
+        if isinstance(value, bool | str):
+            return None
+        unit = f" {self.unit}" if self.unit else ""
+        # Written so that a NaN is out of range too.
+        if (self.least is not None and not value >= self.least) or (self.most is not None and not value <= self.most):
+            low = "any" if self.least is None else f"{self.least:g}"
+            high = "any" if self.most is None else f"{self.most:g}"
+            return f"is {value}; it must be {low} to {high}{unit}"
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Pin:
+    """One pin of the connector, in the order of the connector."""
+
+    name: str
+    kind: PinKind = PinKind.SIGNAL
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Supply:
+    """What the part needs from its supply."""
+
+    min_v: float
+    max_v: float
+    current_ma: float = 0.0
+    """Most current it draws; 0 = not known."""
+
+    def __str__(self) -> str:
+        """For example `3.3 to 5 V, at most 20 mA`."""
+        volts = f"{self.min_v:g} V" if self.min_v == self.max_v else f"{self.min_v:g} to {self.max_v:g} V"
+        return f"{volts}, at most {self.current_ma:g} mA" if self.current_ma else volts
+
+
+@dataclass(frozen=True, slots=True)
+class PartType:
+    """What a part number is."""
+
+    number: str
+    name: str
+    manufacturer: str = ""
+    description: str = ""
+    specification: str = ""
+    """Electrical data in words, for example `5V`."""
+    resolution: str = ""
+    ports: tuple[Port, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    compatible_with: tuple[str, ...] = ()
+    """Part numbers whose slots this type can fill as well."""
+    source: str = ""
+    """The file it was read from."""
+    category: Category = Category.OTHER
+    keywords: tuple[str, ...] = ()
+    """More words by which it is found."""
+    supply: Supply | None = None
+    connector: str = ""
+    """What kind of connector, for example `3 pins, 2.54 mm`."""
+    pins: tuple[Pin, ...] = ()
+    driver: str = ""
+    """Entry point `package.module:name` of the Python class that drives the real thing; "" = it has a controller
+    of its own."""
+    picture: str = ""
+    """An SVG text; "" = one is drawn from category and pins."""
+    versions: Versions = ANY_VERSION
+    """Versions of the part (behind the @ of its number) that this entry describes."""
+    simulator: Simulator | None = None
+    """How it behaves without hardware; None only for types that were not read from a library."""
+
+    def port(self, name: str) -> Port | None:
+        """The port of that name."""
+        return next((port for port in self.ports if port.name == name), None)
+
+    def parameter(self, name: str) -> Parameter | None:
+        """The parameter of that name."""
+        return next((parameter for parameter in self.parameters if parameter.name == name), None)
+
+
+def scalar_text(value: Scalar) -> str:
+    """A value as text, as it is sent to a part: `true`, `false`, a number, or the text itself."""
+    return str(value).lower() if isinstance(value, bool) else str(value)

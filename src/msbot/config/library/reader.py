@@ -1,0 +1,206 @@
+"""Reads one file of the part library: a part type, message types, or both; every mistake becomes a problem."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from msbot.config.library.message_types import MessageType, read_message_types
+from msbot.config.library.part_types import (
+    Category,
+    Direction,
+    Parameter,
+    ParameterKind,
+    PartType,
+    Pin,
+    PinKind,
+    Port,
+    Supply,
+)
+from msbot.config.library.picture import picture_fault
+from msbot.config.library.simulator_reader import SimulatorReader
+from msbot.config.library.versions import ANY_VERSION, VERSION_SIGN, Versions, parse_versions
+from msbot.config.toml.document import Document
+from msbot.config.toml.problems import Problems, suggestion
+from msbot.config.toml.table import Table, kind_words
+
+FORBIDDEN_IN_PORTS = "."
+"""A port is named `SLOT.port` in a binding."""
+
+_MOST_HZ = 10_000.0
+_MOST_V = 1000.0
+_MOST_MA = 1_000_000.0
+_ENTRY_POINT = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+
+
+@dataclass(slots=True)
+class LibraryFile:
+    """One file on its way in; its message types are read before any file's ports."""
+
+    document: Document
+    table: Table
+    messages: list[tuple[Table, MessageType]]
+
+
+def open_library_file(document: Document, problems: Problems) -> LibraryFile:
+    """Begin with a file: its message types."""
+    table = Table(document, problems, document.values)
+    return LibraryFile(document, table, read_message_types(table, document.file))
+
+
+def read_part_type(file: LibraryFile, known: Mapping[str, MessageType]) -> PartType | None:
+    """The part type of a file; None when the file has message types only.
+
+    Args:
+        file: the file.
+        known: all message types, those of other files too.
+    """
+    table = file.table
+    if file.messages and not {"number", "name", "port"}.intersection(table.present_keys()):
+        table.finish()
+        return None
+    ports = tuple(_read_port(port, known) for port in table.tables("port"))
+    parameters = tuple(_read_parameter(parameter) for parameter in table.tables("parameter"))
+    part_type = PartType(
+        number=table.name("number", "ABCD", forbidden=VERSION_SIGN),
+        name=table.name("name", "Light sensor"),
+        manufacturer=table.text("manufacturer", "Massey University"),
+        description=table.text("description", "Measures brightness"),
+        specification=table.text("specification", "5V"),
+        resolution=table.text("resolution", "10 bit"),
+        ports=ports,
+        parameters=parameters,
+        compatible_with=tuple(table.names("compatible_with", "ABCD")),
+        source=file.document.file,
+        category=Category(table.choice("category", [category.value for category in Category], default="other")),
+        keywords=tuple(table.names("keywords", "brightness")),
+        supply=_read_supply(table.table("supply")),
+        connector=table.text("connector", "3 pins, 2.54 mm"),
+        pins=tuple(_read_pin(pin) for pin in table.tables("pin")),
+        driver=_read_driver(table),
+        picture=_read_picture(table),
+        versions=_read_versions(table),
+        simulator=SimulatorReader(table.table("simulator"), ports, parameters).read(),
+    )
+    table.finish()
+    _check_twice(table, "port", [port.name for port in ports])
+    _check_twice(table, "parameter", [parameter.name for parameter in parameters])
+    return part_type
+
+
+def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
+    name = table.name("type", "Light")
+    message = known.get(name)
+    if message is None and name:
+        right = suggestion(name, sorted(known), none_known="declare it")
+        table.problem(f'there is no message type "{name}"; {right} Or declare it in a table [[type]]', "type")
+    port = Port(
+        name=table.name("name", "light", forbidden=FORBIDDEN_IN_PORTS),
+        direction=Direction(table.choice("direction", [direction.value for direction in Direction])),
+        type_name=name,
+        rate_hz=table.number("rate_hz", default=0.0, least=0.0, most=_MOST_HZ, unit="times a second"),
+        safe=table.scalars("safe") if "safe" in table else None,
+        description=table.text("description", "How bright it is"),
+        message=message,
+    )
+    if port.safe is not None and port.direction is Direction.PUBLISH:
+        table.problem("only a port that subscribes can have a safe value; remove it", "safe")
+    elif port.safe is not None and message is not None:
+        _check_safe(table, port, message)
+    table.finish()
+    return port
+
+
+def _check_safe(table: Table, port: Port, message: MessageType) -> None:
+    for name, value in (port.safe or {}).items():
+        kind = message.fields.get(name)
+        if kind is None:
+            right = suggestion(name, list(message.fields), none_known="remove it")
+            table.problem(f'a {message.name} has no field "{name}"; {right}', "safe", name)
+        elif fault := kind.fault(value):
+            table.problem(fault, "safe", name)
+
+
+def _read_parameter(table: Table) -> Parameter:
+    kind = ParameterKind(table.choice("type", [kind.value for kind in ParameterKind]))
+    if "default" not in table:
+        table.problem("is missing; add the value that holds when nobody sets another", "default")
+    default = table.scalar("default")
+    parameter = Parameter(
+        name=table.name("name", "period_s"),
+        kind=kind,
+        default="" if default is None else default,
+        unit=table.text("unit", "s"),
+        least=_limit(table, "min", kind),
+        most=_limit(table, "max", kind),
+        description=table.text("description", "Time between two measurements"),
+    )
+    table.finish()
+    if default is not None and (fault := parameter.fault(default)):
+        table.problem(fault, "default")
+    return parameter
+
+
+def _limit(table: Table, key: str, kind: ParameterKind) -> float | None:
+    if key not in table:
+        return None
+    if kind not in (ParameterKind.INT, ParameterKind.FLOAT):
+        table.problem("only a parameter of type int or float has limits; remove it", key)
+    return table.number(key, default=0.0, least=-1e300, most=1e300)
+
+
+def _read_supply(table: Table) -> Supply | None:
+    if not table.is_there:
+        return None
+    supply = Supply(
+        min_v=table.number("min_v", default=5.0, least=0.0, most=_MOST_V, unit="V"),
+        max_v=table.number("max_v", default=5.0, least=0.0, most=_MOST_V, unit="V"),
+        current_ma=table.number("current_ma", default=0.0, least=0.0, most=_MOST_MA, unit="mA"),
+    )
+    table.finish()
+    if supply.min_v > supply.max_v:
+        table.problem(f"is {supply.min_v:g}, more than max_v = {supply.max_v:g}; exchange the two", "min_v")
+    return supply
+
+
+def _read_pin(table: Table) -> Pin:
+    pin = Pin(
+        name=table.name("name", "VCC"),
+        kind=PinKind(table.choice("kind", [kind.value for kind in PinKind], default="signal")),
+        description=table.text("description", "supply"),
+    )
+    table.finish()
+    return pin
+
+
+def _read_driver(table: Table) -> str:
+    driver = table.text("driver", "my_parts:LightSensor")
+    if driver and not _ENTRY_POINT.fullmatch(driver):
+        table.problem(f'"{driver}" is no entry point; write package.module:Name', "driver")
+    return driver
+
+
+def _read_picture(table: Table) -> str:
+    picture = table.scalar("picture")
+    if picture is None:
+        return ""
+    fault = picture_fault(picture) if isinstance(picture, str) else f"must be an SVG text; it is {kind_words(picture)}"
+    if fault is not None:
+        table.problem(fault, "picture")
+    return str(picture)
+
+
+def _read_versions(table: Table) -> Versions:
+    text = table.text("versions", ">=1.0, <2")
+    versions = parse_versions(text)
+    if versions is None:
+        table.problem(f'"{text}" is no range of versions; write for example versions = ">=1.0, <2"', "versions")
+        return ANY_VERSION
+    return versions
+
+
+def _check_twice(table: Table, key: str, names: list[str]) -> None:
+    for position, name in enumerate(names):
+        if name and name in names[:position]:
+            table.problem(f'there are two with the name "{name}"; give each its own', key, position, "name")

@@ -1,0 +1,82 @@
+"""OMG IDL as words: names, numbers, texts and signs, each with its place; comments go to what follows them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+
+from msbot.idl.model import Place
+
+
+class Kind(Enum):
+    """What a word is."""
+
+    NAME = "a name"
+    NUMBER = "a number"
+    TEXT = "a text"
+    SIGN = "a sign"
+    DIRECTIVE = "a directive"
+    END = "the end of the file"
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """One word of a file."""
+
+    kind: Kind
+    text: str
+    place: Place
+    comment: str = ""
+    """The comment in front of it."""
+
+
+_WORDS = re.compile(
+    r"(?P<space>[ \t\r\f\v]+)"
+    r"|(?P<line>\n)"
+    r"|//(?P<comment>[^\n]*)"
+    r"|/\*(?P<block>.*?)\*/"
+    r"|(?P<directive>\#[^\n]*)"
+    r"|(?P<number>0[xX][0-9a-fA-F]+|(?:\d+\.\d*|\.\d+|\d+)(?:[eE][+-]?\d+)?[fFdD]?)"
+    r"|(?P<name>[A-Za-z_]\w*)"
+    r'|(?P<text>"(?:[^"\\\n]|\\.)*")'
+    r"|(?P<sign>::|<<|>>|[{}()\[\]<>;:,=@+\-*/%|&^~])",
+    re.DOTALL,
+)
+
+
+def scan(text: str, file: str) -> list[Word]:
+    """The words of a file, the last one its end.
+
+    Raises:
+        ConfigError: a character that IDL does not know.
+    """
+    words: list[Word] = []
+    offset, line, start = 0, 1, 0
+    remark: list[str] = []
+    while offset < len(text):
+        place = Place(file, line, offset - start + 1)
+        found = _WORDS.match(text, offset)
+        if text.startswith("/*", offset) and (found is None or found.lastgroup != "block"):
+            raise place.error("this comment is never closed: */ is missing")
+        if found is None:
+            if text[offset] == '"':
+                raise place.error('this text is never closed: " is missing')
+            raise place.error(f"{text[offset]!r} has no place in IDL")
+        kind = found.lastgroup
+        inside = found[kind] if kind else ""
+        if kind in ("comment", "block"):
+            remark += [part.strip(" \t*/!<") for part in inside.splitlines()]
+        elif kind == "line" and text[offset - 1 : offset] == "\n":
+            remark = []  # an empty line: the comment before it belongs to nothing
+        elif kind not in ("space", "line"):
+            shown = " ".join(part for part in remark if part)
+            words.append(Word(Kind[str(kind).upper()], inside, place, shown))
+            remark = []
+        breaks = found[0].count("\n")
+        if breaks:
+            line += breaks
+            start = offset + found[0].rindex("\n") + 1
+        offset = found.end()
+    words.append(Word(Kind.END, "", Place(file, line, offset - start + 1)))
+    return words

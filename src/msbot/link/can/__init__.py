@@ -1,0 +1,27 @@
+"""Links over a CAN bus, and the controllers they need."""
+
+from msbot.link.can.address import CanSettings, open_can_bus
+from msbot.link.can.controller import BusState, CanBus, CanBusInfo, FrameTap
+from msbot.link.can.end import CanEnd
+from msbot.link.can.eprosima_fd import CanFdEprosimaLink
+from msbot.link.can.legacy_link import CanLegacyLink
+from msbot.link.can.link import CanMasterLink, CanPartLink
+from msbot.link.can.selftest import CheckResult, selftest
+from msbot.link.can.wire import Codec
+
+__all__ = [
+    "BusState",
+    "CanBus",
+    "CanBusInfo",
+    "CanEnd",
+    "CanFdEprosimaLink",
+    "CanLegacyLink",
+    "CanMasterLink",
+    "CanPartLink",
+    "CanSettings",
+    "CheckResult",
+    "Codec",
+    "FrameTap",
+    "open_can_bus",
+    "selftest",
+]

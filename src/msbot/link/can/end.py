@@ -1,0 +1,103 @@
+"""What every link on a CAN bus has alike, in the native mode and in those of others: its port, and what that tells."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Final
+
+from msbot.link.base import BaseLink
+from msbot.link.can.controller import BusState, CanBus, FrameTap
+from msbot.link.can.port import CanPort
+from msbot.link.can.protocol.frames import Frame
+from msbot.link.can.protocol.ids import CanIds, stop_words
+from msbot.link.can.protocol.queue import QUEUE_FRAMES
+from msbot.link.contract import LinkInfo, Peer, Signal
+
+BUS_LEFT: Final = "still waiting when the controller left the bus"
+
+
+class CanEnd(BaseLink, ABC):
+    """Base of the links on a CAN bus; the `PortOwner` of its port."""
+
+    def __init__(
+        self,
+        bus: CanBus,
+        *,
+        mtu: int,
+        remote: Peer | None = None,
+        ids: CanIds | None = None,
+        compresses: bool = False,
+        queue_frames: int = QUEUE_FRAMES,
+    ) -> None:
+        """Connect with the controller."""
+        ids = ids or CanIds()
+        bits_per_second = bus.info.bits_per_second
+        super().__init__(
+            LinkInfo(bus.info.name, mtu, bits_per_second, shared_bus=True, compresses=compresses), remote=remote
+        )
+        self.foreign = 0
+        """Frames of other equipment on the bus, which are none of our business."""
+        self._ids = ids
+        self._port = CanPort(bus, self, ids=ids, queue_frames=queue_frames)
+
+    def on_frame(self, tap: FrameTap) -> None:
+        """Call `tap` with every frame that this end sends or receives."""
+        self._port.frame_tap = tap
+
+    @property
+    def bus_state(self) -> BusState:
+        """Fault confinement state of the controller."""
+        return self._port.state
+
+    @abstractmethod
+    def has_room(self, peer: Peer) -> bool:
+        """See `Link`."""
+
+    @abstractmethod
+    def send(self, packet: bytes, peer: Peer) -> None:
+        """See `Link`."""
+
+    @abstractmethod
+    def describe(self, peer: Peer) -> str:
+        """See `Link`."""
+
+    async def run(self) -> None:
+        """See `Link`."""
+        await self._port.run()
+
+    def _count_frames(self, reason: str, frames: int) -> None:
+        if frames:
+            self.counters.dropped.count(reason, frames)
+
+    # What the port tells (`PortOwner`), as far as most ends do the same
+
+    @abstractmethod
+    def frame_received(self, frame: Frame, now: float) -> None:
+        """See `PortOwner`."""
+
+    def stopped(self, reason: int, now: float) -> None:
+        """See `PortOwner`."""
+        self._signal_handler(Signal.STOP, None, stop_words(reason), now)
+
+    def room_again(self, peer: int) -> None:
+        """See `PortOwner`."""
+        self._room_handler(peer)
+
+    def drained(self, now: float) -> None:
+        """See `PortOwner`; most wait for nothing."""
+
+    def bus_up(self, now: float) -> None:
+        """See `PortOwner`."""
+        self._signal_handler(Signal.LINK_UP, self.remote, "on the bus", now)
+
+    def bus_down(self, reason: str, lost_frames: int, now: float) -> None:
+        """See `PortOwner`."""
+        self._count_frames(BUS_LEFT, lost_frames)
+        self._signal_handler(Signal.LINK_DOWN, self.remote, reason, now)
+
+    def timer(self) -> float | None:
+        """See `PortOwner`; most wait for no time."""
+        return None
+
+    def handle_timer(self, now: float) -> None:
+        """See `PortOwner`."""

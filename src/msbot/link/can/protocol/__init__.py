@@ -1,0 +1,43 @@
+"""What goes over a CAN bus, without I/O: frames, addresses, costs, and what they look like to people."""
+
+from msbot.link.can.protocol.bits import FrameBits, frame_bits, phase_bits, wire_bits
+from msbot.link.can.protocol.cost import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
+from msbot.link.can.protocol.decoder import CanDecoder, LegacyDecoder
+from msbot.link.can.protocol.frames import Frame, check_frame
+from msbot.link.can.protocol.ids import NODES, CanIds, is_joining
+from msbot.link.can.protocol.node_ids import MemoryNodeIds, NodeIds
+from msbot.link.can.protocol.notation import (
+    LogLine,
+    format_frame,
+    format_log_line,
+    parse_frame,
+    parse_log_line,
+    show_frame,
+)
+
+__all__ = [
+    "BEACONS_HZ",
+    "NODES",
+    "CanDecoder",
+    "CanIds",
+    "Cost",
+    "Frame",
+    "FrameBits",
+    "Framing",
+    "LegacyDecoder",
+    "LogLine",
+    "MemoryNodeIds",
+    "NodeIds",
+    "beacon_cost",
+    "check_frame",
+    "format_frame",
+    "format_log_line",
+    "frame_bits",
+    "is_joining",
+    "message_cost",
+    "parse_frame",
+    "parse_log_line",
+    "phase_bits",
+    "show_frame",
+    "wire_bits",
+]

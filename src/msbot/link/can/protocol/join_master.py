@@ -1,0 +1,209 @@
+"""The master's side of joining: who gets which address, and the beacon.
+
+Theory of operation. A JOIN is answered at once: a known UID gets the address it had, a new one an address that nobody
+ever had, else that of the part that was silent for longest. An address is remembered for a part when the part has sent
+data: who only asks for addresses, however often, never takes the one that a known part comes back to. The beacon tells
+each second that the master is there, in which epoch and of which robot. Pure: frames and times in, frames and events
+out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from random import Random
+from typing import Final
+
+from msbot.link.can.protocol.frames import Frame
+from msbot.link.can.protocol.ids import (
+    EPOCHS,
+    NOBODY,
+    NODES,
+    Assign,
+    Beacon,
+    CanIds,
+    assign_frame,
+    beacon_frame,
+    read_beacon,
+    read_join,
+)
+from msbot.link.can.protocol.node_ids import NodeIds
+
+BEACON_PERIOD_S: Final = 1.0
+STARTING_S: Final = 1.5
+"""While a master starts, another master's beacon stops it; the other answers ours at once, so this is ample."""
+SILENT_S: Final = 10.0
+"""A node that was not heard for this long may lose its address to a newcomer. Longer than `BEACON_TIMEOUT_S`: a part
+that cannot hear the master has given up its address by then."""
+UNPROVEN_S: Final = 1.0
+"""A newcomer that has not sent any data for this long may lose its address to the next one."""
+REPEAT_S: Final = 0.1
+"""Shortest time between two beacons, or two take-backs of one address, that are sent as answers."""
+
+
+@dataclass(frozen=True, slots=True)
+class NodeJoined:
+    """A part has got an address, for the first time or again after a restart."""
+
+    node_id: int
+    uid: bytes
+    use: int
+
+
+@dataclass(frozen=True, slots=True)
+class NodeEvicted:
+    """A silent part has lost its address to a newcomer."""
+
+    node_id: int
+    uid: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class NodeRefused:
+    """A part was refused because every address is held by a live part."""
+
+    uid: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class OtherMaster:
+    """A second master is on this bus; `fatal` when this one was only starting and must give way."""
+
+    profile_hash: int
+    fatal: bool
+
+
+MasterEvent = NodeJoined | NodeEvicted | NodeRefused | OtherMaster
+
+
+@dataclass(slots=True)
+class Member:
+    """A part that has an address in this epoch."""
+
+    uid: bytes
+    use: int
+    heard_at: float
+    """When the last frame of it came; set by the link, which sees the data frames."""
+    spoke: bool = False
+    """It has sent data since it joined: another JOIN means that it has started anew."""
+
+
+@dataclass(slots=True)
+class MasterJoin:
+    """The master's side of joining."""
+
+    node_ids: NodeIds
+    profile_hash: int
+    random: Random
+    """The epoch is drawn from it."""
+    caps: int = 0
+    ids: CanIds = field(default_factory=CanIds)
+    members: dict[int, Member] = field(default_factory=dict, init=False)
+    """By node id."""
+    epoch: int = field(default=0, init=False)
+    _outbox: list[Frame] = field(default_factory=list, init=False)
+    _starting_until: float = field(default=0.0, init=False)
+    _beacon_at: float = field(default=0.0, init=False)
+    _beacon_due: float | None = field(default=None, init=False)
+    _taken_back_at: dict[int, float] = field(default_factory=dict, init=False)
+
+    def start(self, now: float) -> None:
+        """Begin a new epoch: nobody has an address, BEACON at once."""
+        self.epoch = self.random.randrange(EPOCHS)
+        self.members.clear()
+        self._taken_back_at.clear()
+        self._starting_until = now + STARTING_S
+        self._send_beacon(now)
+
+    def resume(self, now: float) -> None:
+        """Go on in the same epoch after a time off the bus: parts that still wait for a beacon need not join again."""
+        self._send_beacon(now)
+
+    def receive(self, frame: Frame, now: float) -> list[MasterEvent]:
+        """Take a frame that is not a data frame; anything else than JOIN and BEACON is ignored."""
+        join = read_join(frame, self.ids)
+        if join is not None:
+            return self._admit(*join, now)
+        beacon = read_beacon(frame, self.ids)
+        if beacon is None:
+            return []
+        fatal = now < self._starting_until
+        if not fatal and now - self._beacon_at >= REPEAT_S:
+            self._send_beacon(now)
+        return [OtherMaster(beacon.profile_hash, fatal)]
+
+    def stranger(self, node_id: int, now: float) -> None:
+        """Data came from an address that nobody has in this epoch: take it back, so that the part joins again."""
+        if now - self._taken_back_at.get(node_id, -REPEAT_S) >= REPEAT_S:
+            self._taken_back_at[node_id] = now
+            self._outbox.append(assign_frame(Assign(NOBODY, node_id, self.epoch, 0), self.ids))
+
+    def spoke(self, node_id: int) -> None:
+        """The first data came from a part since it joined: the address is its own from now on."""
+        member = self.members[node_id]
+        member.spoke = True
+        if self.node_ids.find(member.uid) != node_id:
+            self.node_ids.keep(node_id, member.uid)
+
+    def take_frames(self) -> list[Frame]:
+        """What is to be sent now."""
+        frames, self._outbox = self._outbox, []
+        return frames
+
+    def timer(self) -> float | None:
+        """When `handle_timer` wants to be called."""
+        return self._beacon_due
+
+    def handle_timer(self, now: float) -> None:
+        """Send the beacon when it is time."""
+        if self._beacon_due is not None and now >= self._beacon_due:
+            self._send_beacon(now)
+
+    def _send_beacon(self, now: float) -> None:
+        self._beacon_at = now
+        self._beacon_due = now + BEACON_PERIOD_S
+        self._outbox.append(beacon_frame(Beacon(self.caps, self.epoch, self.profile_hash), self.ids))
+
+    def _admit(self, uid: bytes, caps: int, now: float) -> list[MasterEvent]:
+        node_id = self._address(uid, now)
+        use = caps & self.caps
+        self._outbox.append(assign_frame(Assign(uid, node_id or 0, self.epoch, use if node_id else 0), self.ids))
+        if node_id is None:
+            return [NodeRefused(uid)]
+        events: list[MasterEvent] = []
+        member = self.members.get(node_id)
+        if member is not None and member.uid == uid and member.use == use and not member.spoke:
+            member.heard_at = now
+            return events  # the same JOIN once more: our answer was still on its way
+        if member is not None and member.uid != uid:
+            events.append(NodeEvicted(node_id, member.uid))
+        if self.node_ids.find(uid) is not None:
+            self.node_ids.keep(node_id, uid)
+        self.members[node_id] = Member(uid, use, now)
+        return [*events, NodeJoined(node_id, uid, use)]
+
+    def _address(self, uid: bytes, now: float) -> int | None:
+        """The address for a part: its own, a fresh one, that of an unproven newcomer, the one unused for longest.
+
+        None = all are held by live parts, or by newcomers of this second.
+        """
+        own = self.node_ids.find(uid)
+        if own is not None:
+            return own
+        unproven = {n: member for n, member in self.members.items() if self.node_ids.find(member.uid) is None}
+        for node_id, member in unproven.items():
+            if member.uid == uid:
+                return node_id
+        taken = self.node_ids.oldest_first()
+        held = {*taken, *self.members}
+        fresh = next((node_id for node_id in range(1, NODES + 1) if node_id not in held), None)
+        if fresh is not None:
+            return fresh
+        idle = [n for n, member in unproven.items() if now - member.heard_at > UNPROVEN_S]
+        if idle:
+            return min(idle, key=lambda n: unproven[n].heard_at)
+        silent = [
+            n for n in taken
+            if n not in unproven and (n not in self.members or now - self.members[n].heard_at > SILENT_S)
+        ]  # fmt: skip
+        never = float("-inf")
+        return min(silent, key=lambda n: self.members[n].heard_at if n in self.members else never, default=None)

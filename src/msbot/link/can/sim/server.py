@@ -1,0 +1,319 @@
+"""Serves a simulated bus to other programs on this computer: each connection is one controller on it.
+
+Theory of operation. The bus runs on the event loop's clock (`SimBusDriver`), so frames of other programs take part in
+arbitration at the moment they arrive here. A program may hand over as many frames as a controller holds; each is
+answered, in whatever order they leave. Who only listens is no controller: it hears every frame that went well, and
+the bus does not notice it. Whoever talks nonsense is dropped, counted and said once. A program that does not read
+loses frames, as one with a full receive buffer does, and is told how many; meanwhile nothing more is taken from it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import logging
+import os
+import secrets
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from msbot.errors import LinkDown, LinkFull, LocalProtocolError, RemoteProtocolError
+from msbot.link.can.controller import BusState
+from msbot.link.can.protocol.frames import Frame
+from msbot.link.can.sim.driver import SimBusDriver, SimCanBus
+from msbot.link.can.sim.model.bus import MAILBOXES
+from msbot.link.can.sim.model.messages import (
+    BusFrame,
+    FrameRejected,
+    FrameSent,
+    FramesLost,
+    Hello,
+    Message,
+    Refused,
+    Restart,
+    Splitter,
+    StateTold,
+    Welcome,
+    encode,
+)
+from msbot.link.can.sim.names import KEY_OCTETS, NamedBus, publish, withdraw
+from msbot.link.contract import LinkCounters
+
+MAX_PROGRAMS: Final = 256
+"""Connections at a time; more are refused."""
+HELLO_S: Final = 2.0
+"""Time to say Hello."""
+UNREAD_OCTETS: Final = 256 * 1024
+"""Octets that may wait for one program; what comes then is lost to it."""
+
+NO_HELLO: Final = "no Hello in time"
+WRONG_KEY: Final = "wrong key"
+TOO_MANY: Final = "too many programs"
+UNEXPECTED: Final = "message that a program does not send, or not then"
+OVERRUN: Final = "frames handed over faster than the controller takes them"
+NOT_READ: Final = "frame lost to a program that does not read"
+
+_log = logging.getLogger(__name__)
+
+
+class SimBusServer:
+    """Lets other programs of this user join a simulated bus by its name."""
+
+    def __init__(self, driver: SimBusDriver, name: str, *, folder: Path | None = None) -> None:
+        """Prepare; it serves once `run` is awaited.
+
+        Args:
+            driver: the bus. Controllers of this process are attached to it directly.
+            name: see `check_name`.
+            folder: where the file with its name goes; the user's folder for such files if absent.
+        """
+        self.driver = driver
+        self.name = name
+        self.ready = asyncio.Event()
+        """Set once others can join."""
+        self.counters = LinkCounters()
+        """`dropped` counts what was wrong with programs, by reason."""
+        self.key = secrets.token_bytes(KEY_OCTETS)
+        self.folder = folder
+        self._programs: set[Program] = set()
+        self._attached = 0
+        self._told: set[str] = set()
+        self._encoded: tuple[Frame, float, bytes] | None = None
+
+    @property
+    def programs(self) -> int:
+        """Programs that are connected."""
+        return len(self._programs)
+
+    async def run(self) -> None:
+        """Serve until cancelled; then the bus is gone for all other programs.
+
+        Raises:
+            LinkDown: another process serves a bus of that name, or no port can be listened at.
+            ConfigError: the name or the user's folder cannot be used.
+        """
+        loop = asyncio.get_running_loop()
+        try:
+            server = await loop.create_server(lambda: Program(self), "127.0.0.1", 0)
+        except OSError as error:
+            raise LinkDown(f"cannot serve the simulated bus {self.name!r} on 127.0.0.1: {error.strerror}") from error
+        bus = self.driver.bus
+        word = NamedBus(
+            self.name,
+            int(server.sockets[0].getsockname()[1]),
+            self.key.hex(),
+            os.getpid(),
+            bus.bitrate,
+            bus.data_bitrate,
+            bus.fd,
+        )
+        try:
+            publish(word, self.folder)
+            self.ready.set()
+            await loop.create_future()
+        finally:
+            self.ready.clear()
+            withdraw(word, self.folder)
+            server.close()
+            for program in list(self._programs):
+                program.close()
+
+    # What programs call
+
+    def joined(self, program: Program) -> bool:
+        """A program has connected; False when there are too many."""
+        if len(self._programs) >= MAX_PROGRAMS:
+            self.complain(TOO_MANY)
+            return False
+        self._programs.add(program)
+        return True
+
+    def left(self, program: Program) -> None:
+        """A program has gone."""
+        self._programs.discard(program)
+
+    def attach(self, hello: Hello) -> SimCanBus:
+        """A controller for a program, under a name of its own."""
+        self._attached += 1
+        fd = self.driver.bus.fd and not hello.classic
+        return self.driver.attach(f"{hello.name or 'program'}#{self._attached}", fd=fd)
+
+    def complain(self, reason: str) -> None:
+        """Count what is wrong with a program, and say it the first time."""
+        self.counters.dropped.count(reason)
+        if reason not in self._told and reason in self.counters.dropped:
+            self._told.add(reason)
+            _log.warning("simulated bus %s: dropped a program: %s (said once, counted from now on)", self.name, reason)
+
+    def heard(self, frame: Frame, at: float) -> bytes:
+        """A frame that was heard, as it is sent to every program."""
+        last = self._encoded
+        if last is not None and last[0] is frame and last[1] == at:
+            return last[2]
+        octets = encode(BusFrame(frame, 0, at))
+        self._encoded = (frame, at, octets)
+        return octets
+
+
+class Program(asyncio.Protocol):
+    """One connection."""
+
+    def __init__(self, server: SimBusServer) -> None:
+        self._server = server
+        self._splitter = Splitter()
+        self._transport: asyncio.Transport | None = None
+        self._patience: asyncio.TimerHandle | None = None
+        self._port: SimCanBus | None = None
+        self._listens = False
+        self._greeted = False
+        self._outstanding: list[tuple[int, Frame]] = []
+        self._is_full = False
+        self._lost = 0
+        self._state_now: StateTold | None = None
+        self._is_state_told = True
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """See `asyncio.Protocol`."""
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        transport.set_write_buffer_limits(UNREAD_OCTETS)
+        if not self._server.joined(self):
+            self._refuse("too many programs are on this bus")
+            return
+        self._patience = asyncio.get_running_loop().call_later(HELLO_S, self._drop, NO_HELLO)
+
+    def data_received(self, data: bytes) -> None:
+        """See `asyncio.Protocol`."""
+        try:
+            for message in self._splitter.receive(data):
+                if self._transport is not None:  # else it was dropped for an earlier one
+                    self._handle(message)
+        except RemoteProtocolError as error:
+            self._drop(str(error))
+
+    def pause_writing(self) -> None:
+        """The program does not read: it loses frames, and nothing more is taken from it."""
+        self._is_full = True
+        if self._transport is not None:
+            self._transport.pause_reading()
+
+    def resume_writing(self) -> None:
+        """The program has read what waited."""
+        self._is_full = False
+        lost, self._lost = self._lost, 0
+        if lost:
+            self._tell(FramesLost(lost))
+        self._tell_state()
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.resume_reading()
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - why does not matter
+        """See `asyncio.Protocol`."""
+        self.close()
+
+    def close(self) -> None:
+        """Leave the bus; what the controller still had to send is forgotten."""
+        if self._patience is not None:
+            self._patience.cancel()
+        transport, self._transport = self._transport, None
+        if transport is not None:
+            transport.close()
+        server, port = self._server, self._port
+        server.left(self)
+        if port is not None:
+            self._port = None
+            server.driver.remove(port)
+        if self._listens:
+            self._listens = False
+            server.driver.listeners = [tap for tap in server.driver.listeners if tap != self._overheard]
+
+    def _handle(self, message: Message) -> None:
+        match message:
+            case Hello() if not self._greeted:
+                self._greet(message)
+            case BusFrame() if self._port is not None:
+                self._take(self._port, message)
+            case Restart() if self._port is not None:
+                self._port.restart()
+            case _:
+                self._drop(UNEXPECTED)
+
+    def _greet(self, hello: Hello) -> None:
+        server = self._server
+        if not hmac.compare_digest(hello.key, server.key):
+            server.complain(WRONG_KEY)
+            self._refuse("the key is not that of this bus: it has been started anew")
+            return
+        assert self._patience is not None
+        self._patience.cancel()
+        self._greeted = True
+        bus = server.driver.bus
+        self._tell(Welcome(bus.bitrate, bus.data_bitrate, bus.fd))
+        if hello.listen_only:
+            self._listens = True
+            server.driver.listeners = [*server.driver.listeners, self._overheard]
+            return
+        self._port = server.attach(hello)
+        self._port.attach(frame=self._heard, sent=self._sent, state=self._state)
+
+    def _take(self, port: SimCanBus, message: BusFrame) -> None:
+        if len(self._outstanding) >= MAILBOXES:
+            self._drop(OVERRUN)
+            return
+        try:
+            port.send(message.frame)
+        except (LinkDown, LinkFull, LocalProtocolError) as error:
+            self._tell(FrameRejected(message.tag, str(error)))
+        else:
+            self._outstanding.append((message.tag, message.frame))
+
+    def _heard(self, frame: Frame, now: float) -> None:
+        transport = self._transport
+        if transport is None:
+            return
+        if self._is_full:
+            self._lost += 1
+            self._server.counters.dropped.count(NOT_READ)
+        else:
+            transport.write(self._server.heard(frame, now))
+
+    def _overheard(self, at: float, _sender: str, frame: Frame) -> None:
+        self._heard(frame, at)
+
+    def _sent(self, frame: Frame, now: float) -> None:
+        # Of equal frames the controller sends the oldest first; an error-passive one sets ESI by itself.
+        for place, (tag, own) in enumerate(self._outstanding):
+            if frame in (own, replace(own, esi=frame.esi)):
+                del self._outstanding[place]
+                self._tell(FrameSent(tag, now))
+                return
+
+    def _state(self, state: BusState, words: str, now: float) -> None:
+        if state is BusState.OFF:
+            self._outstanding.clear()
+        counters = (0, 0) if self._port is None else self._port.error_counters()
+        self._state_now = StateTold(state, now, *counters, words)
+        self._is_state_told = False
+        self._tell_state()
+
+    def _tell_state(self) -> None:
+        """The latest state; what it was while the program did not read is of no use to it."""
+        if self._state_now is not None and not (self._is_state_told or self._is_full):
+            self._is_state_told = True
+            self._tell(self._state_now)
+
+    def _tell(self, message: Message) -> None:
+        if self._transport is not None:
+            self._transport.write(encode(message))
+
+    def _refuse(self, words: str) -> None:
+        self._tell(Refused(words))
+        self.close()
+
+    def _drop(self, reason: str) -> None:
+        self._server.complain(reason)
+        transport = self._transport
+        self.close()
+        if transport is not None:
+            transport.abort()

@@ -1,0 +1,71 @@
+"""One peer on a CAN bus: its packets cut into frames, and its frames joined to packets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from msbot.errors import RemoteProtocolError
+from msbot.link.can.controller import CanBusInfo
+from msbot.link.can.protocol.frames import COUNTER, REPEAT_S, Frame, Joiner, split
+from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION
+from msbot.link.contract import LinkCounters
+
+
+@dataclass(frozen=True, slots=True)
+class Codec:
+    """A pair of exact inverses that shortens packets; used with peers that know it (`COMPRESSION`)."""
+
+    compress: Callable[[bytes], bytes]
+    decompress: Callable[[bytes], bytes]
+    """Raises RemoteProtocolError on bytes that no packet gives."""
+
+
+class CanWire:
+    """One peer: its packets cut into frames, and its frames joined to packets."""
+
+    __slots__ = ("_codec", "_counters", "_fast", "_fd", "_next", "_send_id", "joiner")
+
+    def __init__(
+        self, send_id: int, *, use: int, info: CanBusInfo, mtu: int, counters: LinkCounters, codec: Codec | None
+    ) -> None:
+        """Begin anew with a peer.
+
+        Args:
+            send_id: identifier of the frames to it.
+            use: the capabilities both sides agreed on.
+            info: the bus.
+            mtu: largest packet in bytes.
+            counters: where drops are counted.
+            codec: used when `use` says so.
+        """
+        self._send_id = send_id
+        self._fd = bool(use & CAN_FD)
+        self._fast = self._fd and info.data_bits_per_second is not None
+        self._codec = codec if use & COMPRESSION else None
+        self._counters = counters
+        self._next = 0
+        # A counter cannot come round sooner than 64 full frames, which are longer than 100 bits (but for FD).
+        rate = None if self._fd else info.bits_per_second
+        repeat_s = 6400 / rate if rate else REPEAT_S
+        longest = mtu if self._codec is None else mtu + 1  # a packet that has no short form gets one octet longer
+        self.joiner = Joiner(longest, dropped=counters.dropped, repeat_s=repeat_s)
+
+    def cut(self, packet: bytes) -> list[Frame]:
+        """The frames of a packet."""
+        if self._codec is not None:
+            packet = self._codec.compress(packet)
+        parts = split(packet, self._next, self._fd)
+        self._next = self._next + len(parts) & COUNTER
+        send_id, fd, fast = self._send_id, self._fd, self._fast
+        return [Frame(send_id, part, False, fd, fast) for part in parts]
+
+    def unpack(self, message: bytes) -> bytes | None:
+        """The packet in a whole message; None (and counted) when it is none."""
+        if self._codec is None:
+            return message
+        try:
+            return self._codec.decompress(message)
+        except RemoteProtocolError as error:
+            self._counters.dropped.count(str(error))
+            return None

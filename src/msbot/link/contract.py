@@ -1,0 +1,126 @@
+"""Links carry whole, opaque packets between this process and its peers.
+
+A link knows nothing of DDS-XRCE. One link serves many peers (a UDP socket, a CAN bus); a peer is any hashable
+value the link chose, and only the link can describe it in words. Everything arrives by call-back in the event
+loop's thread; nothing is queued between the wire and the handler.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Protocol
+
+from msbot.runtime.tally import Tally
+
+Peer = Hashable
+"""Who a packet came from or goes to; chosen by the link, opaque to everybody else."""
+
+
+class Signal(Enum):
+    """What a link tells its owner besides packets."""
+
+    LINK_UP = "link up"
+    LINK_DOWN = "link down"
+    PEER_JOINED = "peer joined"
+    PEER_GONE = "peer gone"
+    PEER_BACK = "peer back"
+    """A peer that had gone is there again: the same one, as far as the link can tell (a serial port's name)."""
+    STOP = "stop"
+
+
+PacketHandler = Callable[[bytes, Peer, float], None]
+"""`(packet, peer, now)`; must not block and must not raise."""
+
+RoomHandler = Callable[[Peer | None], None]
+"""`(peer)`: there is room for packets to it again; None = to all peers."""
+
+SignalHandler = Callable[[Signal, Peer | None, str, float], None]
+"""`(signal, peer or None, reason in words, now)`."""
+
+Tap = Callable[[float, str, Peer, bytes], None]
+"""`(now, "in" | "out", peer, packet)`; for monitors and recorders."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkInfo:
+    """What never changes while a link is open."""
+
+    name: str
+    """Address string as the user wrote it, for example `udp:127.0.0.1:8888` or `sim:500000`."""
+    mtu: int
+    """Largest packet in bytes."""
+    bits_per_second: int | None = None
+    """Bit rate of the medium where it limits the traffic; None = fast."""
+    shared_bus: bool = False
+    """True when every peer hears and delays every other (CAN)."""
+    compresses: bool = False
+    """True when headers are shortened: request ids by rule, and a message for each sample, take least there."""
+    in_bursts: bool = False
+    """True when the link tells where a burst of packets ends, however it was received: who answers all of them at once
+    then saves a turn of the event loop for each."""
+
+
+@dataclass(slots=True)
+class LinkCounters:
+    """What happened on a link since it was opened."""
+
+    packets_in: int = 0
+    packets_out: int = 0
+    bytes_in: int = 0
+    bytes_out: int = 0
+    dropped: Tally = field(default_factory=Tally)
+    """Packets or frames that were not delivered or not sent, by reason in words."""
+
+
+class Link(Protocol):
+    """One way to one or many peers (see the module docstring)."""
+
+    info: LinkInfo
+    counters: LinkCounters
+    tap: Tap | None
+    """Called with every packet when set; None costs nothing."""
+    remote: Peer | None
+    """The peer of a link that has only one (the client side); None on a link that serves many."""
+
+    def attach(
+        self,
+        *,
+        packet: PacketHandler | None = None,
+        signal: SignalHandler | None = None,
+        room: RoomHandler | None = None,
+        burst_end: Callable[[], None] | None = None,
+    ) -> None:
+        """Set the owner's handlers, those that are given; each takes the place of the one before.
+
+        Args:
+            packet: takes the packets that come in.
+            signal: hears what happens to the link and its peers.
+            room: is called when `has_room` turns true again.
+            burst_end: is called after the last packet of every burst, where `info.in_bursts` says so.
+        """
+
+    def has_room(self, peer: Peer) -> bool:
+        """Whether `send` to that peer would be taken now."""
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        """Hand over one packet; never blocks.
+
+        Raises:
+            LinkFull: the peer's queue is full.
+            LinkDown: the link is not open.
+        """
+
+    def origin(self, peer: Peer) -> Hashable:
+        """What peers have in common that are one machine's or one wire's: a computer's address, a port, a node."""
+
+    def describe(self, peer: Peer) -> str:
+        """The peer in words, for example `127.0.0.1:40123` or `CAN node 7`."""
+
+    async def run(self) -> None:
+        """Serve the link until cancelled; closes it on the way out.
+
+        Raises:
+            LinkDown: it cannot be opened or has gone for good; the text names the remedy.
+        """

@@ -1,0 +1,96 @@
+"""Which connection goes when there are too many: one that never said anything first, then one that is idle."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Iterator
+from typing import Generic, Protocol, TypeVar
+
+MAX_CONNECTIONS = 1024
+"""Connections a server keeps."""
+
+MAX_OF_ADDRESS = 512
+"""Connections of one address."""
+
+IDLE_S = 10.0
+"""A connection that was silent for so long may make room for a newcomer."""
+
+
+class Connection(Protocol):
+    """What is known of one connection."""
+
+    heard_at: float | None
+    """When its last whole packet came; None = none yet."""
+
+
+C = TypeVar("C", bound=Connection)
+
+
+class ConnectionBudget(Generic[C]):
+    """The connections of one server, by the address they come from."""
+
+    def __init__(self, most: int = MAX_CONNECTIONS, of_address: int | None = None) -> None:
+        self._most = most
+        self._of_address = min(MAX_OF_ADDRESS, most) if of_address is None else of_address
+        self._silent: dict[Hashable, dict[C, None]] = {}
+        self._speaking: dict[Hashable, dict[C, None]] = {}
+        self._count = 0
+        self._looked_at = float("-inf")
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, connection: C, address: Hashable) -> None:
+        """It stands, and has not said anything yet."""
+        self._silent.setdefault(address, {})[connection] = None
+        self._count += 1
+
+    def spoke(self, connection: C, address: Hashable) -> None:
+        """Its first packet has come."""
+        if _discard(self._silent, address, connection):
+            self._speaking.setdefault(address, {})[connection] = None
+
+    def remove(self, connection: C, address: Hashable) -> None:
+        """It has ended."""
+        if _discard(self._silent, address, connection) or _discard(self._speaking, address, connection):
+            self._count -= 1
+
+    def is_full(self, address: Hashable) -> bool:
+        """Whether one from there can only be taken in place of another."""
+        return self._count >= self._most or self._of(address) >= self._of_address
+
+    def who_makes_room(self, address: Hashable, now: float) -> C | None:
+        """The connection that gives way to another one from that address; None = the newcomer must go."""
+        if self._of(address) >= self._of_address:
+            return self._first(self._silent.get(address, ())) or self._idle(self._speaking.get(address, ()), now)
+        # The address with most silent connections pays first: it is the likeliest to mean no good.
+        silent = max(self._silent.values(), key=len, default={})
+        return self._first(silent) or self._idle(self._all_speaking(), now)
+
+    def _of(self, address: Hashable) -> int:
+        return len(self._silent.get(address, ())) + len(self._speaking.get(address, ()))
+
+    def _all_speaking(self) -> Iterator[C]:
+        for group in self._speaking.values():
+            yield from group
+
+    @staticmethod
+    def _first(group: Iterable[C]) -> C | None:
+        return next(iter(group), None)
+
+    def _idle(self, group: Iterable[C], now: float) -> C | None:
+        """The one that is idle for longest, if for long enough; looked for once a second at most."""
+        if now - self._looked_at < 1.0:
+            return None
+        self._looked_at = now
+        oldest = min(group, key=lambda connection: connection.heard_at or 0.0, default=None)
+        return oldest if oldest is not None and now - (oldest.heard_at or 0.0) > IDLE_S else None
+
+
+def _discard(groups: dict[Hashable, dict[C, None]], address: Hashable, connection: C) -> bool:
+    group = groups.get(address)
+    if group is None or connection not in group:
+        return False
+    del group[connection]
+    if not group:
+        del groups[address]
+    return True

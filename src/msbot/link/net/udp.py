@@ -1,0 +1,241 @@
+"""UDP over IPv4 and IPv6: one datagram is one packet (DDS-XRCE over UDP, seen on the wire with eProsima's agent).
+
+The sockets are served by the event loop's reader call-backs and drained in one call; asyncio's datagram transport
+costs several times as much per packet.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Hashable
+
+from msbot.errors import LinkDown, LinkFull
+from msbot.link.base import BaseLink
+from msbot.link.contract import LinkInfo, Peer, Signal
+from msbot.link.net.addresses import Address, addresses_of, cannot_listen, cannot_reach, joined, serve_both_kinds
+
+UDP_MTU = 65507
+"""Largest payload of a datagram over IPv4; DDS-XRCE clients announce much less."""
+
+QUEUE_PACKETS = 512
+"""Packets that may wait for the kernel; with more, `send` raises LinkFull."""
+
+DRAIN_PACKETS = 256
+"""Datagrams taken in one call-back before timers and other links have their turn."""
+
+RECEIVE_BUFFER_BYTES = 1 << 20
+"""Asked of the kernel for bursts; it gives less where `net.core.rmem_max` is smaller."""
+
+NOBODY_LISTENS = "nobody listens at the peer's port"
+
+_PASSING = {
+    errno.ECONNREFUSED: NOBODY_LISTENS,
+    errno.EHOSTUNREACH: "the peer's host cannot be reached",
+    errno.ENETUNREACH: "the peer's network cannot be reached",
+    errno.ENETDOWN: "the network interface is down",
+    errno.EMSGSIZE: "longer than a datagram may be",
+    errno.EPERM: "forbidden by the firewall",
+    errno.EACCES: "forbidden: a broadcast address",
+    errno.ENOBUFS: "the network interface's queue is full",
+}
+"""Errors of one datagram or one peer, in words; they say nothing about the socket."""
+
+
+class _UdpLink(BaseLink, ABC):
+    """What server and client have in common; their signals are LINK_UP and LINK_DOWN only."""
+
+    def __init__(self, host: str, port: int, *, remote: Peer | None = None) -> None:
+        super().__init__(LinkInfo(f"udp:{joined(host, port)}", UDP_MTU, in_bursts=True), remote=remote)
+        self._host = host
+        self._port = port
+        self._socket: socket.socket | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._ended: asyncio.Future[None] | None = None
+        self._transmit: Callable[[bytes, Peer], object]
+        self._queue: deque[tuple[bytes, Peer]] = deque()
+        self._was_full = False
+
+    @property
+    def port(self) -> int:
+        """The port of this side while the link is open (useful after asking for port 0), else 0."""
+        return int(self._socket.getsockname()[1]) if self._socket is not None else 0
+
+    def has_room(self, peer: Peer) -> bool:  # noqa: ARG002 - one queue serves all peers
+        """Whether `send` would be taken now."""
+        return self._socket is not None and len(self._queue) < QUEUE_PACKETS
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        """Send at once if the kernel takes it, else queue.
+
+        Raises:
+            LinkFull: the queue is full.
+            LinkDown: the link is not open.
+        """
+        if self._loop is None or self._socket is None:
+            raise LinkDown(f"{self.info.name} is not open: start its run() first")
+        if not self._queue:
+            if self._hand_over(packet, peer):
+                return
+            self._loop.add_writer(self._socket, self._send_queued, self._socket, self._loop)
+        elif len(self._queue) >= QUEUE_PACKETS:
+            raise LinkFull(f"{self.info.name}: {QUEUE_PACKETS} packets wait for the network")
+        self._queue.append((packet, peer))
+        self._was_full = len(self._queue) >= QUEUE_PACKETS
+
+    def origin(self, peer: Peer) -> Hashable:
+        """See `Link`: the address without the port."""
+        return peer[0] if isinstance(peer, tuple) else peer
+
+    def describe(self, peer: Peer) -> str:
+        """The peer's address, `127.0.0.1:40123` or `[::1]:40123`."""
+        match peer:
+            case (str() as host, int() as port, *_):
+                return joined(host, port)
+        return str(peer)
+
+    async def run(self) -> None:
+        """Open the socket and serve it until cancelled; it may run again afterwards.
+
+        Raises:
+            LinkDown: the socket cannot be opened or fails for good; the text names the remedy.
+        """
+        loop = asyncio.get_running_loop()
+        opened = await self._open(loop)
+        self._loop, self._socket, self._ended = loop, opened, loop.create_future()
+        self._transmit = self._transmitter(opened)
+        loop.add_reader(opened, self._drain, opened, loop)
+        self._signal_handler(Signal.LINK_UP, None, "opened", loop.time())
+        try:
+            await self._ended
+        finally:
+            loop.remove_reader(opened)
+            loop.remove_writer(opened)
+            opened.close()
+            self._loop, self._socket, self._ended = None, None, None
+            if self._queue:
+                self.counters.dropped.count("the link was closed before the network took it", len(self._queue))
+            self._queue.clear()
+            self._signal_handler(Signal.LINK_DOWN, None, "closed", loop.time())
+
+    async def _open(self, loop: asyncio.AbstractEventLoop) -> socket.socket:
+        found = await addresses_of(loop, self.info.name, self._host, self._port, kind=socket.SOCK_DGRAM)
+        family, kind, protocol, address = found[0]
+        try:
+            opened = socket.socket(family, kind, protocol)
+        except OSError as error:
+            raise self._why_not(error) from error
+        try:
+            opened.setblocking(False)
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+            self._take_address(opened, address)
+        except OSError as error:
+            opened.close()
+            raise self._why_not(error) from error
+        return opened
+
+    @abstractmethod
+    def _take_address(self, opened: socket.socket, address: Address) -> None:
+        """Bind or connect the new socket."""
+
+    @abstractmethod
+    def _transmitter(self, opened: socket.socket) -> Callable[[bytes, Peer], object]:
+        """What gives one packet to the kernel: the socket's own method where that is possible."""
+
+    @abstractmethod
+    def _why_not(self, error: OSError) -> LinkDown:
+        """Why the socket cannot be opened, and what to do."""
+
+    def _drain(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
+        remote = self.remote
+        try:
+            for _ in range(DRAIN_PACKETS):
+                try:
+                    packet, peer = opened.recvfrom(UDP_MTU)
+                except BlockingIOError:
+                    return
+                except OSError as error:
+                    if not self._tolerate(error):
+                        return
+                    continue
+                self._received(packet, peer if remote is None else remote, loop.time())
+        finally:
+            self._burst_end_handler()
+
+    def _tolerate(self, error: OSError) -> bool:
+        """Count an error that passes; end `run` on any other."""
+        if reason := _PASSING.get(error.errno or 0):
+            self.counters.dropped.count(reason)
+            return True
+        if self._ended is not None and not self._ended.done():
+            self._ended.set_exception(LinkDown(f"{self.info.name} failed: {error.strerror}: start it again"))
+        return False
+
+    def _hand_over(self, packet: bytes, peer: Peer) -> bool:
+        """Whether the packet is off our hands: the kernel took it, or refused it for good."""
+        try:
+            self._transmit(packet, peer)
+        except BlockingIOError:
+            return False
+        except OSError as error:
+            self._tolerate(error)
+            return True
+        if self._loop is not None:
+            self._sent(packet, peer, self._loop.time())
+        return True
+
+    def _send_queued(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
+        while self._queue:
+            if not self._hand_over(*self._queue[0]):
+                return
+            self._queue.popleft()
+        loop.remove_writer(opened)
+        if self._was_full:
+            self._was_full = False
+            self._room_handler(None)
+
+
+class UdpServerLink(_UdpLink):
+    """One socket for many peers; a peer is its socket address. Satisfies `Link`.
+
+    Args:
+        host: address or name to listen at; `0.0.0.0` for every IPv4 interface, `::` for IPv6 too.
+        port: 1 to 65535, or 0 for any free one (see `port`).
+    """
+
+    def _take_address(self, opened: socket.socket, address: Address) -> None:
+        serve_both_kinds(opened, self._host)
+        opened.bind(address)
+
+    def _transmitter(self, opened: socket.socket) -> Callable[[bytes, Peer], object]:
+        return opened.sendto  # type: ignore[return-value]  # peers are what recvfrom gave
+
+    def _why_not(self, error: OSError) -> LinkDown:
+        return cannot_listen(self.info.name, self._host, self._port, error, lister="ss -ulnp")
+
+
+class UdpClientLink(_UdpLink):
+    """A socket that speaks with one server, its `remote`. Satisfies `Link`."""
+
+    def __init__(self, host: str, port: int) -> None:
+        super().__init__(host, port, remote=(host, port))
+
+    def _take_address(self, opened: socket.socket, address: Address) -> None:
+        opened.connect(address)
+
+    def _transmitter(self, opened: socket.socket) -> Callable[[bytes, Peer], object]:
+        def transmit(packet: bytes, peer: Peer) -> None:  # noqa: ARG001 - there is only one
+            try:
+                opened.send(packet)
+            except ConnectionRefusedError:
+                # The kernel reports the loss of an earlier packet here and has not sent this one.
+                self.counters.dropped.count(NOBODY_LISTENS)
+                opened.send(packet)
+
+        return transmit
+
+    def _why_not(self, error: OSError) -> LinkDown:
+        return cannot_reach(self.info.name, error)

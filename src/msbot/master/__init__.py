@@ -1,0 +1,23 @@
+"""The composition root: puts agent, inventory, profile and links together. The only place that knows everybody.
+
+STOP, which outlives the master, is kept and reached here.
+"""
+
+from msbot.master.master import Master, SaysStop, first_error, profile_of, timing_of
+from msbot.master.stop_keeper import StopKeeper, stop_file
+from msbot.master.stop_socket import StopSocket, answer_of
+from msbot.master.topics_in_dds import robot_space, ways_of
+
+__all__ = [
+    "Master",
+    "SaysStop",
+    "StopKeeper",
+    "StopSocket",
+    "answer_of",
+    "first_error",
+    "profile_of",
+    "robot_space",
+    "stop_file",
+    "timing_of",
+    "ways_of",
+]

@@ -1,0 +1,276 @@
+"""The composition root: puts agent, inventory, profile and links together. The only place that knows everybody.
+
+The master and the inventory are clients of the agent like any other (thesis 3.11), over an in-process link; what they
+decide reaches the agent through its one hook, the gate.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import random as random_module
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+from msbot.agent import Agent, AgentSettings
+from msbot.config import Blueprint
+from msbot.errors import ConfigError, LinkDown, MsbotError
+from msbot.link import InprocHub, Link, Peer, Signal
+from msbot.master.stop_keeper import StopKeeper
+from msbot.part import Client
+from msbot.pnp import Access, Inventory, Keys, PartStore, Profile, Timing
+from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
+from msbot.pnp.services import InventoryService, MasterService
+from msbot.space import MemorySpace, Space
+
+MASTER_KEY = 0x4D734D01
+INVENTORY_KEY = 0x4D734D02
+"""Client keys of the robot's own services; the gate refuses them to anybody on another link."""
+
+STORED_S = 2.0
+"""How long whoever says STOP waits at most for its being stored."""
+
+
+@runtime_checkable
+class SaysStop(Protocol):
+    """A link that can tell everybody at once to stop."""
+
+    def send_stop(self, reason: int = 0) -> None:
+        """Say STOP; raises LinkDown when the link carries nothing."""
+
+
+class Master:
+    """One robot's master: profile, health inventory and agent on any number of links.
+
+    Must be made inside a running event loop, whose clock becomes the robot's clock.
+    """
+
+    def __init__(
+        self,
+        blueprint: Blueprint,
+        store: PartStore,
+        *,
+        space: Space | None = None,
+        agent_settings: AgentSettings | None = None,
+        random: random_module.Random | None = None,
+        epoch_ns: Callable[[], int] = time.time_ns,
+        stop_file: Path | None = None,
+    ) -> None:
+        """Put a master together; it serves once `run` is awaited.
+
+        Args:
+            blueprint: what the robot is.
+            store: library, slots, configurations and journal: the registry, or memory.
+            space: where the agent acts for its clients; memory if absent.
+            agent_settings: limits and periods of the agent.
+            random: draws leases and identities; the system's source if absent.
+            epoch_ns: wall clock for time synchronisation, nanoseconds since 1970.
+            stop_file: where STOP is kept besides the database, so that it holds after a restart; None: nowhere else.
+
+        Raises:
+            ConfigError: the timing makes no sense.
+            RegistryError: the slots cannot be read.
+        """
+        loop = asyncio.get_running_loop()
+        self._clock = loop.time
+        dice = random or random_module.SystemRandom()
+        self.blueprint = blueprint
+        self.profile = profile_of(blueprint)
+        self.inventory = Inventory(store, random=dice, now=loop.time(), timing=timing_of(blueprint))
+        self.access = Access(self.inventory, clock=loop.time, free_topics=frozenset(blueprint.options.free_topics))
+        self.space = space or MemorySpace(clock=loop.time)
+        """Where the robot's topics are."""
+        self.agent = Agent(
+            self.space,
+            gate=self.access,
+            settings=agent_settings,
+            epoch_ns=epoch_ns,
+            agent_id=dice.randbytes(8),
+            signal=self._link_signalled,
+        )
+        self.access.recheck = self.agent.recheck
+        self.stop_listeners: list[Callable[[StopStatus], object]] = []
+        """Called after every STOP and GO; for the journal."""
+        self._keeper = StopKeeper(store, stop_file)
+        self._stop = EmergencyStop(self._keeper.load())
+        self._kept = self._stop.record
+        """What was to be stored of STOP, and was tried."""
+        self._stop_trouble = ""
+        self._stop_is_stored = asyncio.Event()
+        self._stop_is_stored.set()
+        self._epoch_ns = epoch_ns
+        self.ready = asyncio.Event()
+        """Set when the robot's own services answer and every link is open."""
+        self._serving = False
+        self._opening: set[str] = set()
+        hub = InprocHub()
+        self.agent.add_link(hub.server)
+        self._links: list[Link] = []
+        self._master = MasterService(
+            Client(hub.connect(), key=MASTER_KEY, epoch_ns=epoch_ns, random=dice),
+            self.profile,
+            period_s=blueprint.timing.profile_period_s,
+        )
+        self._inventory = InventoryService(
+            Client(hub.connect(), key=INVENTORY_KEY, epoch_ns=epoch_ns, random=dice),
+            self.inventory,
+            explain=blueprint.options.explain,
+            keys=Keys(store, dice) if blueprint.options.authentication == "key" else None,
+            stop=self._stop,
+        )
+
+    @property
+    def is_serving(self) -> bool:
+        """Whether parts are served: `run` has begun and does not end yet."""
+        return self._serving
+
+    @property
+    def inventory_service(self) -> InventoryService:
+        """What answers the parts, and speaks to them unasked."""
+        return self._inventory
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The links that parts come in by."""
+        return tuple(self._links)
+
+    def why(self, part: str) -> list[str]:
+        """In sentences: how a part stands, which rules led there, and whom its topics cannot reach."""
+        return [*self.inventory.why(part, self._clock()), *self.troubles(part)]
+
+    def troubles(self, part: str) -> list[str]:
+        """Who should meet a part's topics now and cannot, one sentence each, with the name of the DDS policy."""
+        found = self.inventory.find(part, self._clock())
+        return [trouble for info in found for trouble in self.agent.troubles(info.client_key)]
+
+    @property
+    def stop(self) -> StopStatus:
+        """STOP as it stands: who said it and when, which parts have confirmed it in how many ms, which have not."""
+        is_stored = self._kept == self._stop.record
+        return self._stop.status(is_stored=is_stored, trouble=self._stop_trouble if is_stored else "")
+
+    def say_stop(self, by: str, reason: str = "") -> StopStatus:
+        """STOP: every part goes to its safe state and stays there until `say_go`, whatever becomes of this master.
+
+        On a CAN bus this is a frame before all others; besides, every part is told by the inventory again and again
+        until it has confirmed. `until_stop_is_stored` waits for the rest.
+        """
+        for link in self._links:
+            if isinstance(link, SaysStop):
+                # A bus that is down now carries no orders to move either.
+                with contextlib.suppress(LinkDown):
+                    link.send_stop()
+        self._inventory.stop_all(by, reason, self._epoch_ns())
+        return self._stop_said()
+
+    def say_go(self, by: str) -> int:
+        """STOP is over; returns how many parts were told.
+
+        Raises:
+            ConfigError: nobody said STOP.
+        """
+        if not self._stop.holds:
+            raise ConfigError("nobody said STOP: there is nothing to end")
+        told = self._inventory.go_all(by)
+        self._stop_said()
+        return told
+
+    async def until_stop_is_stored(self, timeout_s: float = STORED_S) -> StopStatus:
+        """Wait until the latest STOP or GO is stored, or cannot be; the answer says which."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(timeout_s):
+                await self._stop_is_stored.wait()
+        return self.stop
+
+    def _stop_said(self) -> StopStatus:
+        self._stop_is_stored.clear()
+        loop = asyncio.get_running_loop()
+
+        def stored(record: StopRecord, trouble: str) -> None:
+            with contextlib.suppress(RuntimeError):  # the robot has ended meanwhile
+                loop.call_soon_threadsafe(self._stop_stored, record, trouble)
+
+        self._keeper.keep(self._stop.record, stored)
+        status = self.stop
+        for listener in self.stop_listeners:
+            listener(status)
+        return status
+
+    def _stop_stored(self, record: StopRecord, trouble: str) -> None:
+        self._kept, self._stop_trouble = record, trouble
+        if record == self._stop.record:
+            self._stop_is_stored.set()
+
+    def add_link(self, link: Link) -> None:
+        """Let parts come in by a link, too; before or during `run`."""
+        self._links.append(link)
+        if self._serving:
+            self._serve(link)
+
+    async def run(self) -> None:
+        """Serve until cancelled.
+
+        Raises:
+            LinkDown: a link cannot be opened; the text names the remedy.
+        """
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self.agent.run())
+                tasks.create_task(self._inventory.run())
+                tasks.create_task(self._master.run())
+                # Nobody is let in before there is somebody to ask.
+                await self._inventory.until_ready()
+                self._serving = True
+                for link in self._links:
+                    self._serve(link)
+        except* MsbotError as errors:
+            raise first_error(errors) from None
+        finally:
+            self._serving = False
+            self.ready.clear()
+            self._keeper.close()
+
+    def _serve(self, link: Link) -> None:
+        self._opening.add(link.info.name)
+        self.agent.add_link(link)
+
+    def _link_signalled(self, link: Link, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
+        if signal is Signal.LINK_UP and link.info.name in self._opening:
+            self._opening.discard(link.info.name)
+            if not self._opening:
+                self.ready.set()
+        elif signal is Signal.STOP and not self._stop.holds:
+            # Once: whoever says it all the time need not be written down all the time, and two masters on one bus
+            # do not stir each other up.
+            self.say_stop("somebody at the robot", f"{reason}, said on {link.info.name}")
+        elif signal is Signal.PEER_JOINED:
+            self.access.peer_joined(link.info.name, peer, now)
+
+
+def profile_of(blueprint: Blueprint) -> Profile:
+    """What the master publishes of a robot."""
+    robot = blueprint.robot
+    return Profile(
+        name=robot.name,
+        version=robot.version,
+        serial_number=robot.serial_number,
+        released=robot.released,
+        manufacturer=robot.manufacturer,
+    )
+
+
+def timing_of(blueprint: Blueprint) -> Timing:
+    """The robot's periods as the inventory takes them."""
+    timing = blueprint.timing
+    return Timing(beat_s=timing.beat_period_s, tick_s=timing.tick_period_s, life=timing.life)
+
+
+def first_error(errors: BaseExceptionGroup[MsbotError]) -> MsbotError:
+    """The first error in a group that ended a `TaskGroup`: the one a person has to mend."""
+    leaves: Sequence[BaseException] = errors.exceptions
+    while isinstance(leaves[0], BaseExceptionGroup):
+        leaves = leaves[0].exceptions
+    assert isinstance(leaves[0], MsbotError)
+    return leaves[0]

@@ -1,0 +1,143 @@
+"""The way by which STOP always gets through to a master: a datagram socket of its own, for the user's other programs.
+
+It needs no database, no file and no folder: on Linux its name is an abstract one, and the system tells who sends
+(peer credentials). A datagram needs no connection, so there is none to be held open by somebody, and no descriptor that
+could be lacking: the one socket exists from the start. Elsewhere the socket is a file in a folder that is the user's
+alone; where there are no such sockets at all, `msbot stop` takes the way of all other commands.
+
+Each request is one JSON object, and so is each answer: `stop`, `go`, `status`. The other end is
+`msbot.runtime.stop_call`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import socket
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from msbot.errors import ConfigError
+from msbot.master.master import Master
+from msbot.pnp import StopStatus
+from msbot.runtime.stop_call import CREDENTIALS, IS_ABSTRACT, IS_THERE, is_own, new_name, withdraw
+
+MAX_REQUEST: Final = 4096
+MAX_ANSWER: Final = 150_000
+"""Octets; of more parts only the counts are told."""
+PER_TURN: Final = 8
+"""Requests that are answered in one turn of the loop."""
+
+_log = logging.getLogger(__name__)
+
+
+class StopSocket:
+    """Takes STOP and GO for one master from programs of the same user (and of root).
+
+    Args:
+        master: the robot.
+        details: how others find the robot: its name and database.
+    """
+
+    def __init__(self, master: Master, details: Callable[[], Mapping[str, str]]) -> None:
+        self.refused = 0
+        """Requests of other users."""
+        self._master = master
+        self._details = details
+        self._answers: set[asyncio.Task[None]] = set()
+
+    async def run(self) -> None:
+        """Serve until cancelled; where that is not possible a warning says so."""
+        if not IS_THERE:
+            return
+        name = ""
+        try:
+            name = new_name()
+            listening = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+            listening.setblocking(False)
+            if IS_ABSTRACT:
+                listening.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
+            listening.bind(name)
+        except OSError as error:
+            _log.warning("`msbot stop` has only the ordinary way to this process: %s", error)
+            return
+        loop = asyncio.get_running_loop()
+        loop.add_reader(listening, self._readable, listening)
+        try:
+            await loop.create_future()
+        finally:
+            loop.remove_reader(listening)
+            listening.close()
+            withdraw(name)
+
+    def _readable(self, listening: socket.socket) -> None:
+        for _ in range(PER_TURN):
+            try:
+                octets, ancillary, _, sender = listening.recvmsg(MAX_REQUEST, socket.CMSG_SPACE(CREDENTIALS.size))
+            except BlockingIOError:
+                return
+            except OSError as error:
+                _log.debug("a request for STOP could not be read: %s", error)
+                return
+            if IS_ABSTRACT and not is_own(ancillary):
+                self.refused += 1
+                continue
+            self._take(listening, octets, sender)
+
+    def _take(self, listening: socket.socket, octets: bytes, sender: str | bytes) -> None:
+        try:
+            request = json.loads(octets)
+            do, who = request["do"], str(request.get("who") or "somebody")[:64]
+            known = self._details()
+            if any(request.get(word) not in (None, known.get(word)) for word in ("robot", "database")):
+                self._send(listening, sender, {"meant": False})
+                return
+            if do == "stop":
+                # Said at once, before anything that could fail; the answer follows when it is stored.
+                self._master.say_stop(who, str(request.get("reason") or "")[:200])
+            elif do == "go":
+                self._master.say_go(who)
+        except ConfigError as error:
+            self._send(listening, sender, {"meant": True, "error": str(error)})
+            return
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            _log.debug("a request for STOP that makes no sense: %s", error)
+            return
+        if do in ("stop", "go"):
+            task = asyncio.get_running_loop().create_task(self._answer_when_stored(listening, sender))
+            self._answers.add(task)
+            task.add_done_callback(self._answers.discard)
+        else:
+            self._send(listening, sender, self._answer(self._master.stop))
+
+    async def _answer_when_stored(self, listening: socket.socket, sender: str | bytes) -> None:
+        self._send(listening, sender, self._answer(await self._master.until_stop_is_stored()))
+
+    def _answer(self, status: StopStatus) -> dict[str, object]:
+        return {"meant": True, **self._details()} | answer_of(status)
+
+    def _send(self, listening: socket.socket, sender: str | bytes, answer: Mapping[str, object]) -> None:
+        octets = json.dumps(answer).encode()
+        if len(octets) > MAX_ANSWER:
+            octets = json.dumps({**answer, "confirmed": [], "silent": []}).encode()
+        try:
+            listening.sendto(octets, sender)
+        except OSError as error:
+            _log.debug("nobody waits for the answer about STOP: %s", error)
+
+
+def answer_of(status: StopStatus) -> dict[str, object]:
+    """STOP as it stands, as JSON; times in ms, `since` in seconds since 1970."""
+    return {
+        "stopped": status.stopped,
+        "number": status.number,
+        "by": status.by if status.stopped else None,
+        "reason": status.reason,
+        "since": None if status.since_ns is None else status.since_ns / 1e9,
+        "told": status.told,
+        "confirmed": [{"part": one.part, "ms": round(one.ms, 1)} for one in status.confirmed],
+        "silent": list(status.silent),
+        "stored": status.is_stored and not status.trouble,
+        "trouble": status.trouble,
+    }

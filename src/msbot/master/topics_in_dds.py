@@ -1,0 +1,61 @@
+"""Under which names a robot's topics are in DDS: its own partition, and what the blueprint gives to others."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+
+from msbot.config import Binding, Blueprint, Library
+from msbot.errors import ConfigError
+from msbot.ros_forms import form_of, topic_name
+from msbot.sim.classes import message_class
+from msbot.space import Space, SpaceAddress, Topic, Way, WaysOf, open_space
+
+ROBOTS = "msbot/"
+"""How the DDS partitions of robots begin; the robot's name follows."""
+
+EVERYBODY = ""
+"""The partition without a name, where programs are that name none."""
+
+
+def robot_space(address: SpaceAddress, blueprint: Blueprint, library: Library) -> AbstractContextManager[Space]:
+    """The data space for a robot, to be used with `with` on a running event loop.
+
+    In DDS all its topics are in a partition of their own, so that robots in one network do not hear each other.
+
+    Raises:
+        ConfigError: it cannot be had here, or a binding says something about ROS 2 that cannot be; the text says what
+            to do.
+    """
+    partition = f"{ROBOTS}{blueprint.robot.name}"
+    return open_space(address, partition=partition, ways_of=ways_of(blueprint, library, partition))
+
+
+def ways_of(blueprint: Blueprint, library: Library, partition: str) -> WaysOf:
+    """The names of each topic of a robot.
+
+    Raises:
+        ConfigError: ROS 2 has no form for a topic that shall be in it; the text names topic and remedy.
+    """
+    known: dict[str, tuple[Way, ...]] = {}
+    for binding in blueprint.bindings:
+        if binding.topic not in known:
+            known[binding.topic] = _ways(binding, library, partition)
+
+    def find(topic: Topic) -> tuple[Way, ...]:
+        return known.get(topic.name) or (Way(topic.name, topic.type_name),)
+
+    return find
+
+
+def _ways(binding: Binding, library: Library, partition: str) -> tuple[Way, ...]:
+    wish = binding.in_dds
+    partitions = (partition, EVERYBODY) if wish.export else None
+    ways = [Way(binding.topic, binding.type_name, partitions)]
+    if wish.ros:
+        try:
+            form = form_of(message_class(library.messages[binding.type_name]), wish.ros_type, dict(wish.ros_fields))
+            name = topic_name(binding.topic)
+        except ConfigError as error:
+            raise ConfigError(f'the binding of "{binding.topic}" with ros = true: {error}') from None
+        ways.append(Way(name, form.theirs.type_name, (EVERYBODY,), form.outward, form.inward))
+    return tuple(ways)

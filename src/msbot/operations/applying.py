@@ -1,0 +1,60 @@
+"""Puts a changed blueprint into force while the robot runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from msbot.config import Blueprint, Library, open_blueprint
+from msbot.errors import ConfigError
+from msbot.operations.outcome import Outcome
+from msbot.operations.running_robot import RunningRobot
+from msbot.runtime.worker import Workshop
+
+
+class BlueprintChange:
+    """Makes the running robot what another blueprint says."""
+
+    def __init__(self, running: RunningRobot) -> None:
+        self._running = running
+        self._workshop = Workshop()
+
+    async def apply(self, path: str, folders: Sequence[str], who: str) -> Outcome:
+        """Put a file into force, checked against what MsBOT brings and the folders."""
+        blueprint, library = await self._workshop.run(open_blueprint, Path(path), *(Path(folder) for folder in folders))
+        return await self.put_in_force(blueprint, library, who=who)
+
+    async def put_in_force(self, blueprint: Blueprint, library: Library | None = None, *, who: str) -> Outcome:
+        """Put a blueprint into force; parts whose slot is no more are delisted.
+
+        Args:
+            blueprint: what the robot is from now on.
+            library: the part types it was checked against, if others than the robot was started with.
+            who: who decides.
+
+        Raises:
+            ConfigError: it is another robot's blueprint, or there is no library or no database.
+            RegistryError: it cannot be stored; nothing has changed.
+        """
+        running, inventory = self._running, self._running.inventory
+        registry, robot = running.database()
+        types = library or running.library
+        if types is None:
+            raise ConfigError("this robot was started without its library: it cannot take another blueprint")
+        profile = blueprint.robot
+        if (profile.name, profile.serial_number) != (robot.name, robot.serial_number):
+            raise ConfigError(
+                f"this is the blueprint of {profile.name} {profile.serial_number}, and the robot that runs is "
+                f"{robot.name} {robot.serial_number}: start another master for the other one"
+            )
+        _, edit = await registry.storage.in_time(registry.robots.change_blueprint, blueprint, types, who)
+        running.library = types
+        before, running.master.blueprint = running.master.blueprint, blueprint
+        inventory.reload(running.now())
+        running.configure(slot.name for slot in blueprint.slots)
+        if edit is None:
+            return Outcome("the blueprint changes nothing")
+        words = edit.words
+        if (before.timing, before.robot, before.options) != (blueprint.timing, blueprint.robot, blueprint.options):
+            words += "; profile, timing and options hold from the master's next start on"
+        return Outcome(words, edit.id)

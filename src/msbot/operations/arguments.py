@@ -1,0 +1,67 @@
+"""Checks the arguments that another process or a browser sends against the table of operations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from msbot.errors import ConfigError
+from msbot.operations.table import Argument, Kind, Operation
+
+
+def read_arguments(operation: Operation, given: object) -> dict[str, object]:
+    """The keywords for the method that carries the operation out.
+
+    Args:
+        operation: what shall be done.
+        given: the arguments by name; one that is None counts as left out.
+
+    Raises:
+        ConfigError: one is missing, unknown, or not what it must be.
+    """
+    if not isinstance(given, Mapping):
+        raise ConfigError(f"{operation.name}: the arguments must be an object")
+    names = [argument.name for argument in operation.arguments]
+    if unknown := sorted(str(name) for name in given.keys() - set(names)):
+        raise ConfigError(f"{operation.name} knows no {', '.join(unknown)}; it takes {', '.join(names) or 'nothing'}")
+    return {
+        argument.passed_as: _read(operation.name, argument, given.get(argument.name))
+        for argument in operation.arguments
+    }
+
+
+def _read(do: str, argument: Argument, value: object) -> object:
+    if value is None:
+        if argument.is_needed:
+            raise ConfigError(f"{do}: {argument.name} is missing")
+        return argument.default
+    found = _of_kind(argument.kind, value)
+    if found is None:
+        raise ConfigError(f"{do}: {argument.name} must be {argument.kind.value}")
+    texts = [found] if isinstance(found, str) else found if isinstance(found, list) else []
+    if any(len(text) > argument.longest for text in texts):
+        raise ConfigError(f"{do}: {argument.name} is too long; it may have {argument.longest} characters")
+    if isinstance(found, int | float) and not isinstance(found, bool):
+        is_low = argument.least is not None and not found >= argument.least
+        is_high = argument.most is not None and not found <= argument.most
+        if is_low or is_high:
+            raise ConfigError(f"{do}: {argument.name} is {found:g}; it must be {argument.least:g} to {argument.most:g}")
+    return found
+
+
+def _of_kind(kind: Kind, value: object) -> str | list[str] | float | int | bool | None:
+    """The value, when it is of that kind; None when it is not."""
+    is_truth = isinstance(value, bool)
+    match kind:
+        case Kind.TEXT if isinstance(value, str):
+            return value
+        case Kind.TEXTS if isinstance(value, list | tuple) and all(isinstance(one, str) for one in value):
+            return list(value)
+        case Kind.NUMBER if isinstance(value, int | float) and not is_truth:
+            return float(value)
+        case Kind.WHOLE if isinstance(value, int) and not is_truth:
+            return value
+        case Kind.FLAG if isinstance(value, bool):
+            return value
+        case Kind.VALUE if isinstance(value, str | int | float):
+            return str(value).lower() if is_truth else str(value)
+    return None

@@ -1,0 +1,77 @@
+"""Who may not come in: parts, or all parts of a number, blocked and let in again."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from msbot.errors import ConfigError
+from msbot.operations.outcome import Outcome, outcome_of
+from msbot.operations.part_names import uid_of
+from msbot.operations.running_robot import RunningRobot
+from msbot.operations.stored_robot import StoredRobot
+from msbot.registry import blocks
+
+
+class Blocking:
+    """Blocks at a running robot: those that are in are put out at once."""
+
+    def __init__(self, running: RunningRobot) -> None:
+        self._running = running
+        self._inventory = running.inventory
+
+    async def block(self, part: str, reason: str, who: str) -> Outcome:
+        """Let a part, or all parts of a number, in no more."""
+        kind, key, words = self._block_key(part)
+        edit = await self._running.change(who, partial(blocks.block, kind=kind, key=key, reason=reason))
+        self._inventory.blocks_changed(self._running.now())
+        return outcome_of(edit, f"{words} is blocked{': ' if reason else ''}{reason}")
+
+    async def unblock(self, part: str, who: str) -> Outcome:
+        """Let a part, or all parts of a number, in again; they come back by themselves."""
+        kind, key, words = self._block_key(part)
+        uid, number = (bytes.fromhex(key), "") if kind == "uid" else (b"", key)
+        if self._inventory.blocked(uid, number) is None:
+            raise ConfigError(f"{words} is not blocked")
+        edit = await self._running.change(who, partial(blocks.unblock, kind=kind, key=key))
+        return outcome_of(edit, f"{words} may come in again")
+
+    def _block_key(self, word: str) -> tuple[str, str, str]:
+        """(kind, key, words) of what a person means to block."""
+        library = self._running.library
+        seen = {info.part_number for info in self._inventory.view(self._running.now())}
+        if word in seen or (library is not None and library.get(word) is not None):
+            return "number", word, f"part number {word}"
+        if (uid := uid_of(word)) is not None:
+            return "uid", uid.hex(), f"the part with UID {uid.hex()}"
+        found = self._inventory.find(word, self._running.now())
+        info = found[0] if len(found) == 1 else self._running.part(word)  # also one that is gone
+        if info.uid:
+            return "uid", info.uid.hex(), f"{info.part} (UID {info.uid.hex()})"
+        raise ConfigError(f"{info.part} has no UID by which it could be blocked: block its number, {info.part_number}")
+
+
+class StoredBlocking:
+    """Blocks in the database of a robot that does not run."""
+
+    def __init__(self, stored: StoredRobot) -> None:
+        self._stored = stored
+
+    async def block(self, part: str, reason: str, who: str) -> Outcome:
+        """Let a part, or all parts of a number, in no more."""
+        kind, key = self._block_key(part)
+        return outcome_of(await self._stored.change(who, partial(blocks.block, kind=kind, key=key, reason=reason)))
+
+    async def unblock(self, part: str, who: str) -> Outcome:
+        """Let a part, or all parts of a number, in again."""
+        kind, key = self._block_key(part)
+        uid, number = (bytes.fromhex(key), "") if kind == "uid" else (b"", key)
+        if self._stored.store.blocked(uid, number) is None:
+            raise ConfigError(f"{part} is not blocked")
+        return outcome_of(await self._stored.change(who, partial(blocks.unblock, kind=kind, key=key)))
+
+    def _block_key(self, word: str) -> tuple[str, str]:
+        numbers = {one.part_number for one in self._stored.parts()}
+        if word in numbers or self._stored.store.part_type(word) is not None:
+            return "number", word
+        uid = uid_of(word) or self._stored.part(word).uid
+        return "uid", uid.hex()

@@ -1,0 +1,216 @@
+"""Driving a port by hand: a person moves the fan, the lamp, the servo, in place of the wire that leads there.
+
+Whoever drives a port holds it for a while. Each new value holds it anew; when nobody renews it, it gets its safe value
+and its wire is joined again. STOP ends it at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from msbot.config import Direction as PortDirection
+from msbot.config import FieldKind, Port, Scalar
+from msbot.errors import ConfigError, RegistryError
+from msbot.operations.changeable_robot import endpoint_of
+from msbot.operations.outcome import Outcome
+from msbot.operations.running_robot import RunningRobot
+from msbot.part import Message
+from msbot.part.messages.message import fields_of
+from msbot.pnp import HeldPort, StopStatus
+from msbot.registry import EditKind
+from msbot.sim.classes import message_class
+from msbot.space import Qos, Topic, Writer
+
+REPEAT_S = 0.5
+"""The value is said that often while the port is held: its reader may have come a moment after it was said first."""
+LETTING_GO_S = 0.3
+"""So long the safe value is said before the wire is joined again."""
+_GUID = bytes.fromhex("4d73424f540000000000000068616e64")
+"""The writer's identity in the data space: `MsBOT`, `hand`."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class _Hold:
+    """A port that is held."""
+
+    held: HeldPort
+    message: Message
+    safe: Message | None
+    writer: Writer
+    who: str
+    until: float
+    timer: asyncio.TimerHandle | None = None
+    ending: bool = False
+
+
+class ByHand:
+    """The ports of one running robot that people hold."""
+
+    def __init__(self, running: RunningRobot) -> None:
+        self._running = running
+        self._holds: dict[tuple[str, str], _Hold] = {}
+        running.master.stop_listeners.append(self._stopped)
+
+    def publish(self, port: str, values: Sequence[str], seconds: float, who: str) -> Outcome:
+        """Drive a port with these values, and hold it for so many seconds."""
+        if self._running.master.stop.stopped:
+            raise ConfigError(f"STOP is in force: {port} stays in its safe state until GO")
+        end = endpoint_of(self._running, port)
+        holder = self._running.holder(end.slot)
+        if holder is None or not holder.state.is_registered:
+            raise ConfigError(f"slot {end.slot} has no part now: there is nothing to drive")
+        declared = self._port(end.slot, end.port, holder.part_number)
+        message = _message(declared, end.slot, values)
+        hold = self._holds.get((end.slot, end.port))
+        if hold is None or hold.ending:
+            hold = self._take(declared, end.slot, message, who)
+            self._running.note(EditKind.HAND, f"{who} drives {end.slot}.{end.port} by hand", who)
+        hold.message, hold.who = message, who
+        hold.until = self._running.now() + seconds
+        self._say(hold)
+        shown = ", ".join(f"{name} {getattr(message, name)}" for name in declared.message.fields)  # type: ignore[union-attr]
+        return Outcome(f"{end.slot}.{end.port}: {shown}, for {seconds:g} s")
+
+    def let_go(self, port: str, who: str) -> Outcome:
+        """Hold a port no more: it gets its safe value, then what its wire says."""
+        end = endpoint_of(self._running, port)
+        hold = self._holds.get((end.slot, end.port))
+        if hold is None or hold.ending:
+            raise ConfigError(f"nobody drives {port} by hand")
+        hold.who = who
+        self._end(hold)
+        return Outcome(f"{port} gets its safe value and follows its wire again")
+
+    def held(self) -> Mapping[tuple[str, str], str]:
+        """Who drives which port: `(slot, port)` -> name."""
+        return {where: hold.who for where, hold in self._holds.items() if not hold.ending}
+
+    def said(self) -> Mapping[tuple[str, str], Mapping[str, Scalar]]:
+        """What people say to the ports they hold: `(slot, port)` -> fields."""
+        return {
+            where: {field.name: getattr(hold.message, field.name) for field in fields_of(type(hold.message))}
+            for where, hold in self._holds.items()
+            if not hold.ending
+        }
+
+    def _stopped(self, status: StopStatus) -> None:
+        if status.stopped:
+            for hold in list(self._holds.values()):
+                self._join_again(hold)
+
+    def _port(self, slot: str, name: str, number: str) -> Port:
+        library = self._running.library
+        part_type = None if library is None else library.find(number)
+        if part_type is None:
+            raise ConfigError(f"the library does not know {number}: nobody can say what {slot}.{name} takes")
+        declared = part_type.port(name)
+        drivable = [one.name for one in part_type.ports if one.direction is PortDirection.SUBSCRIBE and one.message]
+        if declared is None or declared.name not in drivable:
+            known = ", ".join(f"{slot}.{one}" for one in drivable) or "it has none"
+            raise ConfigError(f"{slot}.{name} is no port that can be driven; those of {number}: {known}")
+        return declared
+
+    def _take(self, declared: Port, slot: str, message: Message, who: str) -> _Hold:
+        inventory = self._running.inventory
+        assert declared.message is not None
+        old = self._holds.pop((slot, declared.name), None)
+        if old is not None:
+            self._drop(old)
+        held = inventory.hand.take(slot, declared.name, message.type_name)
+        try:
+            self._running.configure([slot])
+        except RegistryError:
+            inventory.hand.let_go(slot, declared.name)
+            raise
+        safe = None if declared.safe is None else message_class(declared.message)(**declared.safe)
+        writer = self._running.master.space.writer(Topic(held.topic, held.type_name), Qos(), _GUID)
+        hold = _Hold(held, message, safe, writer, who, self._running.now())
+        self._holds[slot, declared.name] = hold
+        return hold
+
+    def _say(self, hold: _Hold) -> None:
+        if hold.timer is not None:
+            hold.timer.cancel()
+        if self._running.now() >= hold.until and not hold.ending:
+            self._end(hold)
+            return
+        hold.writer.write(hold.message.encode())
+        hold.timer = self._running.loop.call_later(REPEAT_S, self._say, hold)
+
+    def _end(self, hold: _Hold) -> None:
+        """The safe value first, then the wire."""
+        hold.ending = True
+        if hold.timer is not None:
+            hold.timer.cancel()
+        if hold.safe is not None:
+            hold.writer.write(hold.safe.encode())
+        hold.timer = self._running.loop.call_later(LETTING_GO_S, self._join_again, hold)
+
+    def _join_again(self, hold: _Hold) -> None:
+        where = hold.held.slot, hold.held.port
+        if self._holds.get(where) is not hold:
+            return
+        del self._holds[where]
+        self._drop(hold)
+        self._running.inventory.hand.let_go(*where)
+        try:
+            self._running.configure([where[0]])
+        except RegistryError as error:
+            _log.warning("%s.%s follows its wire again when its part comes back: %s", *where, error)
+        self._running.note(EditKind.HAND, f"{'.'.join(where)} is driven by hand no more", hold.who)
+
+    def _drop(self, hold: _Hold) -> None:
+        if hold.timer is not None:
+            hold.timer.cancel()
+        hold.writer.close()
+
+
+def _message(declared: Port, slot: str, values: Sequence[str]) -> Message:
+    """The message that people mean: values in the order of the fields, or `field=value`.
+
+    Raises:
+        ConfigError: a field is missing, unknown, or cannot have that value.
+    """
+    assert declared.message is not None
+    fields = declared.message.fields
+    where = f"{slot}.{declared.name}"
+    shown = ", ".join(f"{name} ({kind.value})" for name, kind in fields.items())
+    given: dict[str, str] = {}
+    if len(fields) == 1 and next(iter(fields.values())) is FieldKind.TEXT and not _is_named(values, fields):
+        values = [" ".join(values)]
+    for place, text in enumerate(values):
+        name, equals, value = text.partition("=")
+        if not equals or name not in fields:
+            if place >= len(fields):
+                raise ConfigError(f"{where} takes {len(fields)} values, not {len(values)}: {shown}")
+            name, value = list(fields)[place], text
+        given[name] = value
+    if missing := [name for name in fields if name not in given]:
+        raise ConfigError(f"{where} needs a value for {', '.join(missing)}; it takes {shown}")
+    return message_class(declared.message)(**{name: _value(where, name, fields[name], given[name]) for name in fields})
+
+
+def _is_named(values: Sequence[str], fields: Mapping[str, FieldKind]) -> bool:
+    return len(values) == 1 and values[0].partition("=")[0] in fields and "=" in values[0]
+
+
+def _value(where: str, name: str, kind: FieldKind, text: str) -> Scalar:
+    value: Scalar
+    try:
+        if kind is FieldKind.TEXT:
+            value = text
+        elif kind is FieldKind.BOOL:
+            value = {"true": True, "on": True, "1": True, "false": False, "off": False, "0": False}[text.casefold()]
+        else:
+            value = int(text, 0) if kind.is_whole else float(text)
+    except (KeyError, ValueError):
+        needed = "on or off" if kind is FieldKind.BOOL else "a whole number" if kind.is_whole else "a number"
+        raise ConfigError(f"{where}: {name} must be {needed}, not {text!r}") from None
+    if fault := kind.fault(value):
+        raise ConfigError(f"{where}: {name} {fault}")
+    return value

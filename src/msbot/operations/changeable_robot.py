@@ -1,0 +1,58 @@
+"""What the operations that work on any robot need of it, whether its master runs or not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeVar
+
+from msbot.config import Endpoint
+from msbot.errors import ConfigError
+from msbot.operations.part_names import one_slot
+from msbot.registry import EditRecord, Registry, RobotRecord
+from msbot.registry.edits import Making
+
+_T = TypeVar("_T")
+
+
+class ChangeableRobot(Protocol):
+    """A robot that runs, or the database of one that does not."""
+
+    def slot_names(self) -> Sequence[str]:
+        """Its slots, in the order of the blueprint."""
+
+    async def read(self, read: Callable[[Registry, RobotRecord], _T]) -> _T:
+        """Read something from the database.
+
+        Raises:
+            ConfigError: there is no database.
+            RegistryError: it cannot be read.
+        """
+
+    async def change(self, who: str, making: Making) -> EditRecord:
+        """Make a change in the database; parts whose configuration it changes get the new one.
+
+        Raises:
+            ConfigError: there is no database, or the change makes no sense.
+            RegistryError: it cannot be stored; nothing has changed.
+        """
+
+
+def slot_of(robot: ChangeableRobot, name: str) -> str:
+    """The slot of that name; capitals do not matter when it is clear.
+
+    Raises:
+        NotThere: there is none.
+    """
+    return one_slot(name, robot.slot_names())
+
+
+def endpoint_of(robot: ChangeableRobot, text: str) -> Endpoint:
+    """The port that is written `SLOT.port`.
+
+    Raises:
+        ConfigError: it is none, or there is no such slot.
+    """
+    slot, _, port = text.rpartition(".")
+    if not slot or not port:
+        raise ConfigError(f"{text!r} is no port: write SLOT.port, for example AA.out")
+    return Endpoint(slot_of(robot, slot), port)

@@ -1,0 +1,153 @@
+"""Carries operations out: looks each up in the table, checks the right and the arguments, and calls its method.
+
+Every change is checked, stored in one transaction and applied at once; what is stored says who did it, and can be
+undone. While the database cannot be written nothing is changed, and the error says so.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+from collections.abc import Callable, Mapping
+
+from msbot.config import Library
+from msbot.errors import ConfigError, MsbotError
+from msbot.master import Master
+from msbot.operations.applying import BlueprintChange
+from msbot.operations.arguments import read_arguments
+from msbot.operations.blocking import Blocking, StoredBlocking
+from msbot.operations.by_hand import ByHand
+from msbot.operations.outcome import Outcome
+from msbot.operations.placement import Placement
+from msbot.operations.rights import Asker, user_of_computer
+from msbot.operations.running_robot import RunningRobot
+from msbot.operations.settings import SlotSettings
+from msbot.operations.showing import Showing
+from msbot.operations.stopping import Stopping
+from msbot.operations.stored_placement import StoredPlacement
+from msbot.operations.stored_robot import StoredRobot
+from msbot.operations.table import OPERATIONS, Kept
+from msbot.operations.undoing import StoredUndoing, Undoing
+from msbot.operations.wires import Wires
+from msbot.registry import Registry, RobotRecord
+
+
+class Operations:
+    """What can be done to one robot.
+
+    Args:
+        *groups: the objects that carry operations out: each method that has the name of an operation is one.
+    """
+
+    def __init__(self, settings: SlotSettings, undoing: Undoing | StoredUndoing, *groups: object) -> None:
+        self.settings = settings
+        self.undoing = undoing
+        self.asked = 0
+        """Operations that were asked for and may have changed something: whoever keeps what they saw looks anew."""
+        self._methods: dict[str, Callable[..., object]] = {
+            name: getattr(group, name)
+            for group in (settings, undoing, *groups)
+            for name in OPERATIONS
+            if hasattr(group, name)
+        }
+        self._one_at_a_time = asyncio.Lock()
+
+    async def do(self, operation: str, /, *, who: Asker | str, **arguments: object) -> Outcome:
+        """Do something to the robot, or ask something about it.
+
+        Args:
+            operation: its name in the table.
+            who: who asks for it; a name alone is a user of this computer, who may do everything.
+            **arguments: what the table says.
+
+        Raises:
+            ConfigError: there is no such operation, an argument is wrong, or it cannot be done; the text says why.
+            RegistryError: it cannot be stored; nothing has changed.
+        """
+        row = OPERATIONS.get(operation)
+        if row is None:
+            raise ConfigError(f"there is no operation {operation!r}; there are {', '.join(OPERATIONS)}")
+        asker = user_of_computer(who) if isinstance(who, str) else who
+        asker.require(row.right)
+        given = read_arguments(row, arguments)
+        if row.right_for_others is not None and not asker.may(row.right_for_others):
+            await self.undoing.check_own(asker, row.right_for_others, given)
+        method = self._methods.get(operation)
+        if method is None:
+            raise ConfigError(f"{operation} needs the robot's master, and it does not run: start it, `msbot master`")
+        if not row.is_question:
+            self.asked += 1
+            given["who"] = asker.name
+        if row.kept not in (Kept.UNDOABLE, Kept.CHANGE):
+            return await _outcome(method(**given))
+        async with self._one_at_a_time:  # what one has checked must not be changed by another before it is stored
+            return await _outcome(method(**given))
+
+
+class RunningOperations(Operations):
+    """The operations of a robot whose master runs in this process; must be made inside its event loop.
+
+    Args:
+        master: the robot.
+        registry: its database; without one nothing can be stored, and what must be stored cannot be done.
+        robot: which robot of the database it is.
+        library: the part types that a new blueprint is checked against.
+    """
+
+    def __init__(
+        self,
+        master: Master,
+        registry: Registry | None = None,
+        robot: RobotRecord | None = None,
+        *,
+        library: Library | None = None,
+    ) -> None:
+        running = RunningRobot(master, registry, robot, library)
+        self.placement = Placement(running)
+        self.stopping = Stopping(running)
+        self.showing = Showing(running)
+        self.applying = BlueprintChange(running)
+        self.by_hand = ByHand(running)
+        super().__init__(
+            SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
+            self.applying, self.by_hand, Blocking(running), Wires(running),
+        )  # fmt: skip
+
+
+def stored_operations(registry: Registry, robot: RobotRecord) -> Operations:
+    """The operations of a robot that does not run, on its database: they count from its next start.
+
+    No master can start meanwhile.
+
+    Raises:
+        RegistryError: a master runs the robot, or the database cannot be used.
+    """
+    stored = StoredRobot(registry, robot)
+    return Operations(
+        SlotSettings(stored), StoredUndoing(stored), StoredPlacement(stored), StoredBlocking(stored), Wires(stored)
+    )
+
+
+async def perform(operations: Operations, request: Mapping[str, object]) -> dict[str, object]:
+    """Do what another process asks for; a person's mistake is an answer, too.
+
+    A request is `{"do": name, "args": {...}, "who": name}`; the answer has `words`, and `edit` when something was
+    stored, or `error`.
+    """
+    do, who, arguments = request.get("do"), request.get("who"), request.get("args", {})
+    try:
+        if not isinstance(do, str) or do not in OPERATIONS:
+            raise ConfigError(f"there is no operation {do!r}; there are {', '.join(OPERATIONS)}")
+        if not isinstance(who, str) or not who:
+            raise ConfigError(f"{do}: it is not said who asks for it")
+        if not isinstance(arguments, dict):
+            raise ConfigError(f"{do}: the arguments must be an object")
+        return (await operations.do(do, who=who, **arguments)).as_json()
+    except MsbotError as error:
+        return {"error": str(error)}
+
+
+async def _outcome(result: object) -> Outcome:
+    found = await result if inspect.isawaitable(result) else result
+    assert isinstance(found, Outcome)
+    return found

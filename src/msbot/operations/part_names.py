@@ -1,0 +1,72 @@
+"""Which part a person means by a word."""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Callable, Iterable, Sequence
+from difflib import get_close_matches
+
+from msbot.errors import ConfigError, NotThere
+from msbot.pnp import PartInfo
+
+UID_DIGITS = 16
+
+
+def one_part(
+    word: str, found: Sequence[PartInfo], all_parts: Sequence[PartInfo], prefer: Callable[[PartInfo], bool]
+) -> PartInfo:
+    """The part that is there and is meant.
+
+    Args:
+        word: what the person said.
+        found: the parts that are known by that word.
+        all_parts: all parts.
+        prefer: decides when several are there.
+
+    Raises:
+        ConfigError: none, or several.
+    """
+    here = [info for info in found if not info.state.is_over]
+    wanted = [info for info in here if prefer(info)] or here
+    if len(wanted) == 1:
+        return wanted[0]
+    if wanted:
+        names = "; ".join(describe(info) for info in wanted)
+        raise ConfigError(f"{len(wanted)} parts are known as {word!r}: name one by its UID or address: {names}")
+    if found:
+        gone = found[-1]
+        raise ConfigError(f"{gone.part} is not plugged in: {gone.state.value}, {gone.reason}")
+    names = ", ".join(dict.fromkeys(info.part for info in all_parts if not info.state.is_over))
+    raise NotThere(f"no part is known as {word!r}; there are {names or 'none yet'}")
+
+
+def one_slot(name: str, names: Iterable[str]) -> str:
+    """The slot of that name; capitals do not matter when it is clear.
+
+    Raises:
+        NotThere: there is none.
+    """
+    known = list(names)
+    if name in known:
+        return name
+    alike = [one for one in known if one.casefold() == name.casefold()]
+    if len(alike) == 1:
+        return alike[0]
+    close = get_close_matches(name, known)
+    hint = f"did you mean {' or '.join(close)}?" if close else f"there are {', '.join(known) or 'none'}"
+    raise NotThere(f"the robot has no slot {name!r}; {hint}")
+
+
+def describe(info: PartInfo) -> str:
+    """A part in a few words that tell it from others."""
+    uid = f"UID {info.uid.hex()}" if info.uid else "no UID"
+    where = f"in slot {info.slot}" if info.slot else info.state.value
+    return f"{info.part} ({info.part_number or 'not claimed yet'}, {uid}, {where}, at {info.address})"
+
+
+def uid_of(word: str) -> bytes | None:
+    """The UID that a person typed, or None when it is something else."""
+    digits = word.replace(":", "").replace("-", "")
+    if len(digits) == UID_DIGITS and all(digit in string.hexdigits for digit in digits):
+        return bytes.fromhex(digits)
+    return None

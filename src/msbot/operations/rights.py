@@ -1,0 +1,89 @@
+"""Who may do what: four roles, each with all rights of the one below (thesis 5.4.2: only authorised people)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+from msbot.errors import ConfigError
+
+
+class Role(IntEnum):
+    """What a person is to the robot; a higher one may do everything a lower one may."""
+
+    VIEWER = 1
+    STUDENT = 2
+    TEACHER = 3
+    ADMINISTRATOR = 4
+
+    @property
+    def word(self) -> str:
+        """The role as it is stored and shown: `viewer`, `student`, `teacher`, `administrator`."""
+        return self.name.lower()
+
+    @property
+    def one(self) -> str:
+        """The same in a sentence: `a teacher`, `an administrator`."""
+        return f"{'an' if self.word[0] in 'aeiou' else 'a'} {self.word}"
+
+
+def role_named(word: str) -> Role:
+    """The role of that name.
+
+    Raises:
+        ConfigError: there is no such role; the text lists them.
+    """
+    for role in Role:
+        if role.word == word:
+            return role
+    raise ConfigError(f"there is no role {word!r}: choose {', '.join(role.word for role in Role)}")
+
+
+class Right(Enum):
+    """One kind of thing a person may do."""
+
+    SEE = "see the robot"
+    STOP = "press STOP"
+    """Whoever sees a robot run wild must be able to end it."""
+    OPERATE = "play with simulated parts"
+    """And have a part identify itself."""
+    SET = "change settings"
+    """Parameters of slots, by hand."""
+    ARRANGE = "arrange parts"
+    """Adopt, swap, release and block them; undo; go on after STOP."""
+    DESIGN = "change the blueprint"
+    ADMINISTER = "administer users, keys and backups"
+
+    @property
+    def least(self) -> Role:
+        """The lowest role that has this right."""
+        return _LEAST[self]
+
+
+_LEAST = {
+    Right.SEE: Role.VIEWER,
+    Right.STOP: Role.VIEWER,
+    Right.OPERATE: Role.STUDENT,
+    Right.SET: Role.STUDENT,
+    Right.ARRANGE: Role.TEACHER,
+    Right.DESIGN: Role.TEACHER,
+    Right.ADMINISTER: Role.ADMINISTRATOR,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Asker:
+    """Who asks for an operation, and what they may do."""
+
+    name: str
+    """For the journal."""
+    require: Callable[[Right], None]
+    """Raises when the person does not have that right at this moment."""
+    may: Callable[[Right], bool]
+    """Whether the person has that right."""
+
+
+def user_of_computer(name: str) -> Asker:
+    """Whoever uses the computer that the robot's master runs on: may do everything."""
+    return Asker(name, lambda _right: None, lambda _right: True)

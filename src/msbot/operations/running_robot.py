@@ -1,0 +1,122 @@
+"""The running robot that operations are about: its master, its database, and what people mean by their words."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine, Iterable, Sequence
+from typing import TypeVar
+
+from msbot.config import Library
+from msbot.errors import ConfigError
+from msbot.master import Master
+from msbot.operations.part_names import one_part, uid_of
+from msbot.pnp import PartInfo
+from msbot.registry import EditKind, EditRecord, Registry, RobotRecord
+from msbot.registry.edits import Making
+
+_T = TypeVar("_T")
+
+
+class RunningRobot:
+    """A master and its database; must be made inside the robot's event loop.
+
+    Args:
+        master: the robot.
+        registry: its database; None: nothing can be stored.
+        robot: which robot of the database it is.
+        library: the part types that a new blueprint is checked against.
+    """
+
+    def __init__(
+        self, master: Master, registry: Registry | None, robot: RobotRecord | None, library: Library | None
+    ) -> None:
+        self.master = master
+        self.inventory = master.inventory
+        self.registry = registry
+        self.robot = robot
+        self.library = library
+        self.loop = asyncio.get_running_loop()
+        self._tasks: set[asyncio.Task[None]] = set()
+        if registry is not None and robot is not None:
+            registry.runs.on_news(robot, lambda: self.loop.call_soon_threadsafe(self.follow_database))
+
+    def now(self) -> float:
+        """The present time, seconds."""
+        return self.loop.time()
+
+    # Finding
+
+    def part(self, word: str, *, prefer: Callable[[PartInfo], bool] = lambda _: True) -> PartInfo:
+        """The one part that is there and is meant.
+
+        Raises:
+            ConfigError: none, or several.
+        """
+        everybody = self.inventory.view(self.now())
+        found = self.inventory.find(word, self.now())
+        if not found and (uid := uid_of(word)) is not None:
+            found = [info for info in everybody if info.uid == uid]
+        return one_part(word, found, everybody, prefer)
+
+    def here(self, uid: bytes) -> PartInfo | None:
+        """The part with that UID, if it is there."""
+        everybody = self.inventory.view(self.now())
+        return next((info for info in everybody if info.uid == uid and not info.state.is_over), None)
+
+    def holder(self, slot: str) -> PartInfo | None:
+        """The part that holds a slot."""
+        return self.inventory.holder(slot, self.now())
+
+    def slot_names(self) -> Sequence[str]:
+        """See `ChangeableRobot.slot_names`."""
+        return self.inventory.slots.names()
+
+    # Storing
+
+    def database(self) -> tuple[Registry, RobotRecord]:
+        """The database and which robot of it this is.
+
+        Raises:
+            ConfigError: there is none.
+        """
+        if self.registry is None or self.robot is None:
+            raise ConfigError("this robot runs without a database: what is to last cannot be changed")
+        return self.registry, self.robot
+
+    async def read(self, read: Callable[[Registry, RobotRecord], _T]) -> _T:
+        """See `ChangeableRobot.read`."""
+        registry, robot = self.database()
+        return await registry.storage.in_time(read, registry, robot)
+
+    async def change(self, who: str, making: Making) -> EditRecord:
+        """See `ChangeableRobot.change`."""
+        registry, robot = self.database()
+        edit = await registry.edits.make_soon(robot, who, making)
+        self.configure(edit.slots)
+        return edit
+
+    def note(self, kind: EditKind, words: str, who: str) -> None:
+        """Keep a line about something that changed nothing stored; nobody waits for it."""
+        if self.registry is not None and self.robot is not None:
+            self.registry.edits.note(self.robot, kind, words, who)
+
+    def later(self, work: Coroutine[object, object, None]) -> None:
+        """Do something in the event loop that nobody waits for."""
+        task = self.loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    def follow_database(self) -> None:
+        """Have the robot do what the database says by now: somebody else has changed it."""
+        self.inventory.reload(self.now())
+        self.inventory.blocks_changed(self.now())
+        self.configure(self.slot_names())
+
+    def configure(self, slots: Iterable[str]) -> None:
+        """Give the parts in these slots their new configurations.
+
+        Raises:
+            RegistryError: one cannot be read.
+        """
+        for slot in slots:
+            self.inventory.configuration_changed(slot)

@@ -1,0 +1,71 @@
+"""The parameters of slots: set by hand, taken back, shown."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from msbot.errors import ConfigError
+from msbot.operations.changeable_robot import ChangeableRobot, slot_of
+from msbot.operations.outcome import Outcome, outcome_of
+from msbot.registry import ValueRecord, slot_values
+
+
+class SlotSettings:
+    """Sets parameters by hand; parts of a running robot get them at once."""
+
+    def __init__(self, robot: ChangeableRobot) -> None:
+        self._robot = robot
+
+    async def read(self, slot: str) -> tuple[ValueRecord, ...]:
+        """The parameters of a slot, with values and where these come from.
+
+        Raises:
+            ConfigError: no such slot, or no database.
+            RegistryError: the database cannot be read.
+        """
+        target = slot_of(self._robot, slot)
+        return await self._robot.read(lambda registry, robot: registry.robots.values(robot, target))
+
+    async def values(self, slot: str) -> Outcome:
+        """The same, as JSON."""
+        return Outcome(answer={"values": [_as_json(value) for value in await self.read(slot)]})
+
+    async def set(self, slot: str, name: str, value: str | None, who: str) -> Outcome:
+        """Set a parameter of a slot by hand; without a value, take back what was set by hand."""
+        if value is None:
+            return await self.reset(slot, name, who)
+        target = slot_of(self._robot, slot)
+        found = await self._find(target, name)
+        wanted = found.read(value)
+        return outcome_of(
+            await self._robot.change(who, partial(slot_values.set_value, slot=target, name=name, value=wanted))
+        )
+
+    async def reset(self, slot: str, name: str, who: str) -> Outcome:
+        """Take back what was set by hand; blueprint or library hold again."""
+        target = slot_of(self._robot, slot)
+        found = await self._find(target, name)
+        if found.origin != "hand":
+            raise ConfigError(f"{name} of {target} is not set by hand: its value is the {found.origin}'s")
+        return outcome_of(
+            await self._robot.change(who, partial(slot_values.set_value, slot=target, name=name, value=None))
+        )
+
+    async def _find(self, slot: str, name: str) -> ValueRecord:
+        known = {value.name: value for value in await self.read(slot)}
+        if name not in known:
+            raise ConfigError(f"slot {slot} has no parameter {name!r}; it has {', '.join(known) or 'none'}")
+        return known[name]
+
+
+def _as_json(value: ValueRecord) -> dict[str, object]:
+    return {
+        "name": value.name,
+        "value": value.value,
+        "unit": value.unit,
+        "origin": value.origin,
+        "who": value.who,
+        "least": value.least,
+        "most": value.most,
+        "description": value.description,
+    }

@@ -1,0 +1,50 @@
+"""What helps people to find parts: a part shows itself, says why it stands as it does, or is not shown any more."""
+
+from __future__ import annotations
+
+import logging
+
+from msbot.errors import ConfigError
+from msbot.operations.outcome import Outcome
+from msbot.operations.part_names import describe
+from msbot.operations.running_robot import RunningRobot
+from msbot.pnp import PartInfo
+
+_log = logging.getLogger(__name__)
+
+
+class Showing:
+    """Changes nothing that is stored."""
+
+    def __init__(self, running: RunningRobot) -> None:
+        self._running = running
+        self._ignored: set[bytes] = set()
+
+    def identify(self, part: str, who: str) -> Outcome:
+        """Have a part show itself: blink, beep, whatever it can."""
+        info = self._running.part(part, prefer=lambda one: one.state.is_registered)
+        if not self._running.master.inventory_service.identify(info.client_key):
+            raise ConfigError(f"{info.part} cannot be told to show itself: its program speaks the thesis' layout only")
+        _log.info("%s has %s show itself", who, describe(info))
+        return Outcome(f"{info.part} shows itself")
+
+    def why(self, part: str) -> Outcome:
+        """In sentences: how a part stands and which rules led there; none when no part is known by that word."""
+        is_known = self._running.inventory.find(part, self._running.now())
+        master = self._running.master
+        return Outcome(answer={"lines": master.why(part) if is_known else [], "troubles": master.troubles(part)})
+
+    def ignore(self, part: str, who: str) -> Outcome:
+        """Show a part that is not let in no more among the arrivals, until the master ends."""
+        info = self._running.part(part, prefer=lambda one: not one.state.is_registered)
+        self._ignored.add(_identity(info))
+        _log.info("%s ignores %s", who, describe(info))
+        return Outcome(f"{info.part} is not shown among the arrivals any more")
+
+    def is_ignored(self, info: PartInfo) -> bool:
+        """Whether somebody asked not to be shown this part among the arrivals."""
+        return _identity(info) in self._ignored
+
+
+def _identity(info: PartInfo) -> bytes:
+    return info.uid or info.client_key.to_bytes(4, "big")

@@ -1,0 +1,259 @@
+"""The table of operations: each thing a person can do to a robot, or ask about it, once.
+
+Commands, calls of the API, deeds of the pages, requests of other processes and the lines of the journal are made
+from it. To add an operation, add a row here and a method of the same name to the class that carries it out
+(`carried_out` says where to look); `tests/operations/test_table.py` tells what is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from types import MappingProxyType
+
+from msbot.operations.rights import Right
+
+
+class Kind(Enum):
+    """What an argument is; the value is how a sentence names it."""
+
+    TEXT = "a text"
+    TEXTS = "a list of texts"
+    NUMBER = "a number"
+    WHOLE = "a whole number"
+    FLAG = "true or false"
+    VALUE = "a text, a number, true or false"
+    """The value of a parameter: handed on as a person would type it."""
+
+
+class Where(Enum):
+    """Which robots an operation can act on."""
+
+    ANYWHERE = "a running robot, or the database of one that does not run"
+    RUNNING = "a running robot"
+
+
+class Kept(Enum):
+    """What the database keeps of an operation."""
+
+    UNDOABLE = "a change that can be undone"
+    CHANGE = "a change"
+    LINE = "a line that says who did it"
+    NOTHING = "nothing"
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """One argument of an operation."""
+
+    name: str
+    """As requests, the API and the reference call it."""
+    kind: Kind = Kind.TEXT
+    is_needed: bool = False
+    default: object = None
+    """What it is when it is left out."""
+    parameter: str = ""
+    """The name of the method's parameter, where the argument's own name is a word of Python."""
+    least: float | None = None
+    most: float | None = None
+    """Bounds of a number, both included."""
+    longest: int = 254
+    """Characters of a text at most."""
+    option: str = ""
+    """The command's option, such as `--to`; empty: the command takes it by its place."""
+    shown_as: str = ""
+    """What the command's help calls it; made from the name when empty."""
+    help: str = ""
+    """What it is, in a sentence."""
+
+    @property
+    def passed_as(self) -> str:
+        """The keyword that the method takes."""
+        return self.parameter or self.name
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """One thing that can be done to a robot, or asked about it."""
+
+    name: str
+    summary: str
+    """What it does, as `msbot --help` says it."""
+    arguments: tuple[Argument, ...] = ()
+    right: Right = Right.SEE
+    """Who may do it on the page and in the API; a command acts for the user of the computer, who may do everything."""
+    where: Where = Where.RUNNING
+    kept: Kept = Kept.NOTHING
+    journal: str = ""
+    """The word in the journal of changes for what is kept."""
+    call: str = ""
+    """The call of the API, as `POST /slots/{slot}/swap`; empty: none, or one that the web room writes by hand."""
+    help: str = ""
+    """What the command's help adds to the summary."""
+    right_for_others: Right | None = None
+    """Who may do it to what others changed; everybody else to their own settings only. None: all the same."""
+
+    @property
+    def is_question(self) -> bool:
+        """Whether it only asks: whoever sees the robot may, and it is not noted who did."""
+        return self.right is Right.SEE
+
+    def argument(self, name: str) -> Argument | None:
+        """The argument of that name."""
+        return next((argument for argument in self.arguments if argument.name == name), None)
+
+
+def _slot(words: str, *, option: str = "", is_needed: bool = True) -> Argument:
+    return Argument("slot", is_needed=is_needed, option=option, shown_as="SLOT", help=words)
+
+
+def _part(words: str) -> Argument:
+    return Argument("part", is_needed=True, shown_as="PART", help=words)
+
+
+def _topic() -> Argument:
+    return Argument("topic", is_needed=True, shown_as="TOPIC", help="Name of the topic.")
+
+
+_REASON_HELP = "Why; `msbot why` will say it."
+
+_ROWS = (
+    Operation(
+        "adopt", "Let a part into a slot, also one the library does not know.",
+        (_part("A part that is in no slot."),
+         _slot("The slot it goes into; else the one empty slot that fits.", option="--slot", is_needed=False)),
+        Right.ARRANGE, Where.ANYWHERE, Kept.UNDOABLE, "place", "POST /parts/{part}/adopt",
+    ),
+    Operation(
+        "swap", "Give a slot to another part.",
+        (_slot("The slot."),
+         Argument("to", is_needed=True, parameter="part", option="--to", shown_as="PART",
+                  help="The part that gets the slot.")),
+        Right.ARRANGE, Where.ANYWHERE, Kept.UNDOABLE, "place", "POST /slots/{slot}/swap",
+        "SLOT keeps its settings, wiring and history. The part that held it gets the other one's slot, or stands by.",
+    ),
+    Operation(
+        "release", "Take the part out of a slot.",
+        (_slot("The slot."),),
+        Right.ARRANGE, Where.ANYWHERE, Kept.UNDOABLE, "place", "POST /slots/{slot}/release",
+        "The part stands by, and a spare gets the slot if there is one.",
+    ),
+    Operation(
+        "window", "Open the adoption window: let parts be adopted that the library would turn away.",
+        (Argument("seconds", Kind.NUMBER, default=60.0, least=1.0, most=3600.0, help="How long it stays open."),
+         _slot("An empty slot that the next newcomer gets.", is_needed=False)),
+        Right.ARRANGE, Where.RUNNING, Kept.LINE, "window", "POST /window",
+    ),
+    Operation(
+        "close_window", "Close the adoption window.",
+        (), Right.ARRANGE, Where.RUNNING, Kept.NOTHING, "", "DELETE /window",
+    ),
+    Operation(
+        "block", "Let a part, or all parts of a number, in no more.",
+        (_part("A name, slot or UID; or a part number, for all parts of that kind."),
+         Argument("reason", default="", longest=1000, option="--reason", shown_as="TEXT", help=_REASON_HELP)),
+        Right.ARRANGE, Where.ANYWHERE, Kept.UNDOABLE, "block", "POST /parts/{part}/block",
+        "PART is a name, slot or UID, or a part number for all parts of that kind; those that are in are put out.",
+    ),
+    Operation(
+        "unblock", "Let a blocked part in again.",
+        (_part("What was blocked."),),
+        Right.ARRANGE, Where.ANYWHERE, Kept.UNDOABLE, "block", "POST /parts/{part}/unblock",
+        "A part, or all parts of a number; they come back by themselves.",
+    ),
+    Operation(
+        "ignore", "Do not show a part among the arrivals any more.",
+        (_part("A part that is not let in."),),
+        Right.ARRANGE, Where.RUNNING, Kept.NOTHING, "", "POST /parts/{part}/ignore",
+    ),
+    Operation(
+        "set", "Show and set the parameters of a slot.",
+        (_slot("The slot."),
+         Argument("name", is_needed=True, shown_as="NAME", help="Name of the parameter."),
+         Argument("value", Kind.VALUE, longest=10_000, shown_as="VALUE",
+                  help="The new value; without one, what was set by hand is taken back.")),
+        Right.SET, Where.ANYWHERE, Kept.UNDOABLE, "value", "PUT /slots/{slot}/values/{name}",
+    ),
+    Operation(
+        "reset", "Take back what was set by hand: blueprint or library hold again.",
+        (_slot("The slot."), Argument("name", is_needed=True, help="Name of the parameter.")),
+        Right.SET, Where.ANYWHERE, Kept.UNDOABLE, "value", "DELETE /slots/{slot}/values/{name}",
+    ),
+    Operation(
+        "values", "The parameters of a slot with values and origins.",
+        (_slot("The slot."),), Right.SEE, Where.ANYWHERE,
+    ),
+    Operation(
+        "bind", "Join ports by a topic.",
+        (_topic(),
+         Argument("type", is_needed=True, parameter="type_name", option="--type", shown_as="TYPE",
+                  help="Message type of the topic, as HelloWorld."),
+         Argument("from", parameter="source", option="--from", shown_as="SLOT.PORT", help="A port that publishes it."),
+         Argument("to", Kind.TEXTS, default=(), parameter="targets", option="--to", shown_as="SLOT.PORT",
+                  help="A port that subscribes to it; may be given several times."),
+         Argument("reliable", Kind.FLAG, default=True, option="--best-effort",
+                  help="The newest sample matters more than each sample.")),
+        Right.DESIGN, Where.ANYWHERE, Kept.UNDOABLE, "bind", "POST /topics/{topic}/bind",
+        "They are joined besides those that TOPIC joins already; the parts follow at once.",
+    ),
+    Operation(
+        "unbind", "Take a port off a topic.",
+        (_topic(), Argument("port", shown_as="[SLOT.PORT]", help="The port; left out: all of them.")),
+        Right.DESIGN, Where.ANYWHERE, Kept.UNDOABLE, "bind", "POST /topics/{topic}/unbind",
+        "Without SLOT.PORT all its ports; the parts follow at once.",
+    ),
+    Operation(
+        "apply", "Put a changed blueprint into force.",
+        (Argument("path", is_needed=True, longest=4096, help="The blueprint's file."),
+         Argument("folders", Kind.TEXTS, default=(), longest=4096, help="Folders with more part types.")),
+        Right.DESIGN, Where.RUNNING, Kept.UNDOABLE, "apply",
+    ),
+    Operation(
+        "publish", "Drive a port by hand: the fan, the lamp, the servo.",
+        (Argument("port", is_needed=True, shown_as="SLOT.PORT", help="A port that hears something, as fan.power."),
+         Argument("values", Kind.TEXTS, is_needed=True, longest=1000, shown_as="VALUE...",
+                  help="The values of its message in their order, or FIELD=VALUE."),
+         Argument("seconds", Kind.NUMBER, default=5.0, least=0.1, most=3600.0, option="--seconds", shown_as="SECONDS",
+                  help="How long it is held; 5 if left out.")),
+        Right.OPERATE, Where.RUNNING, Kept.LINE, "hand", "POST /ports/{port}/publish",
+        "Its wire is not heard meanwhile. Afterwards the port gets its safe value and follows its wire again.",
+    ),
+    Operation(
+        "let_go", "Drive a port by hand no more.",
+        (Argument("port", is_needed=True, shown_as="SLOT.PORT", help="A port that somebody drives by hand."),),
+        Right.OPERATE, Where.RUNNING, Kept.LINE, "hand", "POST /ports/{port}/let_go",
+    ),
+    Operation(
+        "undo", "Take a change back, or show what was changed.",
+        (Argument("edit", Kind.WHOLE, least=1, most=2**53, shown_as="[NUMBER]",
+                  help="Number of the change; left out: the newest that was not taken back."),),
+        Right.SET, Where.ANYWHERE, Kept.CHANGE, "undo", "POST /undo",
+        right_for_others=Right.ARRANGE,
+    ),
+    Operation(
+        "edits", "What was changed lately, and by whom.",
+        (Argument("limit", Kind.WHOLE, default=20, least=1, most=10_000, help="How many changes."),),
+        Right.SEE, Where.ANYWHERE,
+    ),
+    Operation(
+        "stop", "STOP: all parts go to their safe states.",
+        (Argument("reason", default="", longest=1000, help="Why, for the people who see it."),),
+        Right.STOP, Where.RUNNING, Kept.LINE, "stop", "POST /stop",
+    ),
+    Operation(
+        "go", "End STOP: the parts may work again.", (),
+        Right.ARRANGE, Where.RUNNING, Kept.LINE, "go", "POST /go",
+    ),
+    Operation("stop_report", "Who said STOP, which parts have confirmed it, and which have not."),
+    Operation(
+        "identify", "Have a part show itself: blink, beep.",
+        (_part("The part."),),
+        Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /parts/{part}/identify",
+        "It shows itself to the people in the room: it blinks, beeps, or does whatever its program can.",
+    ),
+    Operation("why", "How a part stands, and which rules led there.", (_part("The part."),)),
+)  # fmt: skip
+
+OPERATIONS: Mapping[str, Operation] = MappingProxyType({row.name: row for row in _ROWS})
+"""Every operation by its name, in the order of the reference."""

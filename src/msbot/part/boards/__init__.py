@@ -1,0 +1,1 @@
+"""GPIO boards: real ones and a simulated one."""

@@ -1,0 +1,1 @@
+"""The DDS-XRCE client of a part: connects to any agent and stays connected."""

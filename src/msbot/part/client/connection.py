@@ -1,0 +1,335 @@
+"""One DDS-XRCE session that keeps itself open: log in, watch the agent, log in again.
+
+Theory of operation. `run` serves the link. Everything else is plain calls in the loop's thread: they book messages
+in the session, and one flush per loop turn sends what was booked, as far as the link has room. One timer serves the
+session, the watch over the agent, the retries and the owner. When the agent forgets us, falls silent or the link
+breaks, the connection says so and logs in again, each time with the other of two session ids: the agent then starts
+from nothing (seen on the wire) and no late packet of the old session can be mistaken for a new one.
+
+::
+
+    connecting ──answered──> connected ──silent, forgotten, link down──> lost ──answered──> connected
+        └──no answer, refused──────────────────────────────────────────────┘      any ──close──> closed
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from random import Random
+
+from msbot.errors import LinkDown, LinkError, RemoteProtocolError
+from msbot.link import Link, Peer, Signal, SignalHandler
+from msbot.part.client.agent_watch import Watch, WatchStep
+from msbot.part.client.loop_turn import News, Turn
+from msbot.part.client.settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
+from msbot.xrce import ClientSession, ClientSessionSettings
+from msbot.xrce.messages import status_words
+from msbot.xrce.sessions import (
+    ClientEvent,
+    Connected,
+    ConnectFailed,
+    Pong,
+    SessionClosed,
+    SessionRestarted,
+    TimeSynchronised,
+)
+
+_GOES_DOWN = (Signal.LINK_DOWN, Signal.PEER_GONE)
+_COMES_UP = (Signal.LINK_UP, Signal.PEER_JOINED, Signal.PEER_BACK)
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Hooks:
+    """What a connection calls of the one who uses its session."""
+
+    session_over: Callable[[], None]
+    """All that was booked and answered in the session is void."""
+    event_received: Callable[[ClientEvent, float], None]
+    """Something came in the session, other than what keeps it open: (event, now)."""
+    before_sending: Callable[[float], float | None]
+    """(now): book what is due in the open session; returns when there will be more, or None."""
+    state_changed: Callable[[ConnectionState, str], None]
+    """(state, reason in words)."""
+    signal_received: SignalHandler
+    """A signal of the link, after the connection took it in."""
+
+
+class Connection:
+    """Keeps a session open (see the module's docstring); `session` may be used while `state` is CONNECTED."""
+
+    def __init__(
+        self,
+        link: Link,
+        hooks: Hooks,
+        *,
+        key: int,
+        settings: ClientSettings,
+        epoch_ns: Callable[[], int],
+        random: Random,
+    ) -> None:
+        self.state = ConnectionState.CONNECTING
+        self.reason = "not started"
+        self.key = key
+        self.settings = settings
+        self.counters = ClientCounters()
+        self.news = News()
+        self.link = link
+        self._hooks = hooks
+        self._epoch_ns = epoch_ns
+        self._random = random
+        self._watch = Watch(quiet_s=settings.quiet_s, ping_s=settings.ping_s, pings=settings.pings)
+        self._turn = Turn(self._flush)
+        self._scope: asyncio.Timeout | None = None
+        self._heard = False
+        self._gone: str | None = None
+        self._login_at: float | None = None
+        self._lost_at: float | None = None
+        self._close_at: float | None = None
+        self._pong: PingAnswer | None = None
+        self._offset: TimeSynchronised | None = None
+        self.session = self._new_session()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether objects and samples may be booked in the session now."""
+        return self.state is ConnectionState.CONNECTED and self._close_at is None
+
+    async def run(self) -> None:
+        """Serve link and session until `close` or cancellation.
+
+        Raises:
+            LinkDown: the link broke before it ever carried anything; later failures are retried.
+        """
+        loop = asyncio.get_running_loop()
+        self._turn.start(loop)
+        self.link.attach(
+            packet=self._packet_received, signal=self._signal_received, room=lambda _peer: self._turn.book()
+        )
+        self._login(loop.time())
+        try:
+            # A time limit that `_finish` sets to "now": ends the link without a task of its own.
+            async with asyncio.timeout(None) as self._scope:
+                await self._serve(loop)
+        except TimeoutError:
+            if self._close_at is None:
+                raise
+        finally:
+            self._turn.cancel()
+            self._set_state(ConnectionState.CLOSED, "closed")
+
+    async def connect(self, timeout_s: float | None) -> None:
+        """Wait until the session is open."""
+        words = f"no session on {self.link.info.name}"
+        await self.news.until(lambda: self.state is ConnectionState.CONNECTED, timeout_s, words)
+
+    async def close(self) -> None:
+        """Delete the session at the agent and end `run`; waits for that."""
+        self.close_soon()
+        await self.news.until(lambda: not self._turn.is_running, None, "not closed")
+
+    def close_soon(self) -> None:
+        """Begin what `close` waits for."""
+        if self._close_at is not None or not self._turn.is_running:
+            return
+        now = self._turn.now()
+        self._close_at = now
+        if self.state is ConnectionState.CONNECTED:
+            self._close_at = now + self.settings.close_s
+            self.session.close(now)
+        self._turn.book()
+
+    async def ping(self, timeout_s: float) -> PingAnswer:
+        """Ask the agent whether it is there and knows us."""
+        self._pong = None
+        self._send_ping(self._turn.now())
+        await self.news.until(lambda: self._pong is not None, timeout_s, "no answer to a ping")
+        assert self._pong is not None
+        return self._pong
+
+    async def sync_time(self, timeout_s: float) -> TimeSynchronised:
+        """Compare clocks with the agent."""
+        self._offset = None
+        self.session.sync_time()
+        self._turn.book()
+        await self.news.until(lambda: self._offset is not None, timeout_s, "no answer to a time request")
+        assert self._offset is not None
+        return self._offset
+
+    def check_agent(self) -> None:
+        """Ping at once, and log in again if the agent does not know us or does not answer."""
+        self._watch.check(self._turn.now())
+        self._turn.book()
+
+    def lose(self, reason: str, now: float) -> None:
+        """Give the session up and log in anew."""
+        self._lost_at = None
+        self._watch.cancel()
+        self._hooks.session_over()
+        self._set_state(ConnectionState.LOST, reason)
+        self._login(now)
+
+    def now(self) -> float:
+        """The loop's time."""
+        return self._turn.now()
+
+    def book(self) -> None:
+        """Something was booked in the session: send it in the next loop turn."""
+        self._turn.book()
+
+    async def _serve(self, loop: asyncio.AbstractEventLoop) -> None:
+        while True:
+            try:
+                await self.link.run()
+                reason = f"{self.link.info.name} has ended"
+            except LinkDown as error:
+                if not self._heard:
+                    raise
+                reason = str(error)
+            self.lose(reason, loop.time())
+            await asyncio.sleep(self.settings.reopen_s)
+
+    def _new_session(self) -> ClientSession:
+        settings = self.settings
+        return ClientSession(
+            self.key,
+            session_id=settings.session_id + (self.counters.logins & 1),
+            mtu=min(settings.mtu, self.link.info.mtu),
+            settings=ClientSessionSettings(
+                login_period_s=settings.login_period_s,
+                login_tries=None,
+                heartbeat_s=settings.heartbeat_s,
+                heartbeat_min_s=settings.heartbeat_min_s,
+                ids_by_rule=self.link.info.compresses,
+            ),
+            epoch_ns=self._epoch_ns,
+        )
+
+    def _login(self, now: float) -> None:
+        self._login_at = self._gone = None
+        if self.state is ConnectionState.CONNECTING and self._lost_at is None:
+            self._lost_at = now + self.settings.lost_after_s
+        self.session = self._new_session()
+        self.session.connect(now)
+        self._turn.book()
+
+    def _set_state(self, state: ConnectionState, reason: str) -> None:
+        changed = state is not self.state
+        self.state, self.reason = state, reason
+        self.news.tell()
+        if changed:
+            _log.debug("client %08X is %s: %s", self.key, state.value, reason)
+            self._hooks.state_changed(state, reason)
+
+    def _finish(self) -> None:
+        if self._scope is not None:
+            self._scope.reschedule(self._turn.now())
+            self._scope = None
+
+    def _packet_received(self, packet: bytes, _peer: Peer, now: float) -> None:
+        self._heard = True
+        try:
+            self.session.receive_packet(packet, now)
+        except RemoteProtocolError as error:
+            self.counters.dropped += 1
+            _log.debug("client %08X dropped a packet: %s", self.key, error)
+            return
+        if self.session.last_heard == now:
+            # Also an ACKNACK or a HEARTBEAT: an agent that does not know the session answers nothing but pings.
+            self._watch.heard(now)
+        self._take_events(now)
+        self._turn.book()
+
+    def _take_events(self, now: float) -> None:
+        session = self.session
+        while session is self.session and (event := session.next_event()) is not None:
+            match event:
+                case Pong():
+                    self._pong_received(event, now)
+                case TimeSynchronised():
+                    self._offset = event
+                case Connected():
+                    self._connected(now)
+                case SessionRestarted():
+                    self.lose("the agent has begun the session anew: a late login has reached it", now)
+                case ConnectFailed():
+                    self._connect_failed(event.status, now)
+                case SessionClosed():
+                    self._close_at = now
+                case _:
+                    self._hooks.event_received(event, now)
+            self.news.tell()
+
+    def _connected(self, now: float) -> None:
+        self.counters.logins += 1
+        self._lost_at = None
+        self._watch.start(now)
+        self._set_state(ConnectionState.CONNECTED, f"session open on {self.link.info.name}")
+
+    def _pong_received(self, pong: Pong, now: float) -> None:
+        self._pong = PingAnswer(pong.round_trip_s, pong.agent_knows_us)
+        if not pong.agent_knows_us and self.state is ConnectionState.CONNECTED:
+            self.lose("the agent does not know this session any more", now)
+
+    def _connect_failed(self, status: int | None, now: float) -> None:
+        words = "no answer" if status is None else status_words(status)
+        self._lost_at = None
+        self._set_state(ConnectionState.LOST, f"the agent refused the session: {words}")
+        self._login_at = now + self.settings.reopen_s * self._random.uniform(0.75, 1.25)
+
+    def _signal_received(self, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
+        if signal in _GOES_DOWN:
+            # Believed in the next turn: a link that is closed because we end says so, too, and then there is none.
+            self._gone = reason
+            self._turn.book()
+        elif signal in _COMES_UP and self.state is not ConnectionState.CONNECTED:
+            self._login(now)
+        self._hooks.signal_received(signal, peer, reason, now)
+
+    def _send_ping(self, now: float) -> None:
+        self.session.ping(now)
+        self._turn.book()
+
+    def _flush(self, now: float) -> None:
+        """Once per loop turn, and when the timer says so: do what is due, send what is booked."""
+        if self._close_at is not None and now >= self._close_at:
+            self._finish()
+            return
+        if self._login_at is not None and now >= self._login_at:
+            self._login(now)
+        if self._lost_at is not None and now >= self._lost_at:
+            self._lost_at = None
+            self._set_state(ConnectionState.LOST, f"no agent answers on {self.link.info.name}")
+        if self._gone is not None and self.state is ConnectionState.CONNECTED:
+            self.lose(self._gone, now)
+        match self._watch.step(now):
+            case WatchStep.PING:
+                self._send_ping(now)
+            case WatchStep.GIVE_UP:
+                self.lose("the agent does not answer any more", now)
+        self.session.handle_timer(now)
+        self._take_events(now)
+        more_at = self._hooks.before_sending(now) if self.is_open else None
+        self._send(now)
+        self._turn.set_timer(
+            self.session.timer(), more_at, self._watch.timer(), self._login_at, self._lost_at, self._close_at
+        )
+
+    def _send(self, now: float) -> None:
+        # One packet at a time: what the link has no room for waits in the session, where it stays fresh.
+        link = self.link
+        peer = link.remote
+        while peer is not None and link.has_room(peer):
+            packets = self.session.packets_to_send(now, 1)
+            if not packets:
+                return
+            try:
+                link.send(packets[0], peer)
+            except LinkError as error:
+                self.counters.dropped += 1
+                _log.debug("client %08X could not send: %s", self.key, error)
+                return

@@ -1,0 +1,101 @@
+"""What may be tuned on a client, and what it tells about itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Self
+
+from msbot.errors import ConfigError
+from msbot.link import LinkInfo
+from msbot.xrce.messages import SESSION_DEFAULT, SESSION_NONE
+
+
+class ConnectionState(Enum):
+    """How a client stands with its agent."""
+
+    CONNECTING = "connecting"
+    CONNECTED = "connected"
+    LOST = "lost"
+    CLOSED = "closed"
+
+
+@dataclass(frozen=True, slots=True)
+class ClientSettings:
+    """What may be tuned on a client.
+
+    Raises:
+        ConfigError: the session id is out of range.
+    """
+
+    session_id: int = SESSION_DEFAULT
+    """The first of two session ids that take turns: 0x81 to 0xFE, or 1 to 0x7E (the key is in every message)."""
+    mtu: int = 1400
+    """Largest message in octets, both ways; the link may lower it."""
+    login_period_s: float = 0.5
+    """Between two CREATE_CLIENT without an answer."""
+    lost_after_s: float = 2.0
+    """Without an answer to the first login for that long the state is `lost`; it goes on trying."""
+    heartbeat_s: float = 0.1
+    """Wait for an acknowledgement before a HEARTBEAT asks for it, as long as the round trip is not known."""
+    heartbeat_min_s: float = 0.005
+    """The same at least where messages get lost: there the wait follows the round trip."""
+    reopen_s: float = 1.0
+    """Before the next try after the agent refused the session, or the link broke."""
+    quiet_s: float = 2.0
+    """Silence of the agent after which it is pinged."""
+    ping_s: float = 0.2
+    """Time for the answer to a ping."""
+    pings: int = 3
+    """Pings without an answer after which the agent is lost."""
+    answer_s: float = 2.0
+    """A creation without a status for that long is asked for again."""
+    stall_s: float = 5.0
+    """Creations without a status, or a full window, for that long without any progress: the session is begun anew."""
+    close_s: float = 1.0
+    """How long a polite end waits for the agent's answer."""
+
+    @classmethod
+    def for_link(cls, info: LinkInfo) -> Self:
+        """The defaults, with more patience where many share a slow medium.
+
+        Others may go first there, hardly anything is lost, and the link itself tells when the master comes and goes;
+        impatience of many would fill the bus with questions.
+        """
+        if not info.shared_bus:
+            return cls()
+        return cls(
+            login_period_s=1.0,
+            lost_after_s=5.0,
+            heartbeat_s=1.0,
+            heartbeat_min_s=1.0,
+            quiet_s=5.0,
+            ping_s=2.0,
+            answer_s=10.0,
+            stall_s=30.0,
+        )
+
+    def __post_init__(self) -> None:
+        if not (0 < self.session_id < SESSION_NONE - 1 or SESSION_NONE < self.session_id < 0xFF):
+            raise ConfigError(f"session id 0x{self.session_id:02X}: choose 0x01 to 0x7E or 0x81 to 0xFE")
+
+
+@dataclass(slots=True)
+class ClientCounters:
+    """What happened to a client since it was made."""
+
+    logins: int = 0
+    """Sessions that were opened."""
+    samples_in: int = 0
+    samples_out: int = 0
+    dropped: int = 0
+    """Packets and samples that made no sense here."""
+
+
+@dataclass(frozen=True, slots=True)
+class PingAnswer:
+    """What an agent answered to a ping."""
+
+    round_trip_s: float
+    agent_knows_us: bool
+    """False when the agent has no session for this client (any more)."""

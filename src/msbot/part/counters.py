@@ -1,0 +1,25 @@
+"""What is counted of a part while it runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class PartCounters:
+    """What happened to a part since it began to run."""
+
+    messages_in: int = 0
+    """Samples handed to a handler."""
+    messages_out: int = 0
+    """Samples published."""
+    not_sent: int = 0
+    """Samples for which stream or link had no room."""
+    dropped: int = 0
+    """Samples that came and could not be used."""
+    held: int = 0
+    """Samples that came after STOP and were not used."""
+    beats: int = 0
+    """Beats that the inventory answered."""
+    missed_beats: int = 0
+    handler_errors: int = 0

@@ -1,0 +1,1 @@
+"""How a part joins its robot: the two steps, the beats, keys and UIDs."""

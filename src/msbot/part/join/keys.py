@@ -1,0 +1,122 @@
+"""Keys: how a part proves that it is the one with its UID, without saying the key.
+
+Theory of operation. A part and its robot share a secret of 16 octets or more, one for each UID. When the part claims,
+the inventory asks with a nonce that was never used before; the part answers with the first 16 octets of an
+HMAC-SHA-256 over everything its claim says, the nonce and the session in which it is said. Whoever listens learns
+nothing that is of use in another session or for another question (RFC 2104, NIST SP 800-107: 128 bits of a truncated
+HMAC are ample; design PNP 2).
+
+Every text is preceded by its length, so that no two different claims make the same octets.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+from pathlib import Path
+from struct import Struct
+
+from msbot.errors import ConfigError
+from msbot.part.join.plug import NONCE_OCTETS, PROOF_OCTETS, UID_OCTETS
+from msbot.part.join.uid import kept_file
+
+KEY_OCTETS = 16
+"""Octets of a key that MsBOT draws, and of the shortest that it takes."""
+LONGEST_KEY = 64
+"""Octets of the longest key that it takes: one block of SHA-256."""
+KEY_VARIABLE = "MSBOT_KEY"
+
+_LABEL = b"MsBOT claim 1\0"
+"""What the proof is for: one of something else never fits."""
+_LENGTH = Struct(">H")
+_SESSION = Struct(">I")
+
+
+def prove(key: bytes, nonce: bytes, uid: bytes, *, part_number: str, local_name: str, session_key: int) -> bytes:
+    """The answer to a challenge, 16 octets.
+
+    Args:
+        key: the part's key.
+        nonce: the inventory's question, 16 octets.
+        uid: 8 octets, as in the claim.
+        part_number: as in the claim.
+        local_name: as in the claim.
+        session_key: the client key of the XRCE session in which the claim was made.
+    """
+    assert len(nonce) == NONCE_OCTETS
+    assert len(uid) == UID_OCTETS
+    texts = b"".join(_LENGTH.pack(len(octets)) + octets for octets in (part_number.encode(), local_name.encode()))
+    message = _LABEL + nonce + uid + texts + _SESSION.pack(session_key)
+    return hmac.digest(key, message, hashlib.sha256)[:PROOF_OCTETS]
+
+
+def is_same(proof: bytes, expected: bytes) -> bool:
+    """Whether two proofs are the same, in a time that does not tell where they differ."""
+    return hmac.compare_digest(proof, expected)
+
+
+def check_key(key: bytes) -> bytes:
+    """Refuse what cannot be a key.
+
+    Raises:
+        ConfigError: it has not 16 to 64 octets.
+    """
+    if not KEY_OCTETS <= len(key) <= LONGEST_KEY:
+        raise ConfigError(
+            f"a key has {KEY_OCTETS} to {LONGEST_KEY} octets, this one has {len(key)}; `msbot key new` draws one"
+        )
+    return key
+
+
+def key_text(key: bytes) -> str:
+    """A key as people write it: hexadecimal digits in groups of four."""
+    digits = key.hex()
+    return "-".join(digits[at : at + 4] for at in range(0, len(digits), 4))
+
+
+def parse_key(text: str) -> bytes:
+    """A key from hexadecimal digits; blanks, colons and dashes between them do not count.
+
+    Raises:
+        ConfigError: it is something else; the text does not repeat it.
+    """
+    digits = text.translate(str.maketrans("", "", " :-\r\n\t"))
+    try:
+        key = bytes.fromhex(digits)
+    except ValueError:
+        raise ConfigError(
+            f"that is no key: write {2 * KEY_OCTETS} hexadecimal digits, as `msbot key new` shows them"
+        ) from None
+    return check_key(key)
+
+
+def given_key(text: str | None, part_number: str, local_name: str) -> bytes | None:
+    """The key that a user gave: digits or the name of a file with them; else the file kept for that part; else None.
+
+    Raises:
+        ConfigError: there is something that is no key.
+    """
+    if text is None:
+        text = os.environ.get(KEY_VARIABLE) or None
+    if text is None:
+        path = kept_file("key", part_number, local_name)
+        return _read(path) if path.exists() else None
+    path = Path(text).expanduser()
+    return _read(path) if _is_file(path) else parse_key(text)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return parse_key(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot read the part's key from {path}: {error}") from None
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None

@@ -1,0 +1,252 @@
+"""Carries a part's joining over a client: the profile's reader, the inventory's requester, and one timer.
+
+`joining` decides, this file speaks. Claims and configurations travel reliably. Beats and their answers travel best
+effort, because a late beat is worth nothing; so the replies are read on the reliable stream until the part is
+active, and on best effort from then on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+
+from msbot.errors import LinkFull, LocalProtocolError, RemoteProtocolError
+from msbot.part.client.client import ENDLESS, Client, Service
+from msbot.part.client.loop_turn import Turn
+from msbot.part.client.settings import ConnectionState
+from msbot.part.join import plug
+from msbot.part.join.joining import (
+    BeginAnew,
+    Changed,
+    CheckAgent,
+    ExpectedRobot,
+    FetchConfiguration,
+    Joining,
+    JoinState,
+    SendBeat,
+    SendClaim,
+    SendProof,
+)
+from msbot.part.join.keys import KEY_VARIABLE
+from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl
+
+INVENTORY = Service(
+    plug.INVENTORY_SERVICE,
+    plug.INVENTORY_REQUEST_TYPE,
+    plug.INVENTORY_REPLY_TYPE,
+    plug.INVENTORY_REQUEST_TOPIC,
+    plug.INVENTORY_REPLY_TOPIC,
+)
+"""Where a part claims, beats and asks for its configuration."""
+
+ONE_SAMPLE = None
+"""Delivery control of a read that ends with its first sample: none at all (seen on the wire)."""
+NO_MORE = DeliveryControl(max_samples=0)
+"""Delivery control that only ends the running read."""
+
+SHORTEST_BEAT_MS = 20
+"""A master cannot ask for beats more often; a blueprint cannot either."""
+
+_log = logging.getLogger(__name__)
+
+
+class Membership:
+    """One part's membership in one robot, over one client; takes over `on_state` and `on_reply` of the client."""
+
+    def __init__(
+        self,
+        client: Client,
+        joining: Joining,
+        claim: plug.ClaimMessage,
+        *,
+        profile_once: bool = False,
+        prove: Callable[[bytes], bytes | None] = lambda _: None,
+        changed: Callable[[Changed], None],
+        configure: Callable[[plug.ConfigurationMessage], None],
+        noticed: Callable[[plug.Notice], None] = lambda _: None,
+        obeyed_stop: Callable[[], int] = lambda: 0,
+    ) -> None:
+        """Ask the client for what joining needs; `start` begins.
+
+        Args:
+            client: not yet running.
+            joining: in its first state.
+            claim: what the part says about itself in step 2.
+            profile_once: read the profile only until step 1 is done, because it costs others on the link their time,
+                and the link itself tells when the robot is another one.
+            prove: the answer to a challenge with that nonce; None = the part has no key.
+            changed: hears every change of the state.
+            configure: puts a configuration into use; called before the change to `active` is heard.
+            noticed: hears what the inventory says unasked.
+            obeyed_stop: the number of the STOP that the part obeys, which its beats then carry; 0 = none.
+        """
+        self.joining = joining
+        self.dropped = 0
+        """Profiles and replies that made no sense."""
+        self._client = client
+        self._claim = claim.encode()
+        self._profile_once = profile_once
+        self._changed = changed
+        self._configure = configure
+        self._prove = prove
+        self._noticed = noticed
+        self._obeyed_stop = obeyed_stop
+        self._turn = Turn(self._work)
+        # Without a name: nobody hears who the part is before it has recognised its robot.
+        self.participant = client.create_participant()
+        """Parent of everything the part creates."""
+        self.subscriber = client.create_subscriber(self.participant)
+        topic = client.create_topic(self.participant, plug.PROFILE_TOPIC, plug.PROFILE_TYPE)
+        self._profile_reader = client.create_reader(self.subscriber, topic)
+        self._requester = client.create_requester(self.participant, INVENTORY)
+        self._read_profile(JoinState.LOOKING)
+        client.read(self._requester)
+        client.on_state = self._client_changed
+        client.on_reply = self._reply_received
+
+    def start(self) -> None:
+        """Begin; must be called in the loop's thread."""
+        self._turn.start(asyncio.get_running_loop())
+
+    def end(self, reason: str) -> None:
+        """The part ends."""
+        self.joining.end(reason, self._turn.now())
+        self._drain()
+        self._turn.cancel()
+
+    def beat_soon(self) -> None:
+        """Beat at once: the master waits for a sign that STOP has arrived."""
+        self.joining.beat_soon(self._turn.now())
+        self._drain()
+
+    def take_sample(self, object_id: int, payload: bytes) -> bool:
+        """Take a sample if it is the robot's profile (thesis 4.3.1: the object id must be the reader's)."""
+        if object_id != self._profile_reader.object_id:
+            return False
+        try:
+            profile = plug.ProfileMessage.decode(payload)
+        except RemoteProtocolError as error:
+            self._drop("profile", error)
+            return True
+        # The thesis gives the fields their meaning by position (3.12.1).
+        robot = ExpectedRobot(profile.message, profile.name, profile.id, profile.make)
+        self.joining.profile_seen(robot, self._turn.now())
+        self._drain()
+        return True
+
+    def _client_changed(self, state: ConnectionState, reason: str) -> None:
+        now = self._turn.now()
+        if state is ConnectionState.CONNECTED:
+            self.joining.agent_found(now)
+        elif state is ConnectionState.CLOSED:
+            self.joining.end("ended", now)
+        else:
+            self._read_replies(STREAM_RELIABLE)
+            self.joining.agent_lost(reason, now)
+        self._drain()
+
+    def _reply_received(self, _object_id: int, _request_id: int, payload: bytes) -> None:
+        now = self._turn.now()
+        try:
+            reply = plug.decode_reply(payload)
+        except RemoteProtocolError as error:
+            self._drop("reply of the inventory", error)
+            return
+        match reply:
+            case plug.BeatReply():
+                self.joining.beat_answered(reply.configuration_version, now)
+            case plug.VerdictMessage():
+                period_s = max(reply.beat_period_ms, SHORTEST_BEAT_MS) / 1000
+                self.joining.verdict_given(reply.lease, period_s, _refusal_words(reply.reason), now)
+            case plug.Challenge():
+                self.joining.challenged(reply.nonce, now)
+            case plug.Notice():
+                self._noticed(reply)
+            case plug.ConfigurationMessage():
+                self._configuration_received(reply, now)
+        self._drain()
+
+    def _configuration_received(self, configuration: plug.ConfigurationMessage, now: float) -> None:
+        if self.joining.configuration_received(configuration.version, configuration.slot, now):
+            self._configure(configuration)
+        if self.joining.state is JoinState.ACTIVE:
+            self._read_replies(STREAM_BEST_EFFORT)
+
+    def _work(self, now: float) -> None:
+        self.joining.handle_timer(now)
+        self._drain()
+
+    def _drain(self) -> None:
+        while (action := self.joining.next_action()) is not None:
+            match action:
+                case Changed():
+                    self._read_profile(action.after)
+                    self._changed(action)
+                case SendClaim():
+                    self._send(self._claim, STREAM_RELIABLE)
+                case SendProof():
+                    self._send_proof(action.nonce)
+                case SendBeat():
+                    self._send_beat(action.lease)
+                case FetchConfiguration():
+                    self._read_replies(STREAM_RELIABLE)
+                    request = plug.ConfigurationRequest(lease=action.lease, have_version=action.have_version)
+                    self._send(request.encode(), STREAM_RELIABLE)
+                case CheckAgent():
+                    self._client.check_agent()
+                case BeginAnew():
+                    self._client.reconnect(action.reason)
+        self._turn.set_timer(self.joining.timer())
+
+    def _send_beat(self, lease: int) -> None:
+        number = self._obeyed_stop()
+        beat = plug.StoppedBeat(lease=lease, number=number & 0xFFFF) if number else plug.Beat(lease=lease)
+        self._send(beat.encode(), STREAM_BEST_EFFORT)
+
+    def _send(self, request: bytes, stream_id: int) -> None:
+        try:
+            self._client.write(self._requester, request, stream_id=stream_id)
+        except (LinkFull, LocalProtocolError) as error:
+            # No room, or the session is closing: `joining` asks again in time.
+            _log.debug("not sent to the inventory: %s", error)
+
+    def _read_profile(self, state: JoinState) -> None:
+        reading = self._profile_reader.reading
+        running = None if reading is None else reading.control
+        wanted = self._profile_control(state, running)
+        if reading is None or wanted != running:
+            self._client.read(self._profile_reader, control=wanted)
+
+    def _profile_control(self, state: JoinState, running: DeliveryControl | None) -> DeliveryControl | None:
+        """How the profile is to be read from that state on."""
+        if not self._profile_once or state is JoinState.WRONG_ROBOT:
+            return ENDLESS
+        if state in (JoinState.LOOKING, JoinState.LOST):
+            return ONE_SAMPLE
+        # Step 1 is done after a profile that did not agree: whoever only ever read one has nothing to end.
+        return NO_MORE if state is JoinState.CLAIMING and running == ENDLESS else running
+
+    def _send_proof(self, nonce: bytes) -> None:
+        proof = self._prove(nonce)
+        if proof is None:
+            words = f"{plug.Refusal.KEY_NEEDED.words}: give it its key with --key or ${KEY_VARIABLE}"
+            self.joining.verdict_given(0, 0.0, words, self._turn.now())
+        else:
+            self._send(plug.Proof(proof=proof).encode(), STREAM_RELIABLE)
+
+    def _read_replies(self, stream_id: int) -> None:
+        reading = self._requester.reading
+        if reading is None or reading.stream_id != stream_id:
+            self._client.read(self._requester, stream_id=stream_id)
+
+    def _drop(self, what: str, error: RemoteProtocolError) -> None:
+        self.dropped += 1
+        _log.debug("dropped a %s: %s", what, error)
+
+
+def _refusal_words(code: int) -> str:
+    try:
+        return plug.Refusal(code).words
+    except ValueError:
+        return f"refused for reason {code}, which this version does not know"

@@ -1,0 +1,308 @@
+"""Plug-and-play on the wire: the profile of step 1 and the inventory service of step 2.
+
+One service carries everything a part and the inventory say to each other; what a request or a reply is follows from
+its length, which keeps a beat at 4 octets (one classic CAN frame with header compression):
+
+========================  =======================================  ==============
+from the part             answer of the inventory                  octets
+========================  =======================================  ==============
+`ClaimMessage`            `VerdictMessage`, or none to a stranger  28 or more, 12
+`ClaimMessage`, key mode  `Challenge`                              28 or more, 16
+`Proof`                   `VerdictMessage`, or none                16, 12
+`Beat`                    `BeatReply`                              4, 4
+`StoppedBeat`             `BeatReply`                              6, 4
+`ConfigurationRequest`    `ConfigurationMessage`                   8, 20 or more
+========================  =======================================  ==============
+
+Besides, the inventory may speak unasked: a `VerdictMessage` (a part that stands by has got a slot), a `BeatReply`
+(the configuration has changed, or the lease is void) and a `Notice` (8 octets).
+
+Claim, verdict and configuration as the inventory handles them are values of `msbot.pnp`; here they are messages.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Annotated
+
+from msbot.part.messages.message import Message
+from msbot.part.messages.wire_types import AtMost, Octets, uint8, uint16, uint32
+
+PROFILE_TOPIC = "msbot_masterTopic"
+PROFILE_TYPE = "msbot_master"
+PROFILE_PERIOD_S = 5.0
+"""The master repeats the profile that often (thesis 3.12.1)."""
+
+INVENTORY_SERVICE = "msbot_inventory"
+INVENTORY_REQUEST_TOPIC = "msbot_inventory_Request"
+INVENTORY_REPLY_TOPIC = "msbot_inventory_Reply"
+INVENTORY_REQUEST_TYPE = "msbot_inventory_request"
+INVENTORY_REPLY_TYPE = "msbot_inventory_reply"
+
+UID_OCTETS = 8
+TEXT_OCTETS = 254
+"""Longest text of the profile and of a claim: the original's `char[255]` with its NUL."""
+
+NONCE_OCTETS = 16
+PROOF_OCTETS = 16
+
+STOP_SETTING = ".stop"
+"""Name of the setting that tells a part that comes in while STOP holds: its value is the number of that STOP. The part
+is stopped before it is active, and no notice can be lost on the way. Parameters have no dot."""
+
+SAFE_MARK = ".safe."
+"""In the name of a setting: `PORT.safe.FIELD` is a field of the port's safe value. Parameters have no dot."""
+
+MOST_BINDINGS = 120
+"""Ports of one part that a configuration can bind: each takes two of the 256 objects that an agent grants a client."""
+
+Text = Annotated[str, AtMost(TEXT_OCTETS)]
+
+
+class ProfileMessage(Message):
+    """Step 1: what the master publishes about the robot; the thesis gives the fields meaning by position."""
+
+    type_name = PROFILE_TYPE
+
+    index: uint32
+    """Count of publications, from 1."""
+    message: Text
+    """Robot name, `MSBOT_MASTER`."""
+    name: Text
+    """Version, `MSBOT_V1`."""
+    id: Text
+    """Serial number, `X100Y100Z100`."""
+    dof: Text
+    """Release date, `8-4-2021`."""
+    make: Text
+    """Manufacturer, `MASSEY_ENGINEERING_DEP`."""
+
+
+class ClaimMessage(Message):
+    """Step 2: a part asks for its place."""
+
+    type_name = "Claim"
+
+    part_number: Text
+    local_name: Text
+    uid: Annotated[bytes, Octets(UID_OCTETS)]
+    """Identifies the piece of hardware."""
+    session_nonce: uint32
+    """Drawn anew at each start of the part, so that two devices with one UID are told apart."""
+
+
+class Challenge(Message):
+    """The answer to a claim in a robot with keys: prove that you know the key of your UID."""
+
+    nonce: Annotated[bytes, Octets(NONCE_OCTETS)]
+    """Never used before; good for one proof."""
+
+
+class Proof(Message):
+    """The answer of a part to a challenge, see `msbot.part.join.keys`."""
+
+    proof: Annotated[bytes, Octets(PROOF_OCTETS)]
+
+
+class VerdictMessage(Message):
+    """The answer to a claim."""
+
+    type_name = "Verdict"
+
+    lease: uint32
+    """The number to show with every beat; 0 = refused."""
+    configuration_version: uint32
+    beat_period_ms: uint16
+    reason: uint8 = 0
+    """`Refusal` if refused and the robot explains refusals, else 0."""
+    reserved: uint8 = 0
+
+
+class Beat(Message):
+    """A part says that it is alive."""
+
+    lease: uint32
+
+
+class StoppedBeat(Message):
+    """A beat that says besides: STOP has arrived, and every port has its safe value.
+
+    Only this confirms a STOP. It costs two octets more than a `Beat`, and only while STOP holds.
+    """
+
+    lease: uint32
+    number: uint16
+    """The lowest 16 bits of the number of the STOP that the part obeys."""
+
+
+class BeatReply(Message):
+    """The answer to a beat."""
+
+    configuration_version: uint32
+    """The part's current one; 0 = the lease is unknown: claim again."""
+
+
+class ConfigurationRequest(Message):
+    """A part asks for its configuration."""
+
+    lease: uint32
+    have_version: uint32
+    """The version it works with, 0 = none yet."""
+
+
+class Direction(IntEnum):
+    """Which way the samples of a bound port go, seen from the part."""
+
+    PUBLISH = 0
+    SUBSCRIBE = 1
+
+
+class PortBinding(Message):
+    """One port of the part tied to one topic of the robot."""
+
+    port: Text
+    topic: Text
+    topic_type: Text
+    direction: uint8
+    """`Direction`."""
+    reliable: uint8
+    """1 = reliable stream, 0 = best effort."""
+
+
+class Setting(Message):
+    """One parameter of the part, as text; the part knows its type."""
+
+    name: str
+    value: str
+
+
+class ConfigurationMessage(Message):
+    """The answer to a configuration request: what this part does in this robot."""
+
+    type_name = "Configuration"
+
+    version: uint32
+    slot: Text
+    bindings: Annotated[list[PortBinding], AtMost(MOST_BINDINGS)]
+    settings: list[Setting]
+
+
+class NoticeKind(IntEnum):
+    """What a notice is about."""
+
+    PARTNER_LOST = 1
+    """Nobody publishes any more what the port subscribes."""
+    PARTNER_BACK = 2
+    """Somebody publishes it again."""
+    IDENTIFY = 3
+    """Show yourself to the people in the room: blink, beep."""
+    STOP = 4
+    """Go to the safe state, and stay in it."""
+    GO = 5
+    """STOP is over."""
+
+
+class Notice(Message):
+    """Said to a part unasked, best effort."""
+
+    number: uint32
+    """About a partner: the version of the configuration that `binding` is in. STOP, GO: which STOP, counted from 1 by
+    the master, so that the GO of an earlier one does not end it. Else 0."""
+    binding: uint16
+    """Which of the configuration's bindings, counted from 0; 0xFFFF = none."""
+    kind: uint8
+    """`NoticeKind`."""
+    reserved: uint8 = 0
+
+
+NO_BINDING = 0xFFFF
+"""`Notice.binding` of a notice that is about the part as a whole."""
+
+
+class Refusal(IntEnum):
+    """Why a claim got no lease; the numbers are the reason codes on the wire."""
+
+    UNKNOWN_PART = 1
+    BLOCKED = 2
+    DUPLICATE = 3
+    NO_SLOT = 4
+    WRONG_ROBOT = 5
+    BAD_CLAIM = 6
+    NOT_READY = 7
+    WRONG_KEY = 8
+    KEY_NEEDED = 9
+    NO_KEY = 10
+    REPLAYED = 11
+
+    @property
+    def words(self) -> str:
+        """The reason in plain words, without naming the part; the same at the part and at the master."""
+        return _REFUSALS[self]
+
+
+_REFUSALS = {
+    Refusal.UNKNOWN_PART: "this part number is not in the library",
+    Refusal.BLOCKED: "this part is blocked",
+    Refusal.DUPLICATE: "another part with the same UID is active",
+    Refusal.NO_SLOT: "every fitting slot is taken, or it is not clear which one is meant",
+    Refusal.WRONG_ROBOT: "this robot has no slot for this part number",
+    Refusal.BAD_CLAIM: "the claim makes no sense",
+    Refusal.NOT_READY: "the inventory cannot read its registry",
+    Refusal.WRONG_KEY: "the part's key is not the one on file for its UID",
+    Refusal.KEY_NEEDED: "this robot asks for keys, and the part proves none",
+    Refusal.NO_KEY: "this robot asks for keys, and has none for this part",
+    Refusal.REPLAYED: "an old proof was shown again, or one that nobody asked for",
+}
+
+_BEAT_OCTETS = 4
+_STOPPED_BEAT_OCTETS = 6
+_CONFIGURATION_REQUEST_OCTETS = 8
+_NOTICE_OCTETS = 8
+_VERDICT_OCTETS = 12
+
+
+Request = Beat | StoppedBeat | ConfigurationRequest | Proof | ClaimMessage
+"""What a part asks of the inventory."""
+
+
+def decode_request(payload: bytes) -> Request:
+    """What a part asks of the inventory, told apart by length.
+
+    Raises:
+        RemoteProtocolError: it is none of the five.
+    """
+    if len(payload) == _BEAT_OCTETS:
+        return Beat.decode(payload)
+    if len(payload) == _STOPPED_BEAT_OCTETS:
+        return StoppedBeat.decode(payload)
+    if len(payload) == _CONFIGURATION_REQUEST_OCTETS:
+        return ConfigurationRequest.decode(payload)
+    if len(payload) == PROOF_OCTETS:
+        return Proof.decode(payload)
+    return ClaimMessage.decode(payload)
+
+
+Reply = BeatReply | Notice | VerdictMessage | Challenge | ConfigurationMessage
+"""What the inventory says to a part."""
+
+
+def decode_reply(payload: bytes) -> Reply:
+    """What the inventory says, told apart by length.
+
+    Raises:
+        RemoteProtocolError: it is none of the five.
+    """
+    if len(payload) == _BEAT_OCTETS:
+        return BeatReply.decode(payload)
+    if len(payload) == _NOTICE_OCTETS:
+        return Notice.decode(payload)
+    if len(payload) == NONCE_OCTETS:
+        return Challenge.decode(payload)
+    if len(payload) == _VERDICT_OCTETS:
+        return VerdictMessage.decode(payload)
+    return ConfigurationMessage.decode(payload)
+
+
+def safe_setting(port: str, field: str) -> str:
+    """The name of the setting that carries a field of a port's safe value."""
+    return f"{port}{SAFE_MARK}{field}"

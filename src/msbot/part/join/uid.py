@@ -1,0 +1,92 @@
+"""The UID of a part that runs on a computer: drawn once, kept in the user's state folder."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from msbot.errors import ConfigError
+from msbot.part.join.plug import UID_OCTETS
+
+
+def parse_uid(text: str) -> bytes:
+    """A UID from 16 hexadecimal digits; blanks, colons and dashes between them do not count.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    digits = text.translate(str.maketrans("", "", " :-"))
+    try:
+        uid = bytes.fromhex(digits)
+    except ValueError:
+        uid = b""
+    if len(uid) != UID_OCTETS:
+        raise ConfigError(f"UID {text!r}: write {2 * UID_OCTETS} hexadecimal digits, for example 0011223344556677")
+    return uid
+
+
+def state_folder(environ: Mapping[str, str] = os.environ) -> Path:
+    """Where this user's programs keep what must survive a restart (XDG base directories)."""
+    if sys.platform == "win32":
+        return Path(environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    return Path(environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+
+
+def kept_file(what: str, part_number: str, local_name: str, folder: Path | None = None) -> Path:
+    """Where something about that part is kept on this computer; `what` is `uid` or `key`."""
+    return (folder or state_folder()) / "msbot" / what / f"{_file_name(part_number)}.{_file_name(local_name)}"
+
+
+def stored_uid(part_number: str, local_name: str, folder: Path | None = None) -> bytes:
+    """The UID of that part on this computer; drawn and written down at the first call.
+
+    Raises:
+        ConfigError: the file cannot be read or written, or holds something else.
+    """
+    path = kept_file("uid", part_number, local_name, folder)
+    try:
+        return _parse_file(path, path.read_text())
+    except FileNotFoundError:
+        return _create(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot read the part's UID from {path} ({error}): mend the file or use --uid") from None
+
+
+def _create(path: Path) -> bytes:
+    uid = secrets.token_bytes(UID_OCTETS)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # Written aside and linked into place: two starts at once agree on one UID, and nobody reads half a file.
+        draft = path.with_name(f".{path.name}.{os.getpid()}")
+        draft.write_text(uid.hex() + "\n")
+        try:
+            os.link(draft, path)
+        except FileExistsError:
+            return _parse_file(path, path.read_text())
+        finally:
+            draft.unlink()
+    except OSError as error:
+        raise ConfigError(f"cannot keep the part's UID in {path} ({error}): mend that or use --uid") from None
+    return uid
+
+
+def _parse_file(path: Path, text: str) -> bytes:
+    try:
+        return parse_uid(text.strip())
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}, or delete the file") from None
+
+
+def _file_name(text: str) -> str:
+    """The text with everything but letters, digits and a few signs written as %XX."""
+    return "".join(
+        character if character.isascii() and (character.isalnum() or character in "-_") else _escaped(character)
+        for character in text
+    )
+
+
+def _escaped(character: str) -> str:
+    return "".join(f"%{octet:02X}" for octet in character.encode())

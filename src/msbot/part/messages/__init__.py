@@ -1,0 +1,1 @@
+"""Messages: how a class becomes CDR, and the standard messages."""

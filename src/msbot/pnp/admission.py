@@ -1,0 +1,207 @@
+"""Step 2: from a claim to a verdict (thesis 3.12.1.1, 3.12.2). Pure.
+
+A claim that shows the UID of a part which holds a slot in another session is contested: nobody is answered. If the
+old session gives a sign of life after the contest began, the newcomer is a duplicate; if it gives none for
+`Timing.late_s`, it has died and the newcomer is its restart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from msbot.errors import RegistryError
+from msbot.part.join.plug import Refusal
+from msbot.pnp.inventory_index import InventoryIndex, PartSession
+from msbot.pnp.inventory_record import Contest, InventoryRecord
+from msbot.pnp.matching import NO_UID, Match, Matcher
+from msbot.pnp.model import MAX_TEXT, Claim, Configuration, Evidence, PartState, PartStore, Timing, Verdict, identity_of
+from msbot.pnp.state_changes import StateChanges
+
+PENDING = Verdict()
+"""Not decided: nothing is answered."""
+
+ADOPTABLE = frozenset({Refusal.UNKNOWN_PART, Refusal.WRONG_ROBOT, Refusal.NO_SLOT})
+"""What a person can overrule by putting the part into a slot."""
+
+Adopter = Callable[[Claim, Match], str | None]
+"""Asked about a part that would be turned away for an `ADOPTABLE` reason: the free slot it gets all the same."""
+
+
+class Admission:
+    """Decides on claims: who is let in, and into which slot.
+
+    Args:
+        store: configurations and the memory of slots.
+        index: sessions, parts, holders.
+        matcher: the rules by which slots are found.
+        changes: where changes are made.
+        timing: the robot's periods.
+    """
+
+    def __init__(
+        self, store: PartStore, index: InventoryIndex, matcher: Matcher, changes: StateChanges, timing: Timing
+    ) -> None:
+        self._store = store
+        self._index = index
+        self._matcher = matcher
+        self._changes = changes
+        self._timing = timing
+        self.adopter: Adopter | None = None
+
+    def claim(self, session: PartSession, claim: Claim, now: float) -> Verdict:
+        """Decide on a claim that came through a session."""
+        if claim.uid == NO_UID:
+            claim = replace(claim, uid=b"")
+        identity = identity_of(claim.uid, session.key)
+        record = session.record or self._changes.appear(session, now)
+        if record.is_registered and record.claim is not None:
+            if (record.identity, record.claim.part_number) == (identity, claim.part_number):
+                return self._again(record, claim, now)
+            record = self._other_part(session, record, now)
+        elif record.identity not in (b"", identity):
+            record = self._other_part(session, record, now)
+        record.claim, record.heard_at = _presentable(claim), now
+        if record.plugged_in_at is None:
+            record.plugged_in_at = now
+        rival = self._index.rival(record, identity)
+        if rival is not None:
+            verdict = self._contest(record, rival, now)
+            if verdict is not None:
+                return verdict
+        record.contest = None
+        self._index.identify(record, identity)
+        return self._decide(record, claim, now)
+
+    def refuse(self, session: PartSession, claim: Claim | None, match: Match, now: float) -> Verdict:
+        """Turn a claim away whose proof is missing or wrong; whoever holds a slot is not disturbed by it.
+
+        Anybody can say anything before it is proved: no slot is vacated, no identity taken over, no contest begun.
+        """
+        record = session.record or self._changes.appear(session, now)
+        if record.holds_slot:
+            if record.refusal is not match.refusal:
+                record.refusal = match.refusal
+                self._changes.note(record, now, match.reason, match.evidence)
+            return Verdict(refusal=match.refusal)
+        record.heard_at = now
+        if claim is not None:
+            record.claim = _presentable(claim)
+            if claim.uid and not self._index.has_identity(claim.uid):
+                self._index.identify(record, claim.uid)
+        return self._turn_away(record, match, now)
+
+    def sign_of_life(self, record: InventoryRecord, now: float, *, is_beat: bool) -> None:
+        """A registered part was heard: full life status; a late one is active again."""
+        silence = record.life.silence_s(now)
+        record.heard_at = now
+        if is_beat:
+            record.life.beat(now)
+        else:
+            record.life.refresh(now)
+        if record.state is PartState.LATE:
+            self._changes.move(record, PartState.ACTIVE, now, f"heard again after {silence:.1f} s")
+
+    def _again(self, record: InventoryRecord, claim: Claim, now: float) -> Verdict:
+        """A registered part claims once more: an answer was lost, it started anew, or it knows no beats (compat)."""
+        if claim.layout == "compact" and record.claim is not None and claim.nonce != record.claim.nonce:
+            self._index.grant(record, str(record.slot))
+            record.life.register(now)
+        record.claim = claim
+        self.sign_of_life(record, now, is_beat=claim.layout == "compat")
+        return _verdict(record)
+
+    def _other_part(self, session: PartSession, record: InventoryRecord, now: float) -> InventoryRecord:
+        """The session speaks for another part than before."""
+        if record.state is not None and not record.state.is_over:
+            self._changes.retire(record, PartState.LEFT, now, "its session claims for another part now")
+        self._index.detach(record)
+        return self._changes.appear(session, now)
+
+    def _contest(self, record: InventoryRecord, rival: InventoryRecord, now: float) -> Verdict | None:
+        """Decide between two sessions with one UID; None: the newcomer has won."""
+        contest = record.contest
+        if contest is None or contest.rival is not rival:
+            contest = record.contest = Contest(rival, now)
+            if record.state is not PartState.CHECKING:
+                reason = f"shows the UID of {rival.name}: is that one still alive?"
+                self._changes.move(record, PartState.CHECKING, now, reason)
+        facts: Evidence = (("same UID", f"{rival.name} holds slot {rival.slot} from {rival.address}"),)
+        waited, heard = now - contest.began_at, rival.heard_at - contest.began_at
+        if heard > 0:
+            rival.note_duplicate(record.address)
+            reason = f"{Refusal.DUPLICATE.words}: {rival.name} in slot {rival.slot}, from {rival.address}"
+            facts += (("old session", f"gave a sign of life {heard:.2f} s after the claim"),)
+            return self._turn_away(record, Match(PartState.REFUSED, reason, facts, refusal=Refusal.DUPLICATE), now)
+        if waited < self._timing.late_s:
+            return PENDING
+        facts += (("old session", f"silent for {waited:.2f} s since the claim"),)
+        reason = f"restarted: the same UID came back from {record.address}"
+        self._changes.retire(rival, PartState.LOST, now, reason, facts)
+        self._index.detach(rival)
+        return None
+
+    def _decide(self, record: InventoryRecord, claim: Claim, now: float) -> Verdict:
+        self._changes.vacate(record)
+        match = self._adopted(claim, self._matcher.match(claim, barred=self._index.barred.get(record, "")))
+        if match.slot is None:
+            return self._turn_away(record, match, now)
+        slot = match.slot.name
+        try:
+            configuration = self._store.configuration(slot)
+            self._store.remember(claim.uid, slot, claim)
+        except RegistryError as error:
+            reason = f"{Refusal.NOT_READY.words}: {error}"
+            refused = Match(
+                PartState.REFUSED, reason, (*match.evidence, ("registry", str(error))), None, Refusal.NOT_READY
+            )
+            return self._turn_away(record, refused, now)
+        return self._register(record, configuration, match, now)
+
+    def _adopted(self, claim: Claim, match: Match) -> Match:
+        """What a person says about a part that the rules turn away, if anybody is asked."""
+        if self.adopter is None or match.refusal not in ADOPTABLE or (slot := self.adopter(claim, match)) is None:
+            return match
+        found = self._matcher.free_slot(slot)
+        if found is None:
+            return match
+        reason = f"adopted: a person has said that the next newcomer belongs into slot {slot}"
+        return Match(PartState.ACTIVE, reason, (*match.evidence, ("a person decided", reason)), found)
+
+    def _register(self, record: InventoryRecord, configuration: Configuration, match: Match, now: float) -> Verdict:
+        self._check(record, now)
+        record.plug_in_to_active_s = now - (now if record.plugged_in_at is None else record.plugged_in_at)
+        self._changes.seat(record, configuration, now, match.reason, match.evidence)
+        return _verdict(record)
+
+    def _turn_away(self, record: InventoryRecord, match: Match, now: float) -> Verdict:
+        """Refuse or keep waiting; an event only when that is news."""
+        record.refused_claims += 1
+        record.slot = None
+        record.life.end()
+        if (record.state, record.refusal) == (match.outcome, match.refusal):
+            record.reason = match.reason
+        else:
+            self._check(record, now)
+            record.refusal = match.refusal
+            self._changes.move(record, match.outcome, now, match.reason, match.evidence)
+        return Verdict(refusal=match.refusal)
+
+    def _check(self, record: InventoryRecord, now: float) -> None:
+        if record.state is not PartState.CHECKING:
+            self._changes.move(record, PartState.CHECKING, now, "claims its place (step 2)")
+
+
+def _verdict(record: InventoryRecord) -> Verdict:
+    version = 0 if record.configuration is None else record.configuration.version
+    return Verdict(lease=record.lease, configuration_version=version)
+
+
+def _presentable(claim: Claim) -> Claim:
+    """The claim as people may see it: nothing in it can overflow a table or steer a terminal."""
+    number, name = (_printable(text[: MAX_TEXT + 1]) for text in (claim.part_number, claim.local_name))
+    return replace(claim, part_number=number, local_name=name)
+
+
+def _printable(text: str) -> str:
+    return text if text.isprintable() else "".join(char if char.isprintable() else "?" for char in text)

@@ -1,0 +1,166 @@
+"""STOP as the robot's people see it: which one holds, who has confirmed it, and who has not. Pure.
+
+A STOP has a number, counted by the robot from 1 and never used again; GO ends the STOP of that number. Every part that
+holds a slot when STOP is said, or gets one while it holds, is asked to confirm; it does so with a beat that carries the
+number (`msbot.part.join.plug.StoppedBeat`), and with nothing else. A part that falls silent stays among those that did
+not confirm: what it drives may still move. A part that says goodbye has put its ports to their safe values by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class StopRecord:
+    """What is kept of the latest STOP, so that it holds over restarts, restores and a change of master."""
+
+    number: int = 0
+    """Which STOP, counted from 1; 0 = nobody ever said STOP."""
+    holds: bool = False
+    """Whether nobody has said GO yet."""
+    by: str = ""
+    """Who said it; or who said GO."""
+    reason: str = ""
+    at_ns: int = 0
+    """When STOP was said, nanoseconds since 1970."""
+
+    def is_newer_than(self, other: StopRecord) -> bool:
+        """Whether this one tells of something that happened later; GO comes after its own STOP."""
+        return (self.number, not self.holds) > (other.number, not other.holds)
+
+
+@dataclass(frozen=True, slots=True)
+class StopConfirmation:
+    """A part that has said that it is in its safe state."""
+
+    part: str
+    """The part's name for people."""
+    ms: float
+    """From STOP (for a part that came in later: from when it was told) to its confirmation."""
+
+
+@dataclass(frozen=True, slots=True)
+class StopStatus:
+    """What the code has seen of STOP, for pages and commands; a value, made when it is asked for."""
+
+    stopped: bool = False
+    """Whether STOP holds."""
+    number: int = 0
+    """Which STOP, counted from 1; 0 = nobody ever said STOP."""
+    by: str = ""
+    """Who said it; when it is over: who said GO."""
+    reason: str = ""
+    """Why, in that person's words; may be empty."""
+    since_ns: int | None = None
+    """When it was said, nanoseconds since 1970; None: no STOP holds."""
+    confirmed: tuple[StopConfirmation, ...] = ()
+    """The parts that have confirmed this STOP, in the order in which they did."""
+    silent: tuple[str, ...] = ()
+    """The names of the parts that have not: they may still move."""
+    trouble: str = ""
+    """Why STOP would not survive a restart of the master, in words; empty: it is stored."""
+    is_stored: bool = True
+    """Whether what is said here is stored; False with no `trouble`: it is being stored."""
+
+    @property
+    def told(self) -> int:
+        """How many parts were to obey."""
+        return len(self.confirmed) + len(self.silent)
+
+    @property
+    def latency_ms(self) -> float | None:
+        """Until the last part had confirmed; None: not all have, or there was nobody to tell."""
+        if self.silent or not self.confirmed:
+            return None
+        return max(one.ms for one in self.confirmed)
+
+
+class EmergencyStop:
+    """STOP of one robot.
+
+    Args:
+        record: what is known from before; a STOP that holds goes on holding.
+    """
+
+    def __init__(self, record: StopRecord | None = None) -> None:
+        self.record = record or StopRecord()
+        self._waiting: dict[bytes, tuple[str, float]] = {}
+        """Part -> its name, and since when it is to confirm."""
+        self._confirmed: dict[bytes, StopConfirmation] = {}
+
+    @property
+    def holds(self) -> bool:
+        """Whether STOP holds."""
+        return self.record.holds
+
+    @property
+    def number(self) -> int:
+        """Which STOP holds, or was the latest."""
+        return self.record.number
+
+    def say(self, by: str, reason: str, parts: Iterable[tuple[bytes, str]], now: float, at_ns: int) -> None:
+        """STOP; one that holds already goes on under its first number and asks those who have not confirmed again.
+
+        Args:
+            by: who says it.
+            reason: why, may be empty.
+            parts: identity and name of every part that holds a slot.
+            now: the robot's clock, seconds.
+            at_ns: the wall clock, nanoseconds since 1970.
+        """
+        if not self.holds:
+            self.record = StopRecord(self.number + 1, True, by, reason, at_ns)
+            self._waiting.clear()
+            self._confirmed.clear()
+        for identity, name in parts:
+            self.tell(identity, name, now)
+
+    def tell(self, identity: bytes, name: str, now: float) -> None:
+        """A part that holds a slot is told of the STOP that holds."""
+        if self.holds and identity not in self._confirmed:
+            self._waiting.setdefault(identity, (name, now))
+
+    def confirm(self, identity: bytes, number: int, now: float) -> bool:
+        """A part has sent a beat with the number of a STOP; False: that is not the STOP that holds."""
+        if not self.holds or number & 0xFFFF != self.number & 0xFFFF:
+            return False
+        waiting = self._waiting.pop(identity, None)
+        if waiting is not None:
+            name, since = waiting
+            self._confirmed[identity] = StopConfirmation(name, max(0.0, now - since) * 1000)
+        return True
+
+    def begin_anew(self, identity: bytes, name: str, now: float) -> None:
+        """A part has begun anew (it has another lease): what it confirmed before counts no more."""
+        self._confirmed.pop(identity, None)
+        self._waiting.pop(identity, None)
+        self.tell(identity, name, now)
+
+    def leave(self, identity: bytes) -> None:
+        """A part has said goodbye, which it does in its safe state: it need not confirm any more."""
+        self._waiting.pop(identity, None)
+        self._confirmed.pop(identity, None)
+
+    def go(self, by: str) -> int:
+        """End the STOP that holds; returns its number."""
+        self.record = StopRecord(self.number, False, by, "", self.record.at_ns)
+        self._waiting.clear()
+        self._confirmed.clear()
+        return self.number
+
+    def status(self, *, is_stored: bool = True, trouble: str = "") -> StopStatus:
+        """What is known now."""
+        record = self.record
+        return StopStatus(
+            stopped=record.holds,
+            number=record.number,
+            by=record.by,
+            reason=record.reason,
+            since_ns=record.at_ns if record.holds else None,
+            confirmed=tuple(self._confirmed.values()),
+            silent=tuple(name for name, _ in self._waiting.values()),
+            is_stored=is_stored,
+            trouble=trouble,
+        )

@@ -1,0 +1,260 @@
+"""Understands what parts and their agent say to each other: `explain`, with the messages on the topics in words.
+
+Which topic a writer or a reader belongs to, and which service a requester, stands in the CREATEs at the beginning of
+a session; who listens from then on knows what the octets of each sample are. Pure; never raises, whatever is said.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from struct import pack, unpack
+from typing import Final
+
+from msbot.errors import RemoteProtocolError
+from msbot.part import HelloWorld, Message
+from msbot.part.join.plug import INVENTORY_SERVICE, ProfileMessage, decode_reply, decode_request
+from msbot.part.messages.message import fields_of
+from msbot.pnp import thesis_programs as compat
+from msbot.xrce import explain
+from msbot.xrce.messages import (
+    SESSION_NONE,
+    Create,
+    CreateClient,
+    Data,
+    Fragment,
+    Header,
+    ObjectKind,
+    Submessage,
+    WriteData,
+)
+from msbot.xrce.objects import Definition, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef, parse_variant
+
+KNOWN_TYPES: Final[tuple[type[Message], ...]] = (ProfileMessage, HelloWorld)
+"""Message classes that are understood besides those of the inventory."""
+INDENT: Final = "    "
+LARGEST_FLOAT32: Final = 3.4e38
+RELATED: Final = 4
+"""A reply comes to its requester behind the request id and the object id of the request."""
+IDENTITY: Final = 24
+"""A request comes to its replier behind the identity of its sample, and the reply goes out behind the same."""
+MAX_JOINED: Final = 1 << 20
+"""Octets of a message in pieces that are kept."""
+
+_NO_HEADER: Final = bytes((SESSION_NONE, 0, 0, 0))
+"""Rejoined FRAGMENTs are submessages without a header."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownObject:
+    """What somebody who has not listened from the beginning of a session can be told about one of its objects."""
+
+    topic: str
+    type_name: str = ""
+    slot: str = ""
+    """Whose it is; empty: nobody's in particular."""
+    port: str = ""
+
+
+Know = Callable[[Hashable, int], KnownObject | None]
+"""`(peer, object id)`: what the master knows of that object."""
+
+Units = Callable[[str], Mapping[str, str]]
+"""`(type name)`: units of the fields of a message type, by field."""
+
+
+class Overhearer:
+    """One listener for any number of sessions, one for each peer."""
+
+    def __init__(
+        self, types: Iterable[type[Message]] = KNOWN_TYPES, *, know: Know | None = None, units: Units | None = None
+    ) -> None:
+        """Begin to listen.
+
+        Args:
+            types: message classes that are understood, by their type names.
+            know: says what an object is whose CREATE was not heard.
+            units: units of message fields, for sentences.
+        """
+        self._types = {cls.type_name: cls for cls in types}
+        self._know = know or (lambda _peer, _object_id: None)
+        self._units = units or (lambda _type_name: {})
+        self._sessions: dict[Hashable, _Session] = {}
+
+    def explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
+        """A packet from that peer (`up`) or to it in words; a message stands below the sample that carries it."""
+        return self.hear(packet, peer, up=up)[1]
+
+    def hear(self, packet: bytes, peer: Hashable, *, up: bool) -> tuple[list[str], list[str]]:
+        """What a packet says in sentences (`knob says level 49.9 %`), and in the words of the protocol."""
+        session = self._sessions.get(peer)
+        if session is None:
+            session = self._sessions[peer] = _Session(self._types, partial(self._know, peer), self._units)
+        session.sentences = []
+        words = explain(packet, lambda header, submessage: session.notes(header, submessage, up=up))
+        return session.sentences, words
+
+
+class _Session:
+    def __init__(
+        self, types: dict[str, type[Message]], know: Callable[[int], KnownObject | None], units: Units
+    ) -> None:
+        self.sentences: list[str] = []
+        self._types = types
+        self._know = know
+        self._units = units
+        self._objects: dict[int, Definition] = {}
+        self._pieces: dict[bool, _Pieces] = {True: _Pieces(), False: _Pieces()}
+
+    def notes(self, header: Header, submessage: Submessage, *, up: bool) -> list[str]:
+        """What can be said about a submessage besides what stands in it."""
+        match submessage:
+            case CreateClient():
+                self._objects.clear()
+                self._pieces = {True: _Pieces(), False: _Pieces()}
+            case Create():
+                self._created(submessage)
+            case WriteData() | Data():
+                return [INDENT + line for line in self._sample(submessage)]
+            case Fragment():
+                return self._fragment(header, submessage, up=up)
+        return []
+
+    def _created(self, create: Create) -> None:
+        try:
+            self._objects[create.object_id] = parse_variant(create.variant, little_endian=create.little_endian)
+        except RemoteProtocolError:
+            self._objects.pop(create.object_id, None)  # `explain` has said what is wrong with it
+
+    def _sample(self, sample: WriteData | Data) -> list[str]:
+        known = self._know(sample.object_id)
+        definition = self._objects.get(sample.object_id) or (None if known is None else _defined(sample, known))
+        payload = sample.payload
+        match definition:
+            case WriterDef() | ReaderDef():
+                topic, type_name = self._topic(definition)
+                cls = self._types.get(type_name)
+                if known is not None and cls is not None:
+                    self._say(known, payload, cls, hears=isinstance(sample, Data))
+                return [f"{topic}: {_words(payload, cls.decode)}"] if cls else [f"{topic}: a {type_name}"]
+            case RequesterDef():
+                if isinstance(sample, Data):
+                    return _service_words(definition.service_name, "reply", payload[RELATED:])
+                return _service_words(definition.service_name, "request", payload)
+            case ReplierDef():
+                kind = "request" if isinstance(sample, Data) else "reply"
+                return _service_words(definition.service_name, kind, payload[IDENTITY:])
+        return []
+
+    def _say(self, known: KnownObject, payload: bytes, cls: type[Message], *, hears: bool) -> None:
+        try:
+            message = cls.decode(payload)
+        except RemoteProtocolError:
+            return  # the words of the protocol say why
+        values = message_words(message, self._units(cls.type_name))
+        words = (known.slot or known.topic, "hears" if hears else "says", known.port, values)
+        self.sentences.append(" ".join(filter(None, words)))
+
+    def _topic(self, definition: WriterDef | ReaderDef) -> tuple[str, str]:
+        if definition.topic_name is not None:
+            return definition.topic_name, definition.type_name or "message"
+        topic = self._objects.get(definition.topic_id or 0)
+        return (topic.name, topic.type_name) if isinstance(topic, TopicDef) else ("unknown topic", "message")
+
+    def _fragment(self, header: Header, fragment: Fragment, *, up: bool) -> list[str]:
+        whole = self._pieces[up].add(fragment, header.sequence_nr)
+        if whole is None:
+            return []
+        lines = explain(_NO_HEADER + whole, lambda _, submessage: self.notes(header, submessage, up=up))[1:]
+        return [f"{INDENT}together: {line}" for line in lines]
+
+
+class _Pieces:
+    """The FRAGMENTs of one direction, as long as none is missing."""
+
+    def __init__(self) -> None:
+        self._joined: bytearray | None = bytearray()
+        """None: a piece was missed, wait for the end of this message."""
+        self._next: int | None = None
+
+    def add(self, fragment: Fragment, sequence_nr: int) -> bytes | None:
+        """Take a piece; the whole when it was the last one and none was missing."""
+        ahead = 0 if self._next is None else (sequence_nr - self._next) & 0xFFFF
+        if ahead >= 0x8000:
+            return None  # a repetition
+        if ahead:
+            self._joined = None
+        self._next = (sequence_nr + 1) & 0xFFFF
+        if self._joined is not None:
+            self._joined += fragment.payload
+            if len(self._joined) > MAX_JOINED:
+                self._joined = None
+        if not fragment.last:
+            return None
+        whole = None if self._joined is None else bytes(self._joined)
+        self._joined, self._next = bytearray(), None
+        return whole
+
+
+def _defined(sample: WriteData | Data, known: KnownObject) -> Definition:
+    """The definition of an object whose CREATE was not heard."""
+    kind = sample.object_id & 0xF
+    if kind in (ObjectKind.REQUESTER, ObjectKind.REPLIER):
+        service = known.topic.removesuffix("_Request")
+        make = RequesterDef if kind == ObjectKind.REQUESTER else ReplierDef
+        return make(service, "", "", known.topic, "")
+    if kind == ObjectKind.DATAWRITER:
+        return WriterDef(None, known.topic, known.type_name, reliable=True, transient_local=False)
+    return ReaderDef(None, known.topic, known.type_name, reliable=True, transient_local=False)
+
+
+def message_words(message: Message, units: Mapping[str, str]) -> str:
+    """The fields of a message with their units, `x 1 m, y -2.5 m`; of a single one no more than its value, `49.9 %`."""
+    fields = fields_of(type(message))
+    words = []
+    for field in fields:
+        name = field.name if len(fields) > 1 else ""
+        value = value_words(getattr(message, field.name))
+        words.append(" ".join(filter(None, (name, value, units.get(field.name, "")))))
+    return ", ".join(words)
+
+
+def value_words(value: object) -> str:
+    """A value as its type means it: 49.9, not 49.900001525878906, when it came in 32 bits."""
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return str(value)
+        came_in_32_bits = abs(value) < LARGEST_FLOAT32 and unpack("<f", pack("<f", value))[0] == value
+        return f"{value:.7g}" if came_in_32_bits else f"{value:.15g}"
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, list):
+        return f"[{', '.join(map(value_words, value))}]"
+    return str(value)
+
+
+def _words(payload: bytes, decode: Callable[[bytes], object]) -> str:
+    try:
+        return str(decode(payload))
+    except RemoteProtocolError as error:
+        return f"makes no sense: {error}"
+
+
+def _service_words(service: str, kind: str, body: bytes) -> list[str]:
+    decoders: dict[tuple[str, str], Callable[[bytes], object]] = {
+        (INVENTORY_SERVICE, "request"): decode_request,
+        (INVENTORY_SERVICE, "reply"): decode_reply,
+        (compat.SERVICE, "request"): compat.decode_request,
+        (compat.SERVICE, "reply"): compat.decode_reply,
+    }
+    decode = decoders.get((service, kind))
+    if decode is None:
+        return [f"{kind} of {service}"]
+    return [f"{kind} of {service}: {_words(body, lambda octets: _by_type_name(decode(octets)))}"]
+
+
+def _by_type_name(said: object) -> str:
+    """A message under its name on the wire, which is not always its class'."""
+    return said.type_name + str(said).removeprefix(type(said).__name__) if isinstance(said, Message) else str(said)

@@ -1,0 +1,153 @@
+"""The inventory's index: sessions, parts, leases and holders of slots, each found by index."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from random import Random
+
+from msbot.pnp.inventory_record import InventoryRecord
+from msbot.pnp.model import Timing
+
+
+class PartSession:
+    """One client's session with the agent."""
+
+    __slots__ = ("address", "key", "plugged_in_at", "record")
+
+    def __init__(self, key: int, address: str, plugged_in_at: float) -> None:
+        self.key = key
+        self.address = address
+        self.plugged_in_at = plugged_in_at
+        self.record: InventoryRecord | None = None
+        """The part that speaks through it, if any is known."""
+
+
+class InventoryIndex:
+    """Who is there; keeps its indexes true, decides nothing.
+
+    Args:
+        random: source of the leases; must be unguessable in a real robot.
+        timing: the robot's periods.
+        keep_ended: parts that are gone and still shown; the oldest is forgotten first.
+    """
+
+    def __init__(self, random: Random, timing: Timing, *, keep_ended: int) -> None:
+        self._random = random
+        self._timing = timing
+        self._keep_ended = keep_ended
+        self.sessions: dict[int, PartSession] = {}
+        """By client key."""
+        self.records: dict[InventoryRecord, None] = {}
+        """All parts that are shown, in order of appearance."""
+        self.holders: dict[str, InventoryRecord] = {}
+        """By slot name: who holds it."""
+        self.barred: dict[InventoryRecord, str] = {}
+        """Parts that a person took out of a slot -> that slot, which they do not get by themselves before somebody
+        else has held it."""
+        self._by_lease: dict[int, InventoryRecord] = {}
+        self._by_identity: dict[bytes, InventoryRecord] = {}
+        self._ended: dict[InventoryRecord, None] = {}
+
+    def open_record(self, session: PartSession) -> InventoryRecord:
+        """Begin a record for the part behind a session."""
+        record = InventoryRecord(session.key, session.address, self._timing, session.plugged_in_at)
+        session.record = record
+        self.records[record] = None
+        return record
+
+    def identify(self, record: InventoryRecord, identity: bytes) -> None:
+        """Note who a part says it is; the record that had this identity and has ended is continued by it."""
+        old = self._by_identity.get(identity)
+        if record.identity and record.identity != identity and self._by_identity.get(record.identity) is record:
+            del self._by_identity[record.identity]
+        record.identity = identity
+        if old is record:
+            return
+        if old is not None and old.state is not None and old.state.is_over:
+            record.succeed(old)
+            self.forget(old)
+        self._by_identity[identity] = record
+
+    def is_newest(self, record: InventoryRecord) -> bool:
+        """Whether no other session has shown the record's identity after it."""
+        return self._by_identity.get(record.identity) is record
+
+    def has_identity(self, identity: bytes) -> bool:
+        """Whether some part, there or gone, has shown this identity."""
+        return identity in self._by_identity
+
+    def rival(self, record: InventoryRecord, identity: bytes) -> InventoryRecord | None:
+        """Another record of the same identity that holds a slot, or None."""
+        other = self._by_identity.get(identity)
+        return other if other is not None and other is not record and other.holds_slot else None
+
+    def grant(self, record: InventoryRecord, slot: str) -> None:
+        """Give a part a slot and a new lease."""
+        self.holders[slot] = record
+        self.barred = {other: name for other, name in self.barred.items() if name != slot and other is not record}
+        record.slot, record.holds_slot = slot, True
+        self.void_lease(record)
+        while record.lease == 0 or record.lease in self._by_lease:
+            record.lease = self._random.getrandbits(32)
+        self._by_lease[record.lease] = record
+
+    def void_lease(self, record: InventoryRecord) -> None:
+        """End a part's lease."""
+        self._by_lease.pop(record.lease, None)
+        record.lease = 0
+
+    def vacate(self, record: InventoryRecord) -> str | None:
+        """End a part's lease and hold on its slot; returns the slot that is free now."""
+        self.void_lease(record)
+        record.configuration = None
+        if not record.holds_slot or record.slot is None:
+            return None
+        record.holds_slot = False
+        del self.holders[record.slot]
+        return record.slot
+
+    def by_lease(self, lease: int, client_key: int) -> InventoryRecord | None:
+        """The part with that lease, if it speaks through that session."""
+        record = self._by_lease.get(lease)
+        return record if record is not None and record.client_key == client_key else None
+
+    def slot_of(self, record: InventoryRecord) -> str | None:
+        """The slot a part holds; for one that is gone, the slot it held as long as nobody else does."""
+        if record.holds_slot:
+            return record.slot
+        is_over = record.state is not None and record.state.is_over
+        return record.slot if is_over and record.slot not in self.holders else None
+
+    def detach(self, record: InventoryRecord) -> None:
+        """Part a record from its session; a part that never said who it is is forgotten, others stay shown."""
+        session = self.sessions.get(record.client_key)
+        if session is not None and session.record is record:
+            session.record = None
+        if not record.identity:
+            self.forget(record)
+            return
+        self._ended[record] = None
+        if len(self._ended) > self._keep_ended:
+            self.forget(next(iter(self._ended)))
+
+    def forget(self, record: InventoryRecord) -> None:
+        """Show a part no more."""
+        session = self.sessions.get(record.client_key)
+        if session is not None and session.record is record:
+            session.record = None
+        self._ended.pop(record, None)
+        self.barred.pop(record, None)
+        self.records.pop(record, None)
+        if self._by_identity.get(record.identity) is record:
+            del self._by_identity[record.identity]
+
+    def find(self, word: str) -> Iterator[InventoryRecord]:
+        """Parts that a person may mean by a word: name, slot, number, UID, address or client key."""
+        wanted = word.casefold()
+        for record in self.records:
+            claim = record.claim
+            names = [record.name, record.address, record.slot or "", f"{record.client_key:08x}"]
+            if claim is not None:
+                names += [claim.part_number, claim.local_name, claim.uid.hex()]
+            if wanted in (name.casefold() for name in names):
+                yield record

@@ -1,0 +1,191 @@
+"""What the inventory keeps about one part; every change of state goes through `InventoryRecord.move`."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from msbot.part.join.plug import Refusal
+from msbot.pnp.life import Life, check_transition
+from msbot.pnp.model import Claim, Configuration, Evidence, PartEvent, PartInfo, PartState, Timing
+
+HISTORY = 32
+"""Changes kept per part for `Inventory.why`; the journal keeps all."""
+
+_MAX_DUPLICATES = 8
+
+
+class Contest:
+    """A claim with the UID of a part that holds a slot in another session: not decided yet."""
+
+    __slots__ = ("began_at", "rival")
+
+    def __init__(self, rival: InventoryRecord, began_at: float) -> None:
+        self.rival = rival
+        self.began_at = began_at
+
+
+class InventoryRecord:
+    """One part: who it is, how it stands, and how it came to that.
+
+    Args:
+        client_key: its session.
+        address: the peer in words.
+        timing: the robot's periods.
+        plugged_in_at: when its session was opened, or the link saw it come.
+    """
+
+    __slots__ = (
+        "address",
+        "claim",
+        "client_key",
+        "configuration",
+        "contest",
+        "duplicates",
+        "heard_at",
+        "history",
+        "holds_slot",
+        "identity",
+        "lease",
+        "life",
+        "plug_in_to_active_s",
+        "plugged_in_at",
+        "reason",
+        "refusal",
+        "refused_claims",
+        "since",
+        "slot",
+        "state",
+    )
+
+    def __init__(self, client_key: int, address: str, timing: Timing, plugged_in_at: float) -> None:
+        self.client_key = client_key
+        self.address = address
+        self.life = Life(timing)
+        self.plugged_in_at: float | None = plugged_in_at
+        """None: neither a session nor a claim has begun a passage through the two steps."""
+        self.plug_in_to_active_s: float | None = None
+        self.state: PartState | None = None
+        self.since = plugged_in_at
+        self.reason = ""
+        self.claim: Claim | None = None
+        self.identity = b""
+        """The UID, or a name made from the session for a part without one; empty before the first claim."""
+        self.slot: str | None = None
+        """The slot it holds, or held last."""
+        self.holds_slot = False
+        self.lease = 0
+        self.configuration: Configuration | None = None
+        self.refusal: Refusal | None = None
+        self.refused_claims = 0
+        self.contest: Contest | None = None
+        self.heard_at = plugged_in_at
+        """When it claimed or beat last."""
+        self.duplicates: deque[str] = deque(maxlen=_MAX_DUPLICATES)
+        self.history: deque[PartEvent] = deque(maxlen=HISTORY)
+
+    @property
+    def is_registered(self) -> bool:
+        """Whether it is active or late."""
+        return self.state is not None and self.state.is_registered
+
+    @property
+    def name(self) -> str:
+        """What people call it: local name, else slot, else part number, else address."""
+        claim = self.claim
+        if claim is None:
+            return self.address
+        return claim.local_name or self.slot or claim.part_number or self.address
+
+    def move(self, to: PartState, now: float, reason: str, evidence: Evidence = ()) -> PartEvent:
+        """Enter another state; everything else must be up to date already.
+
+        Raises:
+            LocalProtocolError: the change is not in the table of `msbot.pnp.life`.
+        """
+        check_transition(self.state, to)
+        event = self._event(to, now, reason, evidence)
+        self.state, self.since, self.reason = to, now, reason
+        self.history.append(event)
+        return event
+
+    def note(self, now: float, reason: str, evidence: Evidence = ()) -> PartEvent:
+        """Something that happened to the part and changes nothing about it; it must have a state."""
+        assert self.state is not None
+        event = self._event(self.state, now, reason, evidence)
+        self.history.append(event)
+        return event
+
+    def _event(self, to: PartState, now: float, reason: str, evidence: Evidence) -> PartEvent:
+        claim = self.claim
+        return PartEvent(
+            at=now,
+            part=self.name,
+            slot=self.slot if self.holds_slot or to.is_over else None,
+            from_state=self.state,
+            to_state=to,
+            reason=reason,
+            evidence=evidence,
+            part_number=claim.part_number if claim else "",
+            local_name=claim.local_name if claim else "",
+            uid=claim.uid if claim else b"",
+            client_key=self.client_key,
+            address=self.address,
+        )
+
+    def succeed(self, old: InventoryRecord) -> None:
+        """Go on with the history of the same part's earlier session."""
+        self.history = deque((*old.history, *self.history), maxlen=HISTORY)
+        self.refused_claims += old.refused_claims
+        if self.slot is None:
+            self.slot = old.slot
+
+    def note_duplicate(self, address: str) -> None:
+        """Remember where a device with the same UID was seen; each address once."""
+        if address not in self.duplicates:
+            self.duplicates.append(address)
+
+    def info(self, now: float, slot: str | None) -> PartInfo:
+        """The part as tables show it, in that slot."""
+        claim, active_s, heard = self.claim, self.plug_in_to_active_s, self.life.last_beat_at
+        return PartInfo(
+            part=self.name,
+            part_number=claim.part_number if claim else "",
+            local_name=claim.local_name if claim else "",
+            uid=claim.uid if claim else b"",
+            slot=slot,
+            state=self.state or PartState.NEW,
+            reason=self.reason,
+            state_age_s=max(0.0, now - self.since),
+            life=self.life.status,
+            beat_age_s=None if heard is None else self.life.silence_s(now),
+            beats=self.life.beats,
+            plug_in_to_active_ms=None if active_s is None else active_s * 1000,
+            client_key=self.client_key,
+            address=self.address,
+            refused_claims=self.refused_claims,
+            duplicates=tuple(self.duplicates),
+            refusal=None if self.is_registered else self.refusal,
+        )
+
+    def sentences(self, now: float) -> list[str]:
+        """How the part stands and the chain of changes that led there, oldest first."""
+        lines = [f"{self._headline(now)}: {self.reason}"]
+        if self.duplicates:
+            lines.append(f"The same UID was shown, and refused, at {', '.join(self.duplicates)}.")
+        for event in self.history:
+            first, *rest = event.sentences()
+            lines.append(f"{max(0.0, now - event.at):.3f} s ago: {first}")
+            lines.extend(rest)
+        return lines
+
+    def _headline(self, now: float) -> str:
+        state = (self.state or PartState.NEW).value
+        words = [self.name]
+        if self.claim is not None:
+            words.append(f"({self.claim.part_number})")
+        words.append(f"is {state} since {max(0.0, now - self.since):.1f} s")
+        if self.holds_slot:
+            words.append(
+                f"in slot {self.slot}, life {self.life.status}, last beat {self.life.silence_s(now):.1f} s ago"
+            )
+        return " ".join(words)

@@ -1,0 +1,170 @@
+"""Key mode: every claim is asked to prove the key of its UID before anything else is decided. Pure.
+
+Theory of operation. A claim is answered with a nonce that is drawn for this question and never used again. It is bound
+to who asks (the GUID of the writer of its requests, which no later session has) and to what it claims; a claim that is
+repeated because an answer is slow gets the same question again. The proof ends the question, whatever it says. What
+was proved once is remembered, so that an old proof that is shown again can be called by its name.
+
+========================================  ===============================================
+what comes                                what is decided
+========================================  ===============================================
+a claim of the thesis' own programs       `KEY_NEEDED`: they know no keys (downgrade)
+a claim with a UID without a key          `NO_KEY`, and no question
+a claim that keeps being repeated,        `KEY_NEEDED` (downgrade), and the question again
+without a proof
+a proof of the open question              the claim goes on to the rules of matching
+a proof with another key                  `WRONG_KEY`
+an old proof, or one without a question   `REPLAYED`
+========================================  ===============================================
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from random import Random
+from typing import TypeVar
+
+from msbot.errors import RegistryError
+from msbot.part.join import keys, plug
+from msbot.part.join.plug import Refusal
+from msbot.pnp.matching import NO_UID, Match
+from msbot.pnp.model import Claim, Evidence, PartState, PartStore
+
+GOOD_FOR_S = 10.0
+"""A question that old is not taken an answer to."""
+UNANSWERED_S = 5.0
+"""A part that repeats its claim so long after the question does not know how to answer it."""
+MOST_QUESTIONS = 4096
+"""Open questions; the oldest gives way."""
+MOST_PROOFS = 4096
+"""Proofs that are remembered, to tell a repeated one from a wrong one."""
+
+
+_V = TypeVar("_V")
+
+
+@dataclass(slots=True)
+class _Question:
+    nonce: bytes
+    claim: Claim
+    asked_at: float
+    complained: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The answer to a claim."""
+
+    nonce: bytes | None
+    """The question; None: nothing is asked, the claim is refused."""
+    refused: Match | None = None
+    """Why the claim is refused, or what is to be said about earlier ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """What a proof was worth."""
+
+    claim: Claim | None
+    """What is claimed; None: nobody knows, there was no question."""
+    refused: Match | None = None
+    """Why the proof is not taken; None: it is good."""
+    is_repeated: bool = False
+    """The same asker has shown this very proof before, and it was good: the answer may have been lost."""
+
+
+class Keys:
+    """Asks and checks for one robot.
+
+    Args:
+        store: knows the keys.
+        random: source of the nonces; must be unguessable in a real robot.
+    """
+
+    def __init__(self, store: PartStore, random: Random) -> None:
+        self._store = store
+        self._random = random
+        self._questions: dict[bytes, _Question] = {}
+        """By asker, the oldest first."""
+        self._proofs: dict[bytes, bytes] = {}
+        """Good proofs -> who showed them, the oldest first."""
+
+    def ask(self, claim: Claim, asker: bytes, now: float) -> Asked:
+        """Answer a claim with a question, or refuse it at once."""
+        if claim.layout == "compat":
+            return _refused(claim, Refusal.KEY_NEEDED, "the programs of the thesis know no keys")
+        if claim.uid in (b"", NO_UID):
+            return _refused(claim, Refusal.NO_KEY, "the part has no UID, so it can have no key")
+        try:
+            key = self._store.key_of(claim.uid)
+        except RegistryError as error:
+            return _refused(claim, Refusal.NOT_READY, str(error))
+        if key is None:
+            words = f"none is on file for UID {claim.uid.hex()}: `msbot key new` makes one"
+            return _refused(claim, Refusal.NO_KEY, words)
+        question = self._questions.get(asker)
+        if question is None or question.claim != claim or now - question.asked_at > GOOD_FOR_S:
+            complaint = self._unanswered(question, claim, now)
+            return Asked(self._new_question(asker, claim, now), complaint)
+        return Asked(question.nonce, self._unanswered(question, claim, now))
+
+    def answer(self, proof: bytes, asker: bytes, session_key: int, now: float) -> Answered:
+        """Check a proof; the question is over, whatever it is worth.
+
+        Args:
+            proof: 16 octets.
+            asker: who shows it, as in `ask`.
+            session_key: the client key of its session.
+            now: the present time.
+        """
+        question = self._questions.pop(asker, None)
+        if question is None or now - question.asked_at > GOOD_FOR_S:
+            claim = None if question is None else question.claim
+            words = "nothing was asked" if question is None else f"it was asked {now - question.asked_at:.1f} s ago"
+            return Answered(claim, _match(Refusal.REPLAYED, words), self._proofs.get(proof) == asker)
+        claim = question.claim
+        try:
+            key = self._store.key_of(claim.uid)
+        except RegistryError as error:
+            return Answered(claim, _match(Refusal.NOT_READY, str(error)))
+        if key is None:
+            return Answered(claim, _match(Refusal.NO_KEY, "it was removed in this moment"))
+        names = {"part_number": claim.part_number, "local_name": claim.local_name}
+        if keys.is_same(proof, keys.prove(key, question.nonce, claim.uid, **names, session_key=session_key)):
+            _keep(self._proofs, proof, asker, MOST_PROOFS)
+            return Answered(claim)
+        if proof in self._proofs:
+            return Answered(claim, _match(Refusal.REPLAYED, "it was good once, for another question"))
+        return Answered(claim, _match(Refusal.WRONG_KEY, "the proof does not fit the question"))
+
+    def _new_question(self, asker: bytes, claim: Claim, now: float) -> bytes:
+        nonce = self._random.randbytes(plug.NONCE_OCTETS)
+        self._questions.pop(asker, None)
+        _keep(self._questions, asker, _Question(nonce, claim, now), MOST_QUESTIONS)
+        return nonce
+
+    def _unanswered(self, question: _Question | None, claim: Claim, now: float) -> Match | None:
+        """What is to be said of a part that goes on claiming and does not answer; once for each question."""
+        if question is None or question.claim != claim or question.complained:
+            return None
+        waited = now - question.asked_at
+        if waited < UNANSWERED_S:
+            return None
+        question.complained = True
+        return _match(Refusal.KEY_NEEDED, f"asked {waited:.1f} s ago, it claims again and proves nothing")
+
+
+def _keep(table: dict[bytes, _V], key: bytes, value: _V, most: int) -> None:
+    if len(table) >= most:
+        del table[next(iter(table))]
+    table[key] = value
+
+
+def _match(refusal: Refusal, words: str) -> Match:
+    return Match(PartState.REFUSED, f"{refusal.words} ({words})", (("key", words),), refusal=refusal)
+
+
+def _refused(claim: Claim, refusal: Refusal, words: str) -> Asked:
+    match = _match(refusal, words)
+    evidence: Evidence = (("claim", f"part number {claim.part_number}, layout {claim.layout}"), *match.evidence)
+    return Asked(None, Match(match.outcome, match.reason, evidence, refusal=refusal))

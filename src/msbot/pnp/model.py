@@ -1,0 +1,372 @@
+"""The values of plug-and-play: what a part, a slot, a claim and a change are, and what the inventory asks its store.
+
+A *part* is a thing that is plugged in. A *slot* is a role in the robot; settings, wiring and history belong to it.
+The *inventory* knows which part sits in which slot. Where types, slots and the journal are kept is the business of
+a `PartStore`: the registry in a master, `MemoryStore` in tests and robots without a database.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+from msbot.errors import ConfigError
+from msbot.part.join.plug import Refusal
+from msbot.pnp.emergency_stop import StopRecord
+
+MAX_TEXT = 254
+"""Longest part number or local name in characters: the thesis' `char[255]` with its NUL."""
+
+Evidence = tuple[tuple[str, str], ...]
+"""Why something was decided: pairs of (rule or message, outcome), in the order they were tried."""
+
+
+class PartState(Enum):
+    """How a part stands with the inventory; the legal changes are `msbot.pnp.life.TRANSITIONS`."""
+
+    NEW = "new"
+    CHECKING = "checking"
+    ACTIVE = "active"
+    LATE = "late"
+    LOST = "lost"
+    REFUSED = "refused"
+    STANDBY = "standby"
+    LEFT = "left"
+
+    @property
+    def is_registered(self) -> bool:
+        """Whether the part holds a lease and may use its slot's topics."""
+        return self is PartState.ACTIVE or self is PartState.LATE
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the part is delisted: gone, politely or not."""
+        return self is PartState.LOST or self is PartState.LEFT
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """The four numbers of thesis 3.12.1.2; the defaults are the thesis' own.
+
+    Raises:
+        ConfigError: a value is out of range, or a healthy part would be delisted.
+    """
+
+    beat_s: float = 1.0
+    """Period in which a part beats, 0.02 to 65 s."""
+    tick_s: float = 2.0
+    """Period in which every life status is decremented."""
+    life: int = 3
+    """Life status after registration and after each beat, at least 1."""
+    late_after_beats: float = 1.5
+    """A part is late, and a contest is decided, after so many beat periods of silence."""
+
+    def __post_init__(self) -> None:
+        if not 0.02 <= self.beat_s <= 65.0:
+            raise ConfigError(f"beat period {self.beat_s} s: must be 0.02 to 65 s")
+        if not 1 <= self.life <= 255:
+            raise ConfigError(f"life status {self.life}: must be 1 to 255")
+        if self.late_after_beats <= 1.0:
+            raise ConfigError(f"late after {self.late_after_beats} beat periods: must be more than 1")
+        if self.shortest_detection_s < self.late_s:
+            raise ConfigError(
+                f"life {self.life} x tick {self.tick_s} s: a part could be delisted {self.shortest_detection_s} s "
+                f"after a beat, but its next beat may take {self.late_s} s; use a longer tick or a higher life"
+            )
+
+    @property
+    def late_s(self) -> float:
+        """Silence in seconds after which a part is late."""
+        return self.beat_s * self.late_after_beats
+
+    @property
+    def shortest_detection_s(self) -> float:
+        """Least time in seconds from the last beat of a silent part to its delisting."""
+        return (self.life - 1) * self.tick_s
+
+    @property
+    def longest_detection_s(self) -> float:
+        """Most time in seconds from the last beat of a silent part to its delisting."""
+        return self.life * self.tick_s
+
+    @property
+    def beat_ms(self) -> int:
+        """The beat period in milliseconds, as a verdict carries it."""
+        return round(self.beat_s * 1000)
+
+
+THESIS_TIMING = Timing()
+"""Beat 1 s, tick 2 s, life 3: a silent part is delisted after 4 to 6 s."""
+FAST_TIMING = Timing(beat_s=0.25, tick_s=0.5, life=3)
+"""The `fast` preset: a silent part is delisted after 1.0 to 1.5 s."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartType:
+    """What a part number is: one entry of the library (thesis 3.12.1.2, R64)."""
+
+    number: str
+    name: str
+    description: str = ""
+    specification: str = ""
+    compatible_with: tuple[str, ...] = ()
+    """Part numbers whose slots this type can fill as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A role in the robot that one part can fill."""
+
+    name: str
+    part_number: str
+    local_name: str = ""
+    """The local name that decides when several slots take the same number; empty: the slot's name."""
+
+    @property
+    def wanted_name(self) -> str:
+        """The local name a part shows to ask for exactly this slot."""
+        return self.local_name or self.name
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """One port of a slot and the topic it is tied to."""
+
+    port: str
+    topic: str
+    type_name: str
+    publishes: bool
+    """True: the part writes the topic; False: it reads it."""
+    reliable: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """What a part in a slot gets to know: its slot, its bindings and its settings."""
+
+    version: int
+    """At least 1; another number after every change."""
+    slot: str
+    bindings: tuple[Binding, ...] = ()
+    settings: tuple[tuple[str, str], ...] = ()
+    """Pairs of (name, value as text)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A part's request to be registered (thesis 3.12.1.1, step 2)."""
+
+    part_number: str
+    local_name: str = ""
+    uid: bytes = b""
+    """8 octets; empty or all zero when the part has none (the thesis' own programs)."""
+    nonce: int = 0
+    """Drawn by the part once per start; the same nonce from the same session is the same claim repeated."""
+    layout: str = "compact"
+    """`compact` (leases and beats) or `compat` (every request of 96 octets registers or beats)."""
+
+
+def identity_of(uid: bytes, client_key: int) -> bytes:
+    """Who a part is: its UID; of a part without one, only its session is known."""
+    return uid or b"session" + client_key.to_bytes(4, "big")
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The inventory's answer to a claim."""
+
+    lease: int = 0
+    """Not 0: registered, and this number goes into every beat."""
+    configuration_version: int = 0
+    refusal: Refusal | None = None
+    """Why there is no lease; None with lease 0: not decided yet, nothing is answered."""
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How the part behind a session stands now, in a few words for itself."""
+
+    state: PartState
+    lease: int
+    """0 = it holds none."""
+    configuration_version: int
+
+
+@dataclass(frozen=True, slots=True)
+class PartEvent:
+    """One change of one part's state."""
+
+    at: float
+    """Seconds of the caller's monotonic clock."""
+    part: str
+    """The part's name for people: local name, else slot, else part number, else address."""
+    slot: str | None
+    """The slot it holds, or has lost by this change."""
+    from_state: PartState | None
+    """None: the part was not there before."""
+    to_state: PartState
+    reason: str
+    evidence: Evidence = ()
+    part_number: str = ""
+    local_name: str = ""
+    uid: bytes = b""
+    client_key: int = 0
+    """The session it happened to."""
+    address: str = ""
+    """The peer in words."""
+
+    def sentences(self) -> list[str]:
+        """The event in plain words: one sentence, then one indented line for each piece of evidence."""
+        before = "" if self.from_state is None else f"{self.from_state.value} -> "
+        where = f" in slot {self.slot}" if self.slot else ""
+        lines = [f"{self.part}: {before}{self.to_state.value}{where}: {self.reason}"]
+        lines.extend(f"  - {rule}: {outcome}" for rule, outcome in self.evidence)
+        return lines
+
+
+@dataclass(frozen=True, slots=True)
+class PartInfo:
+    """A part as the inventory shows it."""
+
+    part: str
+    part_number: str
+    local_name: str
+    uid: bytes
+    slot: str | None
+    """The slot it holds; when it is gone, the one it held as long as no other part holds it."""
+    state: PartState
+    reason: str
+    """Why it is in that state, in words."""
+    state_age_s: float
+    life: int
+    """Life status, 0 when it is not counted."""
+    beat_age_s: float | None
+    """Seconds since the last beat or registration; None before the first."""
+    beats: int
+    plug_in_to_active_ms: float | None
+    """From the session's opening (or the link's notice of the plug) to `active`; None until then."""
+    client_key: int
+    address: str
+    refused_claims: int
+    duplicates: tuple[str, ...]
+    """Addresses of refused devices that show the same UID."""
+    refusal: Refusal | None = None
+    """Why it has no lease, for one that is refused or stands by."""
+
+
+class PartStore(Protocol):
+    """What the inventory needs from whoever keeps types, slots and the journal.
+
+    Every method returns at once: reads are indexed, writes are handed to a writer. Reads may raise `RegistryError`;
+    the claim in question is then refused as `NOT_READY`.
+    """
+
+    def part_type(self, number: str) -> PartType | None:
+        """The library's entry for exactly this part number, or None."""
+
+    def slots(self) -> tuple[Slot, ...]:
+        """All slots of the robot; asked at the start and after `Inventory.reload`."""
+
+    def remembered_slot(self, uid: bytes) -> str | None:
+        """The name of the slot this UID was in last, or None."""
+
+    def placed_slot(self, uid: bytes) -> str | None:
+        """The name of the slot a person put this UID into, or None; it holds whatever the library says."""
+
+    def remember(self, uid: bytes, slot: str, claim: Claim) -> None:
+        """Note that this UID now sits in that slot; an empty UID is not remembered."""
+
+    def configuration(self, slot: str) -> Configuration:
+        """The present configuration of a slot; asked at registration and after a change, never for a beat."""
+
+    def blocked(self, uid: bytes, number: str) -> str | None:
+        """Why this part (or this part number) is blocked, in words, or None."""
+
+    def key_of(self, uid: bytes) -> bytes | None:
+        """The key of the part with that UID, or None; asked in key mode only."""
+
+    def journal(self, event: PartEvent) -> None:
+        """Keep an event; never blocks and never raises."""
+
+    def kept_stop(self) -> StopRecord | None:
+        """What was kept of the latest STOP; None: nothing. Asked once, when a master begins."""
+
+    def keep_stop(self, record: StopRecord) -> None:
+        """Keep what is to be known of STOP after a restart; never blocks and never raises."""
+
+    def is_kept(self, timeout_s: float) -> bool:
+        """Wait until everything told so far is stored; False: it could not be. Called in a thread of its own."""
+
+
+class MemoryStore:
+    """A `PartStore` without a database: for tests and robots that need no memory of their parts."""
+
+    def __init__(
+        self,
+        *,
+        types: tuple[PartType, ...] = (),
+        slots: tuple[Slot, ...] = (),
+        configurations: tuple[Configuration, ...] = (),
+    ) -> None:
+        self.types = {part_type.number: part_type for part_type in types}
+        self.slot_list = list(slots)
+        self.configurations = {configuration.slot: configuration for configuration in configurations}
+        self.remembered: dict[bytes, str] = {}
+        self.placed: dict[bytes, str] = {}
+        """UID -> the slot a person put it into."""
+        self.blocks: dict[bytes | str, str] = {}
+        """UID or part number -> why it is blocked."""
+        self.keys: dict[bytes, bytes] = {}
+        """UID -> key."""
+        self.events: list[PartEvent] = []
+        self.stop: StopRecord | None = None
+
+    def part_type(self, number: str) -> PartType | None:
+        """See `PartStore.part_type`."""
+        return self.types.get(number)
+
+    def slots(self) -> tuple[Slot, ...]:
+        """See `PartStore.slots`."""
+        return tuple(self.slot_list)
+
+    def remembered_slot(self, uid: bytes) -> str | None:
+        """See `PartStore.remembered_slot`."""
+        return self.remembered.get(uid)
+
+    def placed_slot(self, uid: bytes) -> str | None:
+        """See `PartStore.placed_slot`."""
+        return self.placed.get(uid)
+
+    def remember(self, uid: bytes, slot: str, claim: Claim) -> None:  # noqa: ARG002 - the protocol's signature
+        """See `PartStore.remember`."""
+        if uid:
+            self.remembered[uid] = slot
+
+    def configuration(self, slot: str) -> Configuration:
+        """See `PartStore.configuration`; a slot without one gets version 1 with nothing in it."""
+        return self.configurations.get(slot) or Configuration(version=1, slot=slot)
+
+    def blocked(self, uid: bytes, number: str) -> str | None:
+        """See `PartStore.blocked`."""
+        return self.blocks.get(uid) or self.blocks.get(number)
+
+    def key_of(self, uid: bytes) -> bytes | None:
+        """See `PartStore.key_of`."""
+        return self.keys.get(uid)
+
+    def journal(self, event: PartEvent) -> None:
+        """See `PartStore.journal`."""
+        self.events.append(event)
+
+    def kept_stop(self) -> StopRecord | None:
+        """See `PartStore.kept_stop`."""
+        return self.stop
+
+    def keep_stop(self, record: StopRecord) -> None:
+        """See `PartStore.keep_stop`."""
+        self.stop = record
+
+    def is_kept(self, timeout_s: float) -> bool:  # noqa: ARG002 - the protocol's signature
+        """See `PartStore.is_kept`."""
+        return True

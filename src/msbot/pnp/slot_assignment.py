@@ -1,0 +1,162 @@
+"""Who sits where when it is not the part that asks: spares that take over, and what people move (R61, R62). Pure.
+
+A slot that falls free is given at once to a part that stands by and fits, by the same rules as a claim. The part is
+told by the inventory's service; a part that missed it gets to know by its next claim.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from msbot.errors import RegistryError
+from msbot.part.join.plug import Refusal
+from msbot.pnp.inventory_index import InventoryIndex
+from msbot.pnp.inventory_record import InventoryRecord
+from msbot.pnp.matching import Matcher
+from msbot.pnp.model import Claim, Evidence, PartState, PartStore
+from msbot.pnp.state_changes import StateChanges
+
+FRESH_S = 3.0
+"""A part that stands by and has claimed within that time is surely there."""
+
+PLACEABLE = frozenset({PartState.ACTIVE, PartState.LATE, PartState.STANDBY, PartState.REFUSED})
+"""States in which a person can put a part into a slot."""
+
+
+@dataclass(frozen=True, slots=True)
+class TakeOver:
+    """A part that stood by has got the slot of another one."""
+
+    at: float
+    slot: str
+    claim: Claim
+    """What the part that has the slot now says of itself."""
+    part: str
+    """Its name for people."""
+    lost_uid: bytes
+    """The UID of the part that had the slot; empty when it has none."""
+    lost_part: str
+    """The name for people of the part that had the slot."""
+
+
+class SlotAssignment:
+    """Gives slots away without a claim: when one falls free, and when a person says so.
+
+    Args:
+        store: configurations and the memory of slots.
+        index: sessions, parts, holders.
+        matcher: the rules by which slots are found.
+        changes: where changes are made.
+    """
+
+    def __init__(self, store: PartStore, index: InventoryIndex, matcher: Matcher, changes: StateChanges) -> None:
+        self._store = store
+        self._index = index
+        self._matcher = matcher
+        self._changes = changes
+
+    def fill(self, now: float) -> list[TakeOver]:
+        """Give the slots that fell free lately to parts that stand by; gives what came of it."""
+        if not self._changes.freed:
+            return []
+        freed = dict(self._changes.freed)
+        self._changes.freed.clear()
+        taken = []
+        for record in self._standing_by(freed, now):
+            claim = record.claim
+            match = None if claim is None else self._matcher.match(claim, barred=self._index.barred.get(record, ""))
+            if claim is None or match is None or match.slot is None:
+                continue
+            slot = match.slot.name
+            old = freed.get(slot)
+            reason = match.reason if old is None else f"takes over slot {slot}: {_fate(old)}"
+            if not self._seat(record, slot, now, reason, match.evidence):
+                continue
+            if old is not None:
+                old_uid = b"" if old.claim is None else old.claim.uid
+                taken.append(TakeOver(now, slot, claim, record.name, old_uid, old.name))
+        return taken
+
+    def twin(self, moves: Mapping[InventoryRecord, str | None]) -> InventoryRecord | None:
+        """A part that would be in a slot while another session with its UID is in one, too."""
+        wanted = {slot for slot in moves.values() if slot is not None}
+        staying = [record for slot, record in self._index.holders.items() if record not in moves and slot not in wanted]
+        seen: dict[bytes, InventoryRecord] = {record.identity: record for record in staying}
+        for record, slot in moves.items():
+            if slot is not None and seen.setdefault(record.identity, record) is not record:
+                return record
+        return None
+
+    def rearrange(self, moves: Mapping[InventoryRecord, str | None], now: float, reason: str) -> None:
+        """Put parts into slots, or out of theirs (None), all at once; whoever is in the way stands by.
+
+        Args:
+            moves: parts whose state is in `PLACEABLE`; each slot at most once.
+            now: the present time.
+            reason: why, in words.
+
+        Raises:
+            RegistryError: a configuration cannot be read; nothing has changed.
+        """
+        wanted = {slot: record for record, slot in moves.items() if slot is not None}
+        configurations = {slot: self._store.configuration(slot) for slot in wanted}
+        for record in dict.fromkeys(
+            [*moves, *(self._index.holders[name] for name in wanted if name in self._index.holders)]
+        ):
+            if record.holds_slot and record.slot != moves.get(record):
+                self._unseat(record, now, reason)
+        for slot, record in wanted.items():
+            if record.slot == slot and record.holds_slot:
+                continue
+            self._remember(record, slot)
+            if record.state is PartState.REFUSED:
+                self._changes.move(record, PartState.CHECKING, now, "a person lets it in")
+            self._changes.seat(record, configurations[slot], now, reason, (("a person decided", reason),))
+
+    def block(self, record: InventoryRecord, why: str, now: float) -> None:
+        """Delist a part that a person has blocked."""
+        reason = f"blocked: {why}"
+        self._changes.vacate(record)
+        self._changes.turn_away(record, Refusal.BLOCKED, now, reason, (("blocked", reason),))
+
+    def _standing_by(self, freed: Mapping[str, InventoryRecord], now: float) -> Iterator[InventoryRecord]:
+        """Parts that could take over, the best first: who was there before, who is named for it, who waits longest."""
+
+        def rank(record: InventoryRecord) -> tuple[bool, bool, float]:
+            claim = record.claim
+            remembered = None if claim is None or not claim.uid else self._store.remembered_slot(claim.uid)
+            return remembered not in freed, now - record.heard_at > FRESH_S, record.since
+
+        waiting = [
+            record
+            for record in self._index.records
+            if record.state is PartState.STANDBY and record not in freed.values() and self._index.is_newest(record)
+        ]
+        yield from sorted(waiting, key=rank)
+
+    def _seat(self, record: InventoryRecord, slot: str, now: float, reason: str, evidence: Evidence) -> bool:
+        try:
+            configuration = self._store.configuration(slot)
+            self._remember(record, slot)
+        except RegistryError:
+            return False  # it stands by as before; its next claim will say why
+        self._changes.seat(record, configuration, now, reason, evidence)
+        return True
+
+    def _remember(self, record: InventoryRecord, slot: str) -> None:
+        if record.claim is not None:
+            self._store.remember(record.claim.uid, slot, record.claim)
+
+    def _unseat(self, record: InventoryRecord, now: float, reason: str) -> None:
+        slot = str(record.slot)
+        self._changes.vacate(record)
+        self._index.barred[record] = slot
+        words = f"was in slot {slot}: {reason}"
+        self._changes.turn_away(record, Refusal.NO_SLOT, now, words, (("a person decided", reason),))
+
+
+def _fate(old: InventoryRecord) -> str:
+    """What became of a part that had a slot, in words."""
+    state = old.state or PartState.LOST
+    return f"{old.name} is {state.value} ({old.reason})"

@@ -1,0 +1,80 @@
+"""What went wrong with a database, in words and with the remedy."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from sqlalchemy.exc import DBAPIError, NoSuchModuleError, SQLAlchemyError
+
+from msbot.errors import RegistryError
+
+ELSE = "or choose another --db"
+
+_SQLITE_WORDS = {
+    "SQLITE_BUSY": f"is locked by another program: close the other msbot or database tool that writes to it, {ELSE}",
+    "SQLITE_LOCKED": f"is locked by another program: close the other msbot or database tool that writes to it, {ELSE}",
+    "SQLITE_READONLY": f"is read-only: allow writing to the file and its folder (`chmod u+w`), {ELSE}",
+    "SQLITE_PERM": f"may not be used: allow reading and writing the file and its folder (`chmod u+rw`), {ELSE}",
+    "SQLITE_CANTOPEN": f"cannot be opened: look at the permissions of the file and its folder, {ELSE}",
+    "SQLITE_FULL": "has no room: the disk is full; delete something",
+    "SQLITE_IOERR": "cannot be read or written: the disk answers with an error; look at the disk and its cable",
+    "SQLITE_CORRUPT": f"is damaged: move the file away and put a backup in its place, {ELSE}",
+    "SQLITE_NOTADB": f"is no database: some other file has this name; move it away, {ELSE}",
+}
+"""By the beginning of SQLite's error name."""
+
+_TRANSIENT = ("SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_READONLY", "SQLITE_PERM", "SQLITE_CANTOPEN", "SQLITE_FULL",
+              "SQLITE_IOERR", "SQLITE_CORRUPT", "SQLITE_NOTADB")  # fmt: skip
+
+
+def fault_words(error: BaseException) -> str:
+    """A sentence's second half that follows "the database NAME", for any error of a database driver."""
+    if isinstance(error, RegistryError):
+        return str(error)
+    if name := _sqlite_name(error):
+        for beginning, words in _SQLITE_WORDS.items():
+            if name.startswith(beginning):
+                return words
+    if isinstance(error, DBAPIError) and error.connection_invalidated:
+        return f"does not answer any more: is the server running? Start it, {ELSE}"
+    return f"cannot be used ({_first_line(error)}): mend that, {ELSE}"
+
+
+def is_about_the_database(error: BaseException) -> bool:
+    """Whether another try of the same statement may succeed later: locked, full, gone; not a wrong statement."""
+    if isinstance(error, RegistryError):
+        return True  # what was found out before the statement was tried
+    if name := _sqlite_name(error):
+        return name.startswith(_TRANSIENT)
+    if isinstance(error, DBAPIError):
+        return error.connection_invalidated or type(error).__name__ in ("OperationalError", "InterfaceError")
+    return False
+
+
+@contextmanager
+def told_as_registry_error(database: str) -> Iterator[None]:
+    """Turn every error of the database into a `RegistryError` that names it and the remedy."""
+    try:
+        yield
+    except NoSuchModuleError as error:
+        raise RegistryError(
+            f"the database {database} cannot be used ({error}); name a file or postgresql://..."
+        ) from None
+    except (SQLAlchemyError, sqlite3.Error) as error:
+        raise RegistryError(f"the database {database} {fault_words(error)}") from error
+
+
+def _sqlite_name(error: BaseException) -> str:
+    """SQLite's own name of the error, for example `SQLITE_BUSY`; empty when it is not one of SQLite's."""
+    cause = error.orig if isinstance(error, DBAPIError) else error
+    if not isinstance(cause, sqlite3.Error):
+        return ""
+    # Errors that the driver finds itself carry no name.
+    return getattr(cause, "sqlite_errorname", "")
+
+
+def _first_line(error: BaseException) -> str:
+    cause = error.orig if isinstance(error, DBAPIError) and error.orig is not None else error
+    return (str(cause).strip().splitlines() or [type(cause).__name__])[0]

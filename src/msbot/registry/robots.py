@@ -1,0 +1,114 @@
+"""The robots of a database: their blueprints, their parts and what happened to them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+from msbot.config import Blueprint, Library
+from msbot.pnp import PartState
+from msbot.registry import blueprint_reader, undo
+from msbot.registry import slot_values as values
+from msbot.registry import statements as store
+from msbot.registry.records import EditRecord, JournalEntry, PartRecord, RobotRecord, ValueRecord
+from msbot.registry.runs import Runs
+from msbot.registry.storage import Storage
+
+
+class Robots:
+    """Reads what the database knows of robots, and applies blueprints. Every method may raise `RegistryError`."""
+
+    def __init__(self, storage: Storage, runs: Runs) -> None:
+        self._storage = storage
+        self._runs = runs
+
+    def apply_blueprint(self, blueprint: Blueprint, library: Library, who: str = "msbot") -> RobotRecord:
+        """Store or update a robot, its slots, bindings, settings and the library, all or nothing.
+
+        Which part sat in which slot, what was set by hand, and the journal stay. If a robot that was there before
+        changes, that is an edit of `who` and can be undone.
+
+        Raises:
+            RegistryError: the database cannot be written; nothing has changed.
+        """
+        return self.change_blueprint(blueprint, library, who)[0]
+
+    def change_blueprint(
+        self, blueprint: Blueprint, library: Library, who: str
+    ) -> tuple[RobotRecord, EditRecord | None]:
+        """The same; gives the edit, too, None when it changes nothing.
+
+        Raises:
+            RegistryError: the database cannot be written; nothing has changed.
+        """
+        now_ns = self._storage.epoch_ns()
+        return self._storage.change(
+            lambda connection: undo.apply_blueprint(connection, blueprint, library, who=who, now_ns=now_ns)
+        )
+
+    def all(self) -> list[RobotRecord]:
+        """All robots of the database, the one used last first."""
+        return self._storage.read(store.list_robots)
+
+    def find(self, blueprint: Blueprint) -> RobotRecord | None:
+        """The robot of a blueprint: the one with its name and serial number."""
+        profile = blueprint.robot
+        find = partial(store.find_robot, name=profile.name, serial_number=profile.serial_number)
+        return self._storage.read(find)
+
+    def blueprint(self, robot: RobotRecord, *, by_hand: bool = True) -> Blueprint:
+        """What the database knows of a robot, as a blueprint.
+
+        Args:
+            robot: which one.
+            by_hand: with what people set by hand; otherwise as the blueprint was applied last.
+        """
+        return self._storage.read(partial(blueprint_reader.read, robot_id=robot.id, by_hand=by_hand))
+
+    def made_by_hand(self, robot: RobotRecord) -> dict[tuple[str, str], str]:
+        """(slot, parameter) or (topic, "") of everything made by hand -> by whom, in words."""
+        return self._storage.read(partial(blueprint_reader.read_notes, robot_id=robot.id))
+
+    def slot_names(self, robot: RobotRecord) -> list[str]:
+        """The slots of the robot's blueprint, in its order."""
+        return [slot.name for slot in self._storage.read(partial(store.list_slots, robot_id=robot.id))]
+
+    def values(self, robot: RobotRecord, slot: str) -> tuple[ValueRecord, ...]:
+        """The parameters of a slot, the values that hold, and where these come from.
+
+        Raises:
+            ConfigError: there is no such slot.
+            RegistryError: the database cannot be read.
+        """
+        return self._storage.read(partial(values.read_values, robot_id=robot.id, slot=slot))
+
+    def parts(self, robot: RobotRecord | None = None) -> list[PartRecord]:
+        """All parts that were ever seen, as after their last change of state; those in slots first.
+
+        While nobody runs a robot, none of its parts is active: those that were when the master was killed are lost.
+        """
+        records = []
+        for one in self.all() if robot is None else [robot]:
+            found = self._storage.read(partial(store.list_parts, robot_id=one.id))
+            records.extend(found if self._runs.is_run(one) else [_without_master(record) for record in found])
+        return records
+
+    def journal(
+        self, limit: int = 100, part: str | None = None, *, robot: RobotRecord | None = None
+    ) -> list[JournalEntry]:
+        """The newest lines of the journal, the oldest of them first.
+
+        Args:
+            limit: so many at most.
+            part: only those about this part: its name, slot, local name, part number or UID; capitals do not matter.
+            robot: only those of this robot.
+        """
+        robot_id = None if robot is None else robot.id
+        self._storage.catch_up()
+        return self._storage.read(partial(store.read_journal, robot_id=robot_id, part=part, limit=limit))
+
+
+def _without_master(record: PartRecord) -> PartRecord:
+    if not PartState(record.state).is_registered:
+        return record
+    return replace(record, state=PartState.LOST.value, reason="its robot has no master at the moment")

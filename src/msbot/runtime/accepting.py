@@ -1,0 +1,73 @@
+"""Accepts connections in the event loop, and rests when the system has no more to give.
+
+asyncio's own servers try again and again, and log each failure, while the process has no file descriptor left; here the
+failure is counted once for each pause, and everything else goes on meanwhile.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+from collections.abc import Callable
+
+from msbot.runtime.tally import Tally
+
+PAUSE_S = 0.5
+"""Rest after the system had no descriptor or memory for another connection."""
+
+PER_TURN = 64
+"""Connections that are accepted before others have their turn."""
+
+EXHAUSTED = "connection waits: the system has no more file descriptors"
+BROKEN = "connection broke before it was accepted"
+
+_NO_MORE = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+
+
+class Acceptor:
+    """Hands over every connection that comes to a listening socket."""
+
+    def __init__(self, listening: socket.socket, take: Callable[[socket.socket], None], dropped: Tally) -> None:
+        """Begin at once, in the running loop.
+
+        Args:
+            listening: the socket; it stays the caller's to close, after `stop`.
+            take: gets each connection, which does not block.
+            dropped: where failures are counted.
+        """
+        listening.setblocking(False)
+        self._listening = listening
+        self._take = take
+        self._dropped = dropped
+        self._loop = asyncio.get_running_loop()
+        self._pause: asyncio.TimerHandle | None = None
+        self._listen()
+
+    def stop(self) -> None:
+        """Accept no more."""
+        self._loop.remove_reader(self._listening)
+        if self._pause is not None:
+            self._pause.cancel()
+            self._pause = None
+
+    def _listen(self) -> None:
+        self._pause = None
+        self._loop.add_reader(self._listening, self._accept)
+
+    def _accept(self) -> None:
+        for _ in range(PER_TURN):
+            try:
+                connection, _ = self._listening.accept()
+            except BlockingIOError:
+                return
+            except OSError as error:
+                if error.errno in _NO_MORE:
+                    self._dropped.count(EXHAUSTED)
+                    self._loop.remove_reader(self._listening)
+                    self._pause = self._loop.call_later(PAUSE_S, self._listen)
+                    return
+                self._dropped.count(BROKEN)
+                continue
+            connection.setblocking(False)
+            self._take(connection)

@@ -1,0 +1,144 @@
+"""How a program of the same user reaches the STOP of a running master: one datagram there, one back.
+
+Loads nothing that takes time. The master's end, and why it is a socket of its own: `msbot.master.stop_socket`.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import secrets
+import socket
+import struct
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+IS_ABSTRACT: Final = sys.platform == "linux"
+"""Whether such a socket needs no file."""
+IS_THERE: Final = hasattr(socket, "AF_UNIX")
+"""Whether the system has such sockets."""
+
+ANSWER_S: Final = 5.0
+"""How long a command waits for an answer; a master whose loop runs gives it within milliseconds."""
+
+CREDENTIALS: Final = struct.Struct("3i")
+"""Process, user and group of a sender, as the system tells them."""
+
+GROUP_VARIABLE: Final = "MSBOT_STOP_GROUP"
+"""Set for a program, it says STOP only to masters for which it is set to the same word. One without it reaches all."""
+_PREFIX = "msbot-stop-"
+
+_log = logging.getLogger(__name__)
+
+
+def ask_masters(request: Mapping[str, object], timeout_s: float = ANSWER_S) -> tuple[list[dict[str, object]], int]:
+    """Send one request to every master of this user on this computer at once.
+
+    Args:
+        request: `do`: `stop`, `go` or `status`; `who`, `reason`; `robot` and `database` say who is meant, None = any.
+        timeout_s: for the slowest of them.
+
+    Returns:
+        The answers of those that are meant, and how many masters run and do not answer.
+    """
+    names = set(_names())
+    if not names:
+        return [], 0
+    answers: list[dict[str, object]] = []
+    own = "" if IS_ABSTRACT else str(_socket_folder() / f".asks-{os.getpid()}-{secrets.token_hex(2)}")
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asking:
+            if IS_ABSTRACT:
+                asking.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
+            asking.bind(own)
+            names -= {name for name in names if not _send(asking, name, request)}
+            until = time.monotonic() + timeout_s
+            while names and (left := until - time.monotonic()) > 0:
+                asking.settimeout(left)
+                octets, ancillary, _, sender = asking.recvmsg(1 << 18, socket.CMSG_SPACE(CREDENTIALS.size))
+                name = sender.decode() if isinstance(sender, bytes) else sender
+                if name not in names or (IS_ABSTRACT and not is_own(ancillary)):
+                    continue  # another user has taken such a name
+                names.discard(name)
+                answer = json.loads(octets)
+                if isinstance(answer, dict) and answer.get("meant"):
+                    answers.append(answer)
+    except (OSError, ValueError) as error:
+        _log.debug("no further answer about STOP: %s", error)
+    finally:
+        if own:
+            Path(own).unlink(missing_ok=True)
+    return answers, len(names)
+
+
+def _send(asking: socket.socket, name: str, request: Mapping[str, object]) -> bool:
+    """False: nobody is there (any more). Never waits: a master that is stuck has a full queue."""
+    asking.setblocking(False)
+    try:
+        asking.sendto(json.dumps(request).encode(), name)
+    except BlockingIOError:
+        return True  # it is there and takes nothing: no answer will come
+    except OSError as error:
+        _log.debug("%r: %s", name, error)
+        return False
+    return True
+
+
+def new_name() -> str:
+    """A name for the socket of this process.
+
+    Raises:
+        OSError: the folder for it cannot be made.
+    """
+    word = f"{_prefix()}{os.getpid()}-{secrets.token_hex(2)}"
+    if IS_ABSTRACT:
+        return f"\0{word}"
+    place = _socket_folder()
+    place.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return str(place / f"{word}.sock")
+
+
+def _names() -> list[str]:
+    prefix = _prefix()
+    if not IS_THERE:
+        return []
+    if not IS_ABSTRACT:
+        return [str(path) for path in sorted(_socket_folder().glob(f"{prefix}*.sock"))]
+    try:
+        lines = Path("/proc/net/unix").read_text().splitlines()
+    except OSError:
+        return []
+    words = {line.rpartition(" ")[2] for line in lines if f"@{prefix}" in line}
+    return sorted(f"\0{word[1:]}" for word in words if word.startswith(f"@{prefix}"))
+
+
+def _socket_folder() -> Path:
+    return Path.home() / ".local" / "state" / "msbot" / "stop"
+
+
+def _prefix() -> str:
+    group = "".join(letter for letter in os.environ.get(GROUP_VARIABLE, "") if letter.isalnum())[:32]
+    return f"{_PREFIX}{_user()}-{group}{'-' if group else ''}"
+
+
+def _user() -> int:
+    return os.getuid() if hasattr(os, "getuid") else 0
+
+
+def withdraw(name: str) -> None:
+    """Remove what such a name leaves behind."""
+    if not IS_ABSTRACT:
+        Path(name).unlink(missing_ok=True)
+
+
+def is_own(ancillary: list[tuple[int, int, bytes]]) -> bool:
+    """Whether the system says that the sender is this user, or root."""
+    for level, kind, data in ancillary:
+        if level == socket.SOL_SOCKET and kind == socket.SCM_CREDENTIALS and len(data) >= CREDENTIALS.size:
+            _, user, _ = CREDENTIALS.unpack_from(data)
+            return user in (0, _user())
+    return False

@@ -1,0 +1,32 @@
+"""Counts by name, bounded: what was dropped, refused or seen, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+OTHERS = "(others)"
+"""Under this name everything is counted that came after a tally was full."""
+
+MOST_NAMES = 64
+"""Names that are counted one by one, unless told otherwise; some have a number of the sender's in their words."""
+
+
+class Tally(dict[str, int]):
+    """Counts by name, for at most `limit` names; more are counted together as `(others)`."""
+
+    __slots__ = ("limit",)
+
+    def __init__(self, counts: Mapping[str, int] | Iterable[tuple[str, int]] = (), *, limit: int = MOST_NAMES) -> None:
+        super().__init__(counts)
+        self.limit = limit
+
+    def count(self, name: str, times: int = 1) -> None:
+        """Count under that name."""
+        if name not in self and len(self) >= self.limit:
+            name = OTHERS
+        self[name] = self.get(name, 0) + times
+
+    def count_all(self, counts: Mapping[str, int]) -> None:
+        """Add what was counted elsewhere."""
+        for name, times in counts.items():
+            self.count(name, times)

@@ -1,0 +1,150 @@
+"""Work on what strangers send, in a process of its own: with little memory and little time, and without the robot.
+
+A robot's event loop must not wait for a parser, and no text may cost the robot its memory. So the work is done by
+another Python process, whose memory and processor time the system limits; when it needs more, it ends, and the robot
+goes on. One takes some 0.2 s to start, so this is for what people send now and then.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import importlib
+import os
+import pickle
+import subprocess
+import sys
+import traceback
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import BinaryIO, ParamSpec, TypeVar
+
+from msbot.errors import ConfigError, MsbotError
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+AT_ONCE = 2
+"""So many workers of one robot run at the same time."""
+MOST_WAITING = 8
+"""So many more wait for their turn; the next one is sent away."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkLimits:
+    """What a worker may use."""
+
+    cpu_s: int = 5
+    """Seconds of processor time."""
+    memory_mb: int = 300
+    """Megabytes of memory; not limited on Windows."""
+    wall_s: float = 30.0
+    """Seconds until it must have answered, however busy the computer is."""
+
+
+def run_limited(function: Callable[_P, _T], limits: WorkLimits, *args: _P.args, **kwargs: _P.kwargs) -> _T:
+    """Call a function in a process of its own, and wait for what it gives.
+
+    Args:
+        function: a function of a module, so that the other process finds it by its name.
+        limits: what it may use.
+        args: handed on; like the result, they must be such that `pickle` takes them.
+        kwargs: the same.
+
+    Raises:
+        ConfigError: it needed more than it may use.
+        MsbotError: what the function raised.
+        RuntimeError: the function failed in another way; the text has its traceback.
+    """
+    call = pickle.dumps((function.__module__, function.__qualname__, args, kwargs))
+    command = [sys.executable, "-P", "-m", "msbot.runtime.worker", str(limits.cpu_s), str(limits.memory_mb)]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    try:
+        done = subprocess.run(
+            command, input=call, capture_output=True, timeout=limits.wall_s, check=False, env=environment
+        )
+    except subprocess.TimeoutExpired:
+        raise _too_much(f"did not come to an end within {limits.wall_s:g} s") from None
+    if done.returncode > 0 and b"MemoryError" not in done.stderr:
+        raise RuntimeError(f"a worker failed:\n{done.stderr.decode(errors='replace')}")
+    if done.returncode != 0:
+        raise _too_much(f"needs more than {limits.cpu_s} s of processor time or {limits.memory_mb} MB of memory")
+    kind, value = pickle.loads(done.stdout)  # ours: written by `_main` below
+    if kind == "given":
+        given: _T = value
+        return given
+    if kind == "memory":
+        raise _too_much(f"needs more than {limits.memory_mb} MB of memory")
+    if isinstance(value, MsbotError):
+        raise value
+    raise RuntimeError(f"a worker failed:\n{value}")
+
+
+class Workshop:
+    """Has functions called in processes of their own without holding up an event loop; a bounded number of them."""
+
+    def __init__(self, limits: WorkLimits | None = None, *, most_waiting: int = MOST_WAITING) -> None:
+        self._most = AT_ONCE + most_waiting
+        self._limits = limits or WorkLimits()
+        self._threads = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="msbot-workshop")  # started when needed
+        self._open = 0
+
+    async def run(self, function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> _T:
+        """As `run_limited`.
+
+        Raises:
+            ConfigError: too many are at work or waiting already.
+        """
+        if self._open >= self._most:
+            raise ConfigError("the robot is busy with what others have sent; try again in a moment")
+        self._open += 1
+        try:
+            loop = asyncio.get_running_loop()
+            return await loop.run_in_executor(
+                self._threads, lambda: run_limited(function, self._limits, *args, **kwargs)
+            )
+        finally:
+            self._open -= 1
+
+
+def _too_much(words: str) -> ConfigError:
+    return ConfigError(f"what was sent {words}, and is refused: no text of a person does that")
+
+
+def _main(cpu_s: int, memory_mb: int, source: BinaryIO, target: BinaryIO) -> None:
+    _limit(cpu_s, memory_mb)
+    try:
+        module, name, args, kwargs = pickle.load(source)
+        function: object = importlib.import_module(module)
+        for step in name.split("."):
+            function = getattr(function, step)
+        assert callable(function)
+        answer = ("given", function(*args, **kwargs))
+        octets = pickle.dumps(answer)
+    except MsbotError as error:
+        octets = pickle.dumps(("refused", error))
+    except MemoryError:
+        octets = pickle.dumps(("memory", None))
+    except Exception:
+        octets = pickle.dumps(("failed", traceback.format_exc()))
+    target.write(octets)
+    target.flush()
+
+
+def _limit(cpu_s: int, memory_mb: int) -> None:
+    """Have the system end this process when it uses more, and let the robot go first."""
+    try:
+        import resource
+    except ImportError:
+        return  # Windows: the time until the answer is limited by who waits for it
+    os.nice(10)
+    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
+    with contextlib.suppress(ValueError, OSError):  # macOS refuses a limit below what a process has mapped
+        resource.setrlimit(resource.RLIMIT_AS, (memory_mb << 20, memory_mb << 20))
+
+
+if __name__ == "__main__":
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints must not mix with the answer
+    _main(int(sys.argv[1]), int(sys.argv[2]), sys.stdin.buffer, answers)

@@ -1,0 +1,127 @@
+"""What a data space is: topics, samples, quality of service. Payloads are opaque octets (CDR, little endian).
+
+The agent acts in a space for its clients; which space it is (this process' memory, DDS) is decided where the
+agent is put together. A space matches writers and readers by domain, topic name, type name and quality of service.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True, slots=True)
+class Qos:
+    """The part of DDS quality of service that MsBOT honours (DDS 1.4 §2.2.3)."""
+
+    reliable: bool = True
+    transient_local: bool = False
+    """The writer keeps its last `depth` samples for readers that come later."""
+    keep_all: bool = False
+    """Bounded all the same: see `depth`."""
+    depth: int = 16
+    """Samples kept per writer (late joiners) and per reader (slow readers), at least 1."""
+    late_depth: int | None = None
+    """Writer: samples kept for late joiners, where that is not `depth` (DDS: durability service)."""
+    partitions: tuple[str, ...] = ()
+    """Groups within the topic, with the wildcards * and ?; nothing = the group without a name."""
+    deadline_s: float | None = None
+    """A sample is promised (writer) or expected (reader) at least that often."""
+    lifespan_s: float | None = None
+    """Writer: how long a sample is worth anything."""
+    exclusive: bool = False
+    """A reader hears one writer only: the strongest of those that write."""
+    strength: int = 0
+    """Writer: who is heard where ownership is exclusive."""
+    separation_s: float = 0.0
+    """Reader: it wants no more than one sample in that time (DDS: time-based filter)."""
+    service: bool = False
+    """Whether requests or replies of a service go by it, whose identity travels beside the payload."""
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """What writers and readers must agree on to be matched."""
+
+    name: str
+    type_name: str
+    domain: int = 0
+
+
+Guid = bytes
+"""16 bytes: 12 prefix (who) + 4 entity id, as in DDS."""
+
+
+@dataclass(slots=True)
+class Sample:
+    """One value on its way from a writer to its readers."""
+
+    payload: bytes
+    writer: Guid
+    sequence_nr: int
+    """Counted per writer from 1."""
+    related: tuple[Guid, int] | None = None
+    """For a reply: the writer and sequence number of the request it answers."""
+    expires_at: float | None = None
+    """When it is worth nothing any more, by the space's clock."""
+
+
+Deliver = Callable[[Sample], bool]
+"""Takes a sample now (True) or leaves it in the reader's history for a later `take` (False). Must not raise."""
+
+
+class Writer(Protocol):
+    """A data writer in the space."""
+
+    guid: Guid
+    topic: Topic
+
+    @property
+    def published(self) -> int:
+        """Samples written since it was made."""
+
+    def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int:
+        """Give one sample to every matched reader; returns its sequence number."""
+
+    def troubles(self) -> tuple[str, ...]:
+        """Who should meet it now and cannot, one sentence each, with the policy's name."""
+
+    def close(self) -> None:
+        """Leave the space; unmatches all readers."""
+
+
+class Reader(Protocol):
+    """A data reader in the space."""
+
+    topic: Topic
+
+    @property
+    def delivered(self) -> int:
+        """Samples taken since it was made (by `Deliver` returning True or by `take`)."""
+
+    @property
+    def lost(self) -> int:
+        """Samples pushed out of the history before anybody took them."""
+
+    def take(self) -> Sample | None:
+        """The oldest sample not yet taken, or None."""
+
+    def troubles(self) -> tuple[str, ...]:
+        """Who should meet it now and cannot, and what was promised and is not kept, one sentence each."""
+
+    def close(self) -> None:
+        """Leave the space; unmatches all writers."""
+
+
+class Space(Protocol):
+    """Where writers and readers meet."""
+
+    words: str | None
+    """Where that is, for people; None when it is nowhere but here."""
+
+    def writer(self, topic: Topic, qos: Qos, guid: Guid) -> Writer:
+        """Make a writer and match it with every fitting reader."""
+
+    def reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> Reader:
+        """Make a reader; samples that late joiners get are delivered at once."""

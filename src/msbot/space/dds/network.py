@@ -1,0 +1,138 @@
+"""Which network DDS uses, said in Cyclone's own words.
+
+Whoever sets CYCLONEDDS_URI decides alone. Otherwise Cyclone chooses the interface itself, unless the computer has no
+network: then programs on it find each other over the loopback interface, by multicast where the other side can and
+by asking the usual ports where it cannot (that meets every peer that was tried, whatever its own settings).
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from msbot.errors import ConfigError
+from msbot.space.address import MAX_DOMAIN
+
+MAX_PARTICIPANTS = 60
+"""Participants on one computer that find each other without multicast."""
+
+LOOPBACK = "lo"
+
+_PEERS = (
+    "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
+    f"<MaxAutoParticipantIndex>{MAX_PARTICIPANTS}</MaxAutoParticipantIndex>"
+    '<Peers><Peer Address="localhost"/></Peers></Discovery>'
+)
+
+_UP, _IS_LOOPBACK, _MULTICAST = 0x1, 0x8, 0x1000
+_SIOCGIFFLAGS, _SIOCGIFADDR = 0x8913, 0x8915
+
+
+@dataclass(frozen=True, slots=True)
+class Interface:
+    """A network interface of this computer."""
+
+    name: str
+    is_up: bool
+    is_loopback: bool
+    multicast: bool
+    has_address: bool
+    """An IPv4 address."""
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """What DDS is told, and how that is said to people."""
+
+    config: str | None
+    """In Cyclone's XML; None leaves it to Cyclone and its environment variable."""
+    words: str
+
+
+def choose(interface: str | None = None, interfaces: Iterable[Interface] | None = None) -> Network:
+    """The network for DDS.
+
+    Args:
+        interface: the one to use; absent: whichever there is.
+        interfaces: those of the computer; looked up if absent.
+
+    Raises:
+        ConfigError: there is no interface of that name, or it is down.
+    """
+    if os.environ.get("CYCLONEDDS_URI"):
+        return Network(None, "as CYCLONEDDS_URI says")
+    known = {one.name: one for one in (find_interfaces() if interfaces is None else interfaces)}
+    if interface is not None:
+        return _named(interface, known)
+    usable = [one for one in known.values() if one.is_up and one.has_address and not one.is_loopback]
+    if not usable and known:
+        return Network(_config(LOOPBACK, peers=True), "this computer only: it has no network")
+    if known and not any(one.multicast for one in usable):
+        names = ", ".join(one.name for one in usable)
+        return Network(
+            None,
+            f"{names}, without multicast: peers elsewhere are found only if CYCLONEDDS_URI names them",
+        )
+    return Network(None, "the network")
+
+
+def _named(name: str, known: dict[str, Interface]) -> Network:
+    found = known.get(name)
+    if found is None:
+        raise ConfigError(f"DDS: there is no network interface {name!r}; there are {', '.join(sorted(known))}")
+    if not found.is_up or not found.has_address:
+        raise ConfigError(f"DDS: the network interface {name} is down or has no IPv4 address: `ip addr show {name}`")
+    where = "this computer only" if found.is_loopback else name
+    return Network(_config(name, peers=found.is_loopback), where)
+
+
+def _config(name: str, *, peers: bool) -> str:
+    multicast = ' multicast="true"' if peers else ""
+    interfaces = f'<General><Interfaces><NetworkInterface name="{name}"{multicast}/></Interfaces></General>'
+    return interfaces + (_PEERS if peers else "")
+
+
+def check_domain(domain: int) -> None:
+    """Make sure that a domain exists.
+
+    Raises:
+        ConfigError: it has no ports.
+    """
+    if not 0 <= domain <= MAX_DOMAIN:
+        raise ConfigError(f"DDS domain {domain}: domains go from 0 to {MAX_DOMAIN}, more have no UDP ports")
+
+
+def find_interfaces() -> list[Interface]:
+    """The interfaces of this computer; none where they cannot be told (not Linux)."""
+    if not sys.platform.startswith("linux"):
+        return []
+    found = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        for _, name in socket.if_nameindex():
+            answer = _ask(probe, _SIOCGIFFLAGS, name)
+            if answer is None:
+                continue  # it has just gone
+            flags: int = struct.unpack_from("H", answer, 16)[0]
+            found.append(
+                Interface(
+                    name,
+                    is_up=bool(flags & _UP),
+                    is_loopback=bool(flags & _IS_LOOPBACK),
+                    multicast=bool(flags & _MULTICAST),
+                    has_address=_ask(probe, _SIOCGIFADDR, name) is not None,
+                )
+            )
+    return found
+
+
+def _ask(probe: socket.socket, what: int, name: str) -> bytes | None:
+    import fcntl
+
+    try:
+        return fcntl.ioctl(probe.fileno(), what, struct.pack("40s", name.encode()[:15]))
+    except OSError:
+        return None

@@ -1,0 +1,296 @@
+"""A reader that hears writers in this process' memory and in DDS."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from ctypes import byref, c_int32
+
+from msbot.errors import RemoteProtocolError
+from msbot.space.contract import Guid, Qos, Sample, Topic
+from msbot.space.dds import services
+from msbot.space.dds.counts import Counts
+from msbot.space.dds.library import Incompatible, Library, Matched, Missed
+from msbot.space.dds.native_qos import COMPARED, POLICIES
+from msbot.space.dds.neighbours import Neighbours, obstacle
+from msbot.space.dds.raw_type import BATCH, Serialiser
+from msbot.space.dds.waiter import Waiter
+from msbot.space.memory import MAX_TROUBLES
+from msbot.space.readers import MemoryReader, SelectiveReader
+from msbot.space.ways import Convert
+
+SUBSCRIPTION_MATCHED = 1 << 12
+REQUESTED_INCOMPATIBLE = 1 << 4
+SAMPLE_LOST = 1 << 5
+REQUESTED_STATUSES = SUBSCRIPTION_MATCHED | REQUESTED_INCOMPATIBLE | SAMPLE_LOST
+
+MAX_PEERS = 1024
+"""Writers of others whose samples are numbered; beyond, the numbers begin anew."""
+
+INTRODUCTION_S = 1.0
+"""How long a request waits at most for its requester's reader to be discovered."""
+MAX_EARLY = 64
+"""Requests that wait so."""
+
+AskerOf = Callable[[bytes], Guid | None]
+"""The requester of this process behind the 8 octets in front of a reply, or None."""
+
+
+class Peer:
+    """A writer in another program."""
+
+    __slots__ = ("guid", "number")
+
+    def __init__(self, guid: Guid) -> None:
+        self.guid = guid
+        self.number = 0
+
+
+class Inlet:
+    """One reader in the library, under one of the topic's names."""
+
+    __slots__ = ("_accept", "_convert", "_library", "_neighbours", "_others", "_peers", "_serialiser", "condition",
+                 "counts", "domain", "entity", "name", "qos", "reader", "tokens", "type_name")  # fmt: skip
+
+    def __init__(  # noqa: PLR0917 - made by DdsSpace only
+        self, library: Library, serialiser: Serialiser, entity: int, condition: int, name: str, type_name: str,
+        qos: Qos, neighbours: Neighbours, reader: MemoryReader, convert: Convert | None, domain: int,
+    ) -> None:  # fmt: skip
+        self.entity = entity
+        self.condition = condition
+        self.tokens = (0, 0)
+        """Of its data and of its statuses at the waiter."""
+        self.name = name
+        self.type_name = type_name
+        self.qos = qos
+        self.reader = reader
+        self.counts = Counts()
+        self.domain = domain
+        self._library = library
+        self._serialiser = serialiser
+        self._neighbours = neighbours
+        self._accept = reader.accept
+        self._convert = convert
+        self._peers: dict[int, Peer] = {}
+        self._others: dict[str, int] = {}
+
+    def take(self, most: int = BATCH) -> None:
+        """Hand on what has arrived, a batch at most."""
+        taken = self._serialiser.take(self.entity, most)
+        if taken is None:
+            return
+        accept, peers, convert = self._accept, self._peers, self._convert
+        for publication, body in taken:
+            peer = peers.get(publication) or self._meet(publication)
+            peer.number += 1
+            if convert is None:
+                accept(Sample(body, peer.guid, peer.number))
+            else:
+                self._take_converted(convert, body, peer)
+
+    def look(self) -> None:
+        """Learn who writes and who cannot; what the waiter calls."""
+        calls = self._library.calls
+        matched, incompatible, lost = Matched(), Incompatible(), Missed()
+        if calls.dds_get_subscription_matched_status(self.entity, byref(matched)) >= 0 and matched.current_change < 0:
+            self._part()
+        if calls.dds_get_requested_incompatible_qos_status(self.entity, byref(incompatible)) >= 0:
+            policy = POLICIES.get(incompatible.policy)
+            if incompatible.total and policy is not None and policy not in COMPARED:
+                self._others[policy] = incompatible.total
+        if calls.dds_get_sample_lost_status(self.entity, byref(lost)) >= 0:
+            self.counts.lost = lost.total
+
+    def troubles(self) -> tuple[str, ...]:
+        """Who in other programs should be heard and cannot."""
+        found: dict[str, None] = {}
+        for other in self._neighbours.on_topic(self.name):
+            reason = obstacle(self.type_name, self.qos, other, writes=False)
+            if reason is not None:
+                found[f"{self.name}: {reason}"] = None
+        for policy in self._others:
+            found[f"{self.name}: {policy}: a DDS peer offers something else"] = None
+        if self.counts.lost:
+            found[f"{self.name}: {self.counts.lost} samples of DDS peers were lost"] = None
+        if self.counts.refused:
+            found[f"{self.name}: {self.counts.refused} samples of DDS peers made no sense"] = None
+        return tuple(found)[:MAX_TROUBLES]
+
+    def _take_converted(self, convert: Convert, body: bytes, peer: Peer) -> None:
+        try:
+            payload = convert(body)
+        except RemoteProtocolError:
+            self.counts.refused += 1
+        else:
+            self._accept(Sample(payload, peer.guid, peer.number))
+
+    def _meet(self, publication: int) -> Peer:
+        if len(self._peers) >= MAX_PEERS:
+            self._peers.clear()
+        calls = self._library.calls
+        found = calls.dds_get_matched_publication_data(self.entity, publication)
+        guid = bytes(8) + publication.to_bytes(8)
+        if found:
+            guid = bytes(found.contents.guid)
+            if isinstance(self.reader, SelectiveReader):
+                strength = c_int32()
+                calls.dds_qget_ownership_strength(found.contents.qos, byref(strength))
+                self.reader.strengths[guid] = strength.value
+            calls.dds_builtintopic_free_endpoint(found)
+        peer = self._peers[publication] = Peer(guid)
+        return peer
+
+    def _part(self) -> None:
+        """Forget the writers that have gone."""
+        calls = self._library.calls
+        for publication, peer in list(self._peers.items()):
+            found = calls.dds_get_matched_publication_data(self.entity, publication)
+            if found:
+                calls.dds_builtintopic_free_endpoint(found)
+                continue
+            del self._peers[publication]
+            if isinstance(self.reader, SelectiveReader):
+                self.reader.forget(peer.guid)
+
+
+class RequestInlet(Inlet):
+    """Requests: who asked stands in front of the body.
+
+    A requester may know this side a moment before this side knows where it listens, and an answer would be lost. So
+    its first requests wait until its reader of the replies is known, for `INTRODUCTION_S` at most.
+    """
+
+    __slots__ = ("_early", "_replies")
+
+    def __init__(self, *arguments: object) -> None:
+        super().__init__(*arguments)  # type: ignore[arg-type]
+        self._replies = services.reply_topic(self.name)
+        self._early: deque[tuple[bytes, float, Sample]] = deque()
+
+    def tell_early(self) -> None:
+        """Hand on requests that waited and need not wait any longer."""
+        early, now = self._early, asyncio.get_running_loop().time()
+        while early and (early[0][1] <= now or self._neighbours.reads(early[0][0], self._replies)):
+            self._accept(early.popleft()[2])
+
+    def take(self, most: int = BATCH) -> None:
+        """Hand on requests with their identity beside them."""
+        for publication, octets in self._serialiser.take(self.entity, most) or ():
+            parts = services.split(octets)
+            if parts is None:
+                self.counts.refused += 1
+                continue
+            requester, number, body = parts
+            sample = Sample(body, services.foreign(requester), number)
+            peer = self._peers.get(publication) or self._meet(publication)
+            if peer.number or (not self._early and self._neighbours.reads(peer.guid[:12], self._replies)):
+                peer.number += 1
+                self._accept(sample)
+            else:
+                self._wait(peer.guid[:12], sample)
+
+    def _wait(self, participant: bytes, sample: Sample) -> None:
+        loop = asyncio.get_running_loop()
+        if len(self._early) >= MAX_EARLY:
+            self._early.popleft()
+            self.counts.lost += 1
+        self._early.append((participant, loop.time() + INTRODUCTION_S, sample))
+        loop.call_later(INTRODUCTION_S, self.tell_early)
+
+
+class ReplyInlet(Inlet):
+    """Replies: whom they answer stands in front of the body."""
+
+    __slots__ = ("_asker_of",)
+
+    def __init__(self, *arguments: object, asker_of: AskerOf) -> None:
+        super().__init__(*arguments)  # type: ignore[arg-type]
+        self._asker_of = asker_of
+
+    def take(self, most: int = BATCH) -> None:
+        """Hand on replies to requesters of this process; the others' are none of our business."""
+        for publication, octets in self._serialiser.take(self.entity, most) or ():
+            parts = services.split(octets)
+            if parts is None:
+                self.counts.refused += 1
+                continue
+            requester, number, body = parts
+            asker = self._asker_of(requester)
+            if asker is not None:
+                peer = self._peers.get(publication) or self._meet(publication)
+                peer.number += 1
+                self._accept(Sample(body, peer.guid, peer.number, (asker, number)))
+
+
+class DdsReader:
+    """Satisfies `Reader`; made by `DdsSpace.reader`.
+
+    A reader that keeps all takes no more out of DDS than its history holds, so that a reliable writer elsewhere waits
+    instead of losing samples.
+    """
+
+    __slots__ = ("_close", "_inlets", "_limit", "_memory", "_notes", "_paused", "_waiter", "topic")
+
+    def __init__(
+        self, memory: MemoryReader, inlets: tuple[Inlet, ...], notes: tuple[str, ...], waiter: Waiter,
+        close: Callable[[DdsReader], None],
+    ) -> None:  # fmt: skip
+        """`notes` say which of its names DDS did not take, and why."""
+        self.topic: Topic = memory.topic
+        self._memory = memory
+        self._inlets = inlets
+        self._notes = notes
+        self._waiter = waiter
+        self._close: Callable[[DdsReader], None] | None = close
+        self._limit = memory.qos.depth if memory.qos.keep_all else None
+        self._paused = False
+
+    @property
+    def delivered(self) -> int:
+        """Samples taken since it was made."""
+        return self._memory.delivered
+
+    @property
+    def lost(self) -> int:
+        """Samples pushed out of the history before anybody took them."""
+        return self._memory.lost
+
+    @property
+    def inlets(self) -> tuple[Inlet, ...]:
+        """Its readers in the library."""
+        return self._inlets
+
+    def take(self) -> Sample | None:
+        """The oldest sample not yet taken, or None."""
+        sample = self._memory.take()
+        if self._paused and not self._memory.waiting:
+            self._paused = False
+            for inlet in self._inlets:
+                self._waiter.resume(inlet.condition, inlet.tokens[0])
+        return sample
+
+    def arrived(self, inlet: Inlet) -> None:
+        """Something is there for an inlet; what the waiter calls."""
+        if self._limit is None:
+            inlet.take()
+            return
+        inlet.take(max(1, self._limit - self._memory.waiting))
+        if not self._paused and self._memory.waiting >= self._limit:
+            self._paused = True
+            for paused in self._inlets:
+                self._waiter.pause(paused.condition)
+
+    def troubles(self) -> tuple[str, ...]:
+        """Who should be heard and cannot, here and elsewhere."""
+        found = [*self._notes, *self._memory.troubles()]
+        for inlet in self._inlets:
+            found += inlet.troubles()
+        return tuple(found)
+
+    def close(self) -> None:
+        """Leave the space. Closing twice does nothing."""
+        if self._close is not None:
+            self._close(self)
+            self._close = None
+            self._memory.close()

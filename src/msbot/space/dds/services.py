@@ -1,0 +1,66 @@
+"""Requests and replies over DDS in the manner of ROS 2 with Cyclone DDS (rmw_cyclonedds).
+
+In front of the body stand 16 octets: 8 that tell the requester, 8 with the number of its request, little endian; a
+reply repeats them. Topics are `rq/<service>Request` and `rr/<service>Reply`. Other services stay in this process: how
+Fast DDS says whom a reply is for, beside the payload, cannot be said through Cyclone DDS.
+"""
+
+from __future__ import annotations
+
+from hashlib import blake2b
+from struct import Struct
+
+from msbot.space.contract import Guid
+
+HEADER_SIZE = 16
+_HEADER = Struct("<8sq")
+_ELSEWHERE = b"\0\0\0\0elsw"
+"""Second half of the GUID of a requester in another program, of which only 8 octets are told."""
+
+
+def is_request(topic: str) -> bool:
+    """Whether a topic carries requests in that manner."""
+    return topic.startswith("rq/") and topic.endswith("Request")
+
+
+def is_reply(topic: str) -> bool:
+    """Whether a topic carries replies in that manner."""
+    return topic.startswith("rr/") and topic.endswith("Reply")
+
+
+def reply_topic(request_topic: str) -> str:
+    """The topic on which a request is answered."""
+    return f"rr/{request_topic.removeprefix('rq/').removesuffix('Request')}Reply"
+
+
+def request_topic(replies: str) -> str:
+    """The topic of the requests that are answered on another."""
+    return f"rq/{replies.removeprefix('rr/').removesuffix('Reply')}Request"
+
+
+def short(guid: Guid) -> bytes:
+    """The 8 octets that tell a requester of ours."""
+    return blake2b(guid, digest_size=8).digest()
+
+
+def with_header(requester: bytes, number: int, body: bytes) -> bytes:
+    """A request or reply as it is in DDS."""
+    return _HEADER.pack(requester, number) + body
+
+
+def split(octets: bytes) -> tuple[bytes, int, bytes] | None:
+    """Requester, number and body of a request or reply from DDS; None when it is too short to have them."""
+    if len(octets) < HEADER_SIZE:
+        return None
+    requester, number = _HEADER.unpack_from(octets)
+    return requester, number, octets[HEADER_SIZE:]
+
+
+def foreign(requester: bytes) -> Guid:
+    """A GUID for a requester in another program."""
+    return requester + _ELSEWHERE
+
+
+def is_foreign(guid: Guid) -> bool:
+    """Whether a GUID is such a one."""
+    return guid[8:] == _ELSEWHERE

@@ -1,0 +1,268 @@
+"""The data space over DDS: endpoints meet in this process' memory as ever, and besides in DDS.
+
+Theory of operation. Every writer and reader is one in memory with the same rules, speed and order as in a
+`MemorySpace`; beside it stands one in the library for each name that the topic has in DDS. Readers there do not hear
+writers of the same participant, so nothing comes twice. A sample goes out only while somebody elsewhere reads it (or
+it is kept for late readers); what comes in is handed to the reader in memory. So a robot goes on as it was when the
+network does not. One thread waits (`waiter`), everything else happens on the event loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from types import TracebackType
+from typing import Self
+
+from msbot.errors import ConfigError
+from msbot.space.contract import Deliver, Guid, Qos, Reader, Topic, Writer
+from msbot.space.dds import library as library_room
+from msbot.space.dds import network as network_room
+from msbot.space.dds import services
+from msbot.space.dds.domain import Domain
+from msbot.space.dds.library import ANY_STATE
+from msbot.space.dds.native_qos import reader_qos, writer_qos
+from msbot.space.dds.neighbours import Neighbour, Neighbours, obstacle
+from msbot.space.dds.raw_type import Serialiser
+from msbot.space.dds.reader import REQUESTED_STATUSES, DdsReader, Inlet, ReplyInlet, RequestInlet
+from msbot.space.dds.waiter import Waiter
+from msbot.space.dds.writer import OFFERED_STATUSES, DdsWriter, Outlet, ServiceWriter
+from msbot.space.memory import MemorySpace
+from msbot.space.readers import MemoryReader
+from msbot.space.ways import Way, WaysOf, as_it_is
+
+RETRY_S = 0.005
+"""How soon a write is tried again that a slow peer had no room for."""
+
+logger = logging.getLogger(__name__)
+
+
+class DdsSpace:
+    """Satisfies `Space`. Must be made on a running event loop, and closed; fits `with`."""
+
+    def __init__(
+        self, domain: int = 0, *, partition: str = "", ways_of: WaysOf = as_it_is, interface: str | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
+        """Join DDS.
+
+        Args:
+            domain: where endpoints of domain 0 are, which is what clients say that say nothing.
+            partition: where endpoints are that name none themselves.
+            ways_of: the names of a topic in DDS; verbatim if absent.
+            interface: the network interface to use; absent: the network there is.
+            clock: seconds, for lifespans, deadlines and time-based filters.
+
+        Raises:
+            ConfigError: libddsc is not there or not usable, or the domain cannot be joined; the text says what to do.
+        """
+        self._domain = domain
+        self._partitions = (partition,) if partition else ()
+        self._ways_of = ways_of
+        self._memory = MemorySpace(clock=clock)
+        self._library = library_room.load()
+        self._network = network_room.choose(interface)
+        in_partition = f", partition {partition}" if partition else ""
+        self.words: str | None = f"DDS domain {domain}{in_partition} ({self._network.words})"
+        self._loop = asyncio.get_running_loop()
+        self._serialiser = Serialiser(self._library)
+        self._domains: dict[int, Domain] = {domain: Domain(self._library, self._network, domain)}
+        self._waiter = Waiter(self._library)
+        self._neighbours: dict[int, Neighbours] = {}
+        self._outlets: dict[Outlet, DdsWriter] = {}
+        self._inlets: dict[Inlet, DdsReader] = {}
+        self._by_name: dict[tuple[int, str], dict[Outlet | Inlet, None]] = {}
+        self._askers: dict[bytes, Guid] = {}
+        self._late: dict[Outlet, None] = {}
+        self._retry: asyncio.TimerHandle | None = None
+        self._told: set[str] = set()
+        self._neighbours_in(self._domains[domain])
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def neighbours(self) -> int:
+        """Writers and readers of other programs that are known now."""
+        return sum(len(neighbours) for neighbours in self._neighbours.values())
+
+    def writer(self, topic: Topic, qos: Qos, guid: Guid) -> Writer:
+        """Make a writer and match it with every fitting reader, here and elsewhere."""
+        topic = self._place(topic)
+        memory = self._memory.writer(topic, qos, guid)
+        service = qos.service
+        if service and not (services.is_request(topic.name) or services.is_reply(topic.name)):
+            return memory  # whom it is for could not be said in DDS
+        outlets, notes = [], []
+        for way in self._ways_of(topic):
+            try:
+                outlets.append((self._open_outlet(topic, way, qos), way.outward))
+            except ConfigError as error:
+                notes.append(self._tell(str(error)))
+        if service and services.is_request(topic.name):
+            self._askers[services.short(guid)] = guid
+        make = ServiceWriter if service else DdsWriter
+        writer = make(memory, tuple(outlets), tuple(notes), self._close_writer)
+        for outlet in writer.outlets:
+            self._outlets[outlet] = writer
+            self._by_name.setdefault((outlet.domain, outlet.name), {})[outlet] = None
+            outlet.token = self._waiter.attach(outlet.entity, outlet.look)
+        return writer
+
+    def reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> Reader:
+        """Make a reader; what late joiners get of writers here is delivered at once, of writers elsewhere soon."""
+        topic = self._place(topic)
+        memory = self._memory.reader(topic, qos, deliver)
+        if qos.service and not (services.is_request(topic.name) or services.is_reply(topic.name)):
+            return memory
+        inlets, notes = [], []
+        for way in self._ways_of(topic):
+            try:
+                inlets.append(self._open_inlet(topic, way, qos, memory))
+            except ConfigError as error:
+                notes.append(self._tell(str(error)))
+        reader = DdsReader(memory, tuple(inlets), tuple(notes), self._waiter, self._close_reader)
+        for inlet in inlets:
+            self._inlets[inlet] = reader
+            self._by_name.setdefault((inlet.domain, inlet.name), {})[inlet] = None
+            statuses = self._waiter.attach(inlet.entity, inlet.look)
+            inlet.tokens = (self._waiter.attach(inlet.condition, partial(reader.arrived, inlet)), statuses)
+        return reader
+
+    def close(self) -> None:
+        """Leave DDS; peers are told at once. Closing twice does nothing."""
+        if not self._domains:
+            return
+        if self._retry is not None:
+            self._retry.cancel()
+        self._waiter.close()
+        for domain in self._domains.values():
+            domain.close()
+        self._domains.clear()
+
+    # Endpoints.
+
+    def _place(self, topic: Topic) -> Topic:
+        return replace(topic, domain=self._domain) if topic.domain == 0 and self._domain else topic
+
+    def _domain_of(self, topic: Topic) -> Domain:
+        domain = self._domains.get(topic.domain)
+        if domain is None:
+            domain = self._domains[topic.domain] = Domain(self._library, self._network, topic.domain)
+            self._neighbours_in(domain)
+        return domain
+
+    def _in_dds(self, qos: Qos, way: Way) -> Qos:
+        """With the partitions that count there: those of the client, of the way, of the space."""
+        return replace(
+            qos, partitions=qos.partitions or (self._partitions if way.partitions is None else way.partitions)
+        )
+
+    def _open_outlet(self, topic: Topic, way: Way, qos: Qos) -> Outlet:
+        domain, qos = self._domain_of(topic), self._in_dds(qos, way)
+        native = domain.topic(way.name, way.type_name)
+        calls = self._library.calls
+        with writer_qos(self._library, qos, qos.partitions) as made:
+            entity = calls.dds_create_writer(domain.participant, native.entity, made, None)
+        if entity < 0:
+            domain.release(way.name, way.type_name)
+            raise ConfigError(f"topic {way.name}: DDS makes no writer for it ({self._library.words(entity)})")
+        calls.dds_set_status_mask(entity, OFFERED_STATUSES)
+        return Outlet(
+            self._library, self._serialiser, entity, native.sample_type, way.name, way.type_name, qos,
+            self._neighbours[domain.number], self._try_again, domain.number,
+        )  # fmt: skip
+
+    def _open_inlet(self, topic: Topic, way: Way, qos: Qos, memory: MemoryReader) -> Inlet:
+        domain, qos = self._domain_of(topic), self._in_dds(qos, way)
+        native = domain.topic(way.name, way.type_name)
+        calls = self._library.calls
+        with reader_qos(self._library, qos, qos.partitions) as made:
+            entity = calls.dds_create_reader(domain.participant, native.entity, made, None)
+        if entity < 0:
+            domain.release(way.name, way.type_name)
+            raise ConfigError(f"topic {way.name}: DDS makes no reader for it ({self._library.words(entity)})")
+        calls.dds_set_status_mask(entity, REQUESTED_STATUSES)
+        condition = calls.dds_create_readcondition(entity, ANY_STATE)
+        make: Callable[..., Inlet] = Inlet
+        if qos.service:
+            make = RequestInlet if services.is_request(topic.name) else partial(ReplyInlet, asker_of=self._askers.get)
+        return make(
+            self._library, self._serialiser, entity, condition, way.name, way.type_name, qos,
+            self._neighbours[domain.number], memory, way.inward, domain.number,
+        )  # fmt: skip
+
+    def _close_writer(self, writer: DdsWriter) -> None:
+        self._askers.pop(services.short(writer.guid), None)
+        for outlet in writer.outlets:
+            outlet.close()
+            self._late.pop(outlet, None)
+            if self._outlets.pop(outlet, None) is not None and self._domains:
+                self._forget_name(outlet)
+                self._waiter.detach(outlet.entity, outlet.token)
+                self._library.calls.dds_delete(outlet.entity)
+                self._domains[outlet.domain].release(outlet.name, outlet.type_name)
+
+    def _close_reader(self, reader: DdsReader) -> None:
+        for inlet in reader.inlets:
+            if self._inlets.pop(inlet, None) is not None and self._domains:
+                self._forget_name(inlet)
+                self._waiter.detach(inlet.condition, inlet.tokens[0])
+                self._waiter.detach(inlet.entity, inlet.tokens[1])
+                self._library.calls.dds_delete(inlet.entity)
+                self._domains[inlet.domain].release(inlet.name, inlet.type_name)
+
+    def _forget_name(self, endpoint: Outlet | Inlet) -> None:
+        namesakes = self._by_name[endpoint.domain, endpoint.name]
+        del namesakes[endpoint]
+        if not namesakes:
+            del self._by_name[endpoint.domain, endpoint.name]
+
+    # Slow peers.
+
+    def _try_again(self, outlet: Outlet) -> None:
+        self._late[outlet] = None
+        if self._retry is None:
+            self._retry = self._loop.call_later(RETRY_S, self._flush)
+
+    def _flush(self) -> None:
+        self._retry = None
+        for outlet in list(self._late):
+            if outlet.flush():
+                del self._late[outlet]
+        if self._late:
+            self._retry = self._loop.call_later(RETRY_S, self._flush)
+
+    # Others.
+
+    def _neighbours_in(self, domain: Domain) -> None:
+        self._neighbours[domain.number] = Neighbours(
+            self._library, domain, self._waiter, partial(self._appeared, domain.number)
+        )
+
+    def _appeared(self, domain: int, other: Neighbour) -> None:
+        """Say once what keeps a newcomer and an endpoint of ours apart; let requests through that waited for it."""
+        for mine in tuple(self._by_name.get((domain, other.topic), ())):
+            if isinstance(mine, Inlet) is other.is_writer:
+                reason = obstacle(mine.type_name, mine.qos, other, writes=not other.is_writer)
+                if reason is not None:
+                    self._tell(f"{mine.name}: {reason}")
+        if not other.is_writer and services.is_reply(other.topic):
+            for mine in tuple(self._by_name.get((domain, services.request_topic(other.topic)), ())):
+                if isinstance(mine, RequestInlet):
+                    mine.tell_early()
+
+    def _tell(self, words: str) -> str:
+        if words not in self._told and len(self._told) < 256:
+            self._told.add(words)
+            logger.warning("%s", words)
+        return words

@@ -1,0 +1,208 @@
+"""A writer that is heard in this process' memory and in DDS."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from ctypes import byref
+
+from msbot.errors import RemoteProtocolError
+from msbot.space.contract import Guid, Qos, Topic
+from msbot.space.dds import services
+from msbot.space.dds.counts import Counts
+from msbot.space.dds.library import TIMEOUT, Incompatible, Library, Matched
+from msbot.space.dds.native_qos import COMPARED, POLICIES
+from msbot.space.dds.neighbours import Neighbours, obstacle
+from msbot.space.dds.raw_type import Serialiser
+from msbot.space.memory import MAX_TROUBLES, MemoryWriter
+from msbot.space.ways import Convert
+
+PUBLICATION_MATCHED = 1 << 11
+OFFERED_INCOMPATIBLE = 1 << 3
+OFFERED_STATUSES = PUBLICATION_MATCHED | OFFERED_INCOMPATIBLE
+
+
+class Outlet:
+    """One writer in the library, under one of the topic's names."""
+
+    __slots__ = ("_backlog", "_library", "_neighbours", "_others", "_retry", "_serialiser", "counts", "domain",
+                 "entity", "has_readers", "is_kept", "name", "qos", "sample_type", "token", "type_name")  # fmt: skip
+
+    def __init__(  # noqa: PLR0917 - made by DdsSpace only
+        self, library: Library, serialiser: Serialiser, entity: int, sample_type: int, name: str, type_name: str,
+        qos: Qos, neighbours: Neighbours, retry: Callable[[Outlet], None], domain: int,
+    ) -> None:  # fmt: skip
+        self.entity = entity
+        self.sample_type = sample_type
+        self.name = name
+        self.type_name = type_name
+        self.qos = qos
+        """With the partitions it has in DDS."""
+        self.has_readers = False
+        """Whether somebody in another program reads it now."""
+        self.is_kept = qos.transient_local
+        """Whether samples are written even though nobody reads yet."""
+        self.counts = Counts()
+        self.domain = domain
+        self.token = 0
+        """At the waiter."""
+        self._library = library
+        self._serialiser = serialiser
+        self._neighbours = neighbours
+        self._retry = retry
+        self._backlog: deque[bytes] = deque()
+        self._others: dict[str, int] = {}
+
+    @property
+    def waiting(self) -> int:
+        """Samples that a slow peer has no room for now."""
+        return len(self._backlog)
+
+    def write(self, payload: bytes) -> None:
+        """Write a sample; what there is no room for waits, as much as the writer's depth, and the newest win."""
+        if self._backlog:
+            self._wait(payload)
+        elif self._put(payload) == TIMEOUT:
+            self._wait(payload)
+            self._retry(self)
+
+    def flush(self) -> bool:
+        """Write what waits; True when nothing does any more."""
+        backlog = self._backlog
+        while backlog:
+            if self._put(backlog[0]) == TIMEOUT:
+                return False
+            backlog.popleft()
+        return True
+
+    def look(self) -> None:
+        """Learn who reads and who cannot; what the waiter calls."""
+        calls = self._library.calls
+        matched, incompatible = Matched(), Incompatible()
+        if calls.dds_get_publication_matched_status(self.entity, byref(matched)) >= 0:
+            self.has_readers = matched.current > 0
+            if not self.has_readers:
+                self._backlog.clear()  # nobody is left to wait for
+        if calls.dds_get_offered_incompatible_qos_status(self.entity, byref(incompatible)) >= 0:
+            policy = POLICIES.get(incompatible.policy)
+            if incompatible.total and policy is not None and policy not in COMPARED:
+                self._others[policy] = incompatible.total
+
+    def troubles(self) -> tuple[str, ...]:
+        """Who in other programs should hear it and cannot."""
+        found: dict[str, None] = {}
+        for other in self._neighbours.on_topic(self.name):
+            reason = obstacle(self.type_name, self.qos, other, writes=True)
+            if reason is not None:
+                found[f"{self.name}: {reason}"] = None
+        for policy in self._others:
+            found[f"{self.name}: {policy}: a DDS peer asked for what is not offered"] = None
+        if self.counts.lost:
+            found[f"{self.name}: {self.counts.lost} samples were lost: a DDS peer does not acknowledge in time"] = None
+        if self.counts.refused:
+            found[f"{self.name}: {self.counts.refused} samples could not be written to DDS"] = None
+        return tuple(found)[:MAX_TROUBLES]
+
+    def close(self) -> None:
+        """Nothing waits any more."""
+        self._backlog.clear()
+
+    def _put(self, payload: bytes) -> int:
+        try:
+            code = self._serialiser.write(self.entity, self.sample_type, payload)
+        except RemoteProtocolError:
+            code = 0
+            self.counts.refused += 1
+        if code < 0 and code != TIMEOUT:
+            self.counts.refused += 1
+        return code
+
+    def _wait(self, payload: bytes) -> None:
+        if not self.qos.reliable:
+            self.counts.lost += 1
+            return
+        if len(self._backlog) >= self.qos.depth:
+            self._backlog.popleft()
+            self.counts.lost += 1
+        self._backlog.append(payload)
+
+
+class DdsWriter:
+    """Satisfies `Writer`; made by `DdsSpace.writer`."""
+
+    __slots__ = ("_close", "_memory", "_notes", "_outlets", "guid", "topic")
+
+    def __init__(
+        self, memory: MemoryWriter, outlets: tuple[tuple[Outlet, Convert | None], ...], notes: tuple[str, ...],
+        close: Callable[[DdsWriter], None],
+    ) -> None:  # fmt: skip
+        """`notes` say which of its names DDS did not take, and why."""
+        self.guid = memory.guid
+        self.topic: Topic = memory.topic
+        self._memory = memory
+        self._outlets = outlets
+        self._notes = notes
+        self._close: Callable[[DdsWriter], None] | None = close
+
+    @property
+    def published(self) -> int:
+        """Samples written since it was made."""
+        return self._memory.published
+
+    @property
+    def outlets(self) -> tuple[Outlet, ...]:
+        """Its writers in the library."""
+        return tuple(outlet for outlet, _ in self._outlets)
+
+    def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int:
+        """Give one sample to every matched reader here and elsewhere; returns its sequence number."""
+        number = self._memory.write(payload, related)
+        for outlet, convert in self._outlets:
+            if outlet.has_readers or outlet.is_kept:
+                self._write_out(outlet, convert, payload)
+        return number
+
+    def troubles(self) -> tuple[str, ...]:
+        """Who should hear it and cannot, here and elsewhere."""
+        found = [*self._notes, *self._memory.troubles()]
+        for outlet, _ in self._outlets:
+            found += outlet.troubles()
+        return tuple(found)
+
+    def close(self) -> None:
+        """Leave the space. Closing twice does nothing."""
+        if self._close is not None:
+            self._close(self)
+            self._close = None
+            self._memory.close()
+
+    def _write_out(self, outlet: Outlet, convert: Convert | None, payload: bytes) -> None:
+        if convert is None:
+            outlet.write(payload)
+            return
+        try:
+            converted = convert(payload)
+        except RemoteProtocolError:
+            outlet.counts.refused += 1
+        else:
+            outlet.write(converted)
+
+
+class ServiceWriter(DdsWriter):
+    """A writer of requests or replies, whose identity stands in front of the body in DDS."""
+
+    __slots__ = ()
+
+    def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int:
+        """Ask, or answer who asked: a requester in this process in memory, one elsewhere in DDS."""
+        number = self._memory.write(payload, related)
+        if related is None:
+            requester, request = services.short(self.guid), number
+        elif services.is_foreign(related[0]):
+            requester, request = related[0][:8], related[1]
+        else:
+            return number
+        for outlet, _ in self._outlets:
+            # Whether anybody listens is learned a moment later than the other side learns that we do.
+            outlet.write(services.with_header(requester, request, payload))
+        return number

@@ -1,0 +1,1 @@
+"""Who may see and do what: accounts, roles, sign-in, and the gate in front of every request."""

@@ -1,0 +1,347 @@
+"""Who is signed in: users, sessions, API tokens. Time is handed in; the database is not asked.
+
+All users are held in memory: a request, and above all STOP, never waits for a database. What the administrators of
+another program change there comes in by `load`. A changed role and a removed user take effect at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import secrets
+from collections.abc import Callable, Iterable
+
+from msbot.errors import ConfigError, MsbotError
+from msbot.operations.rights import Right, Role, role_named
+from msbot.web.access.attempts import Attempts, SignInRefused
+from msbot.web.access.class_list import Newcomer
+from msbot.web.access.passwords import LONGEST, Argon2Hasher, Hasher, check_password
+from msbot.web.access.sessions import Session, Sessions, digest_of
+from msbot.web.access.users import User, UserStore
+
+MAX_NAME = 64
+"""Characters of a user's name."""
+
+_NOBODYS_PASSWORD = "no user has this password"
+
+
+class NotAllowed(MsbotError):
+    """The person's role does not have the right that this needs."""
+
+
+class SignedOut(MsbotError):
+    """The session has ended meanwhile."""
+
+
+class Accounts:
+    """See the module's docstring.
+
+    Args:
+        store: where users are kept.
+        hasher: for passwords.
+        clock: seconds, monotonic.
+
+    Raises:
+        RegistryError: the users cannot be read.
+    """
+
+    def __init__(self, store: UserStore, *, clock: Callable[[], float], hasher: Hasher | None = None) -> None:
+        self._store = store
+        self._clock = clock
+        self._hasher = hasher or Argon2Hasher()
+        self.sessions = Sessions(clock)
+        self._attempts = Attempts()
+        self._users: dict[str, User] = {}
+        self._token_users: dict[str, str] = {}
+        self._decoy = ""
+        self._setup_token = ""
+        self._entry_token = ""
+        self._device_key = secrets.token_bytes(32)
+        self.load(store.users())
+
+    def load(self, users: Iterable[User]) -> None:
+        """Take what the store holds now; sessions of people who are not there any more end."""
+        before, self._users = self._users, {user.name: user for user in users}
+        self._token_users = {digest: user.name for user in self._users.values() for _, digest in user.tokens}
+        for name, old in before.items():
+            new = self._users.get(name)
+            if new is None or new.password_hash != old.password_hash:
+                self.sessions.end_all_of(name)
+            elif new.role is not old.role:
+                self.sessions.change_role(name, new.role)
+
+    # Links on the terminal
+
+    @property
+    def needs_setup(self) -> bool:
+        """Whether there is nobody who could sign in."""
+        return not self._users
+
+    @property
+    def has_entry_link(self) -> bool:
+        """Whether a link signs people in without a password."""
+        return bool(self._entry_token)
+
+    def setup_token(self) -> str:
+        """The word of the one-time set-up link; the same until it is used."""
+        self._setup_token = self._setup_token or secrets.token_urlsafe(24)
+        return self._setup_token
+
+    async def set_up(self, token: str, name: str, password: str) -> Session:
+        """Make the first administrator; the link works no more afterwards.
+
+        Raises:
+            SignInRefused: it is not the link's word, or somebody has used it.
+            ConfigError: the name or the password will not do.
+        """
+        if not self._setup_token or not hmac.compare_digest(token.encode(), self._setup_token.encode()):
+            raise SignInRefused("this set-up link is not valid (any more): start msbot again for a new one, or sign in")
+        if not self.needs_setup:
+            raise SignInRefused("there is an administrator already: sign in")
+        self._check_name(name)
+        check_password(password)
+        link, self._setup_token = self._setup_token, ""  # nobody else uses it while the password is hashed
+        try:
+            await self.add_user(name, Role.ADMINISTRATOR, password, who=name)
+        except BaseException:
+            self._setup_token = link
+            raise
+        return self.sessions.begin(name, Role.ADMINISTRATOR)
+
+    def entry_token(self) -> str:
+        """The word of a link that signs an administrator in without a password: for the demo only."""
+        self._entry_token = self._entry_token or secrets.token_urlsafe(24)
+        return self._entry_token
+
+    def enter(self, token: str) -> Session:
+        """Sign the demo's administrator in.
+
+        Raises:
+            SignInRefused: it is not the link's word.
+        """
+        if not self._entry_token or not hmac.compare_digest(token.encode(), self._entry_token.encode()):
+            raise SignInRefused("this link is of another run: copy the one that msbot has printed last")
+        return self.sessions.begin("demo", Role.ADMINISTRATOR, is_lasting=True)
+
+    # Signing in and out
+
+    async def sign_in(self, name: str, password: str, address: str, device: str = "") -> Session:
+        """Begin a session.
+
+        Args:
+            name: who.
+            password: what was typed.
+            address: where the person is.
+            device: what `device_of` gave for this browser earlier, or empty.
+
+        Raises:
+            SignInRefused: wrong name or password (never says which), or too many tries.
+        """
+        known = device if device and hmac.compare_digest(device, self.device_of(name)) else ""
+        wait_s = self._attempts.admit(name, address, known, self._clock())
+        if wait_s:
+            await asyncio.sleep(wait_s)
+        user = self._users.get(name)
+        # A name that is not there takes as long as a wrong password.
+        self._decoy = self._decoy or await self._hasher.hash(_NOBODYS_PASSWORD)
+        stored = self._decoy if user is None else user.password_hash
+        is_right = await self._hasher.matches(stored, password[: LONGEST + 1])
+        user = self._users.get(name)  # as it is now: hashing takes a while
+        if user is None or not is_right or user.password_hash != stored:
+            self._attempts.wrong(name, address, known, self._clock())
+            raise SignInRefused("wrong name or password")
+        self._attempts.right(name, address, known)
+        session = self.sessions.begin(user.name, user.role)
+        if self._hasher.is_outdated(stored):
+            self._keep(User(user.name, user.role, await self._hasher.hash(password), user.tokens), user.name)
+        return session
+
+    def device_of(self, name: str) -> str:
+        """What a browser keeps after signing in: it says that this person has used it before, nothing else."""
+        return hmac.new(self._device_key, name[:MAX_NAME].casefold().encode(), "sha256").hexdigest()
+
+    @property
+    def device_key(self) -> bytes:
+        """What device words are made with; kept over restarts with the sessions."""
+        return self._device_key
+
+    @device_key.setter
+    def device_key(self, key: bytes) -> None:
+        self._device_key = key
+
+    def role_of(self, name: str) -> Role | None:
+        """The role of a user, or None when there is no such user."""
+        user = self._users.get(name)
+        return None if user is None else user.role
+
+    def session(self, token: str) -> Session | None:
+        """The session of a cookie; None when it has expired, or its user is gone."""
+        session = self.sessions.find(token)
+        if session is None:
+            return None
+        if not self.holds(session):
+            self.sessions.end(session)
+            return None
+        self.sessions.use(session)
+        return session
+
+    def holds(self, session: Session) -> bool:
+        """Whether a session has not ended; asking does not count as using it."""
+        if session.is_program:
+            return True
+        return self.sessions.is_fresh(session) and (session.is_lasting or session.name in self._users)
+
+    def by_api_token(self, token: str) -> Session | None:
+        """A passing session for whoever shows a user's API token."""
+        name = self._token_users.get(digest_of(token))
+        if name is None:
+            return None
+        now = self._clock()
+        return Session(name, self._users[name].role, now, now)
+
+    def sign_out(self, session: Session) -> None:
+        """End a session."""
+        self.sessions.end(session)
+
+    def require(self, session: Session, right: Right) -> None:
+        """Check at the moment of the deed that the session still holds and has that right.
+
+        Raises:
+            SignedOut: it has ended.
+            NotAllowed: the role does not have it.
+        """
+        if not self.holds(session):
+            raise SignedOut("you are signed out: sign in again")
+        if not session.is_program:
+            self.sessions.use(session)
+        if not session.may(right):
+            raise NotAllowed(f"{session.role.one} may not {right.value}; {right.least.one} may")
+
+    # Administration
+
+    def users(self) -> list[User]:
+        """All users, by name."""
+        return [self._users[name] for name in sorted(self._users)]
+
+    async def add_user(self, name: str, role: Role, password: str, *, who: str) -> None:
+        """Let a person sign in.
+
+        Raises:
+            ConfigError: the name is taken or makes no sense, or the password is too easy.
+        """
+        self._check_name(name)
+        check_password(password)
+        hashed = await self._hasher.hash(password)
+        self._check_name(name)  # meanwhile somebody else may have taken it
+        self._keep(User(name, role, hashed), who)
+
+    async def add_people(self, people: Iterable[Newcomer], *, who: str) -> None:
+        """Let a whole class sign in: all of them, or nobody.
+
+        Raises:
+            ConfigError: a name is taken or makes no sense.
+        """
+        newcomers = list(people)
+        for one in newcomers:
+            self._check_name(one.name)
+        users = [User(one.name, one.role, await self._hasher.hash(one.password)) for one in newcomers]
+        for user in users:
+            self._check_name(user.name)
+        for user in users:
+            self._keep(user, who)
+
+    def change_role(self, name: str, role: str, *, who: str) -> None:
+        """Give a user another role; it counts at once.
+
+        Raises:
+            ConfigError: there is no such user or role, or it is the last administrator.
+        """
+        user, wanted = self._find(name), role_named(role)
+        if wanted is not Role.ADMINISTRATOR:
+            self._check_not_last(user, "have another role")
+        self._keep(User(user.name, wanted, user.password_hash, user.tokens), who)
+        self.sessions.change_role(name, wanted)
+
+    async def change_password(self, name: str, password: str, *, who: str, old: str | None = None) -> None:
+        """Give a user another password; sessions and API tokens of that user end.
+
+        Args:
+            name: whose.
+            password: the new one.
+            who: who changes it.
+            old: the present one, which people have to say for their own; None: an administrator helps another.
+
+        Raises:
+            ConfigError: there is no such user, the old password is wrong, or the new one is too easy.
+        """
+        user = self._find(name)
+        check_password(password)
+        if old is not None and not await self._hasher.matches(user.password_hash, old[: LONGEST + 1]):
+            raise ConfigError("the old password is wrong")
+        hashed = await self._hasher.hash(password)
+        user = self._find(name)
+        self._keep(User(user.name, user.role, hashed), who)
+        self.sessions.end_all_of(name)
+
+    def remove_user(self, name: str, *, who: str) -> None:
+        """Let a person in no more.
+
+        Raises:
+            ConfigError: there is no such user, or it is the last administrator.
+        """
+        self._check_not_last(self._find(name), "be removed")
+        self._store.remove_user(name, who)
+        self.load([user for user in self._users.values() if user.name != name])
+
+    def new_token(self, name: str, purpose: str, *, who: str) -> str:
+        """Make an API token; this is the only moment it can be read.
+
+        Raises:
+            ConfigError: there is no such user, or the purpose is taken or makes no sense.
+        """
+        user = self._find(name)
+        if not purpose or len(purpose) > MAX_NAME or not purpose.isprintable():
+            raise ConfigError(f"say what the token is for, in 1 to {MAX_NAME} characters")
+        if any(purpose == known for known, _ in user.tokens):
+            raise ConfigError(f"{name} has a token for {purpose!r} already: remove it first")
+        token = f"msbot_{secrets.token_urlsafe(32)}"
+        tokens = (*user.tokens, (purpose, digest_of(token)))
+        self._keep(User(user.name, user.role, user.password_hash, tokens), who)
+        return token
+
+    def remove_token(self, name: str, purpose: str, *, who: str) -> None:
+        """Make an API token worthless.
+
+        Raises:
+            ConfigError: there is no such user or token.
+        """
+        user = self._find(name)
+        tokens = tuple(token for token in user.tokens if token[0] != purpose)
+        if tokens == user.tokens:
+            raise ConfigError(f"{name} has no token for {purpose!r}")
+        self._keep(User(user.name, user.role, user.password_hash, tokens), who)
+
+    # Helpers
+
+    def _keep(self, user: User, who: str) -> None:
+        self._store.keep_user(user, who)
+        self._users[user.name] = user
+        self._token_users = {digest: one.name for one in self._users.values() for _, digest in one.tokens}
+
+    def _check_name(self, name: str) -> None:
+        if not name or len(name) > MAX_NAME or name != name.strip() or not name.isprintable():
+            raise ConfigError(f"a user's name has 1 to {MAX_NAME} printable characters, without blanks around it")
+        if name in self._users:
+            raise ConfigError(f"there is a user {name!r} already: choose another name")
+
+    def _find(self, name: str) -> User:
+        user = self._users.get(name)
+        if user is None:
+            known = ", ".join(sorted(self._users)) or "nobody"
+            raise ConfigError(f"there is no user {name!r}; there are {known}")
+        return user
+
+    def _check_not_last(self, user: User, deed: str) -> None:
+        others = [one for one in self._users.values() if one.role is Role.ADMINISTRATOR and one.name != user.name]
+        if user.role is Role.ADMINISTRATOR and not others:
+            raise ConfigError(f"{user.name} is the last administrator and cannot {deed}: make another one first")

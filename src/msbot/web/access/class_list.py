@@ -1,0 +1,123 @@
+"""A class list: the people of a CSV file, as a spreadsheet or a school's software writes it. Pure."""
+
+from __future__ import annotations
+
+import csv
+import secrets
+from dataclasses import dataclass
+
+from msbot.errors import ConfigError
+from msbot.operations.rights import Role, role_named
+from msbot.web.access.passwords import check_password
+
+MOST_BYTES = 256_000
+MOST_PEOPLE = 1000
+COLUMNS = ("name", "role", "password")
+_CONSONANTS, _VOWELS, _SYLLABLES = "bdfgklmnprstvwz", "aeiou", 4
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """One person of a list."""
+
+    name: str
+    role: str
+    """Empty: the one that the command names."""
+    password: str
+    """Empty: one is made up."""
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Newcomer:
+    """Somebody of a list who can be let in as it stands."""
+
+    name: str
+    role: Role
+    password: str
+    line: int
+
+
+def read_people(octets: bytes, path: str) -> list[Listed]:
+    """The people of a CSV file: a column with names, and `role` and `password` where it has them.
+
+    The first line may name the columns; without that the first column has the names. Comma, semicolon or tab.
+
+    Args:
+        octets: what is in the file.
+        path: the file's name, for messages.
+
+    Raises:
+        ConfigError: it is too large or no CSV, or nobody or somebody twice is in it.
+    """
+    text = _text(octets, path)
+    lines = text.splitlines()
+    delimiter = max(",;\t", key=(lines[0] if lines else "").count)
+    rows = [(number, [cell.strip() for cell in row]) for number, row in enumerate(_rows(path, lines, delimiter), 1)]
+    rows = [(number, row) for number, row in rows if any(row)]
+    columns: list[str] = list(COLUMNS)
+    if rows and "name" in (head := [cell.casefold() for cell in rows[0][1]]):
+        columns = head
+        rows = rows[1:]
+    people = [_person(path, number, dict(zip(columns, row, strict=False))) for number, row in rows]
+    if not people:
+        raise ConfigError(f"{path}: nobody is in it; write a name on each line")
+    if len(people) > MOST_PEOPLE:
+        raise ConfigError(f"{path}: has more than {MOST_PEOPLE} people; divide it")
+    first: dict[str, Listed] = {}
+    for one in people:
+        if (other := first.setdefault(one.name, one)) is not one:
+            raise ConfigError(f"{path}, line {one.line}: {one.name!r} is there already on line {other.line}")
+    return people
+
+
+def newcomers(octets: bytes, path: str, role: Role) -> list[Newcomer]:
+    """The people of a CSV file with all that they need; see `read_people`.
+
+    Args:
+        octets: what is in the file.
+        path: the file's name, for messages.
+        role: of those for whom the file has none.
+
+    Raises:
+        ConfigError: as `read_people`; a role that there is not, or a password that is too easy.
+    """
+    people = []
+    for one in read_people(octets, path):
+        password = one.password or new_password()
+        try:
+            wanted = role_named(one.role) if one.role else role
+            check_password(password)
+        except ConfigError as error:
+            raise ConfigError(f"{path}, line {one.line}: {error}; nobody was added") from None
+        people.append(Newcomer(one.name, wanted, password, one.line))
+    return people
+
+
+def new_password() -> str:
+    """A password that can be read aloud and typed, such as `bami-roku-4821`: 2^38 different ones."""
+    syllables = [secrets.choice(_CONSONANTS) + secrets.choice(_VOWELS) for _ in range(_SYLLABLES)]
+    return f"{syllables[0]}{syllables[1]}-{syllables[2]}{syllables[3]}-{secrets.randbelow(10_000):04}"
+
+
+def _text(octets: bytes, path: str) -> str:
+    if len(octets) > MOST_BYTES:
+        raise ConfigError(f"{path}: is larger than {MOST_BYTES:,} bytes; no class list is")
+    try:
+        return octets.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return octets.decode("cp1252", "replace")  # what Excel writes on Windows
+
+
+def _rows(path: str, lines: list[str], delimiter: str) -> list[list[str]]:
+    try:
+        return list(csv.reader(lines, delimiter=delimiter, strict=True))
+    except csv.Error as error:
+        raise ConfigError(f"{path}: is no list of people ({error}); save it as CSV") from None
+
+
+def _person(path: str, number: int, cells: dict[str, str]) -> Listed:
+    name = cells.get("name", "")
+    if not name:
+        raise ConfigError(f"{path}, line {number}: the name is missing")
+    return Listed(name, cells.get("role", "").casefold(), cells.get("password", ""), number)

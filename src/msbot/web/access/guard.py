@@ -1,0 +1,276 @@
+"""The one gate in front of every page, API call and websocket: who is it, and does the request come from our own page.
+
+It stands outside of everything else, so that a page that is forgotten here is closed, not open. What it refuses:
+
+* a `Host` that is not this server's (DNS rebinding);
+* anything without a session, but for signing in, the health check and files without secrets;
+* a changing request that only a cookie vouches for, without the session's CSRF word or from another origin;
+* a websocket from another origin (cross-site websocket hijacking), and an upload to somebody else's page;
+* bodies that are larger than what the path may take.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from ipaddress import ip_address
+from typing import TypeAlias
+from urllib.parse import quote, urlsplit
+
+from nicegui.version import __version__ as nicegui_version
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from msbot.operations.rights import Right
+from msbot.runtime.tally import Tally
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.cookies import CookieNames
+from msbot.web.access.sessions import Session
+
+CSRF_HEADER = "x-csrf-token"
+MAX_BODY = 1024 * 1024
+"""Octets of a request's body; `restore` may have more."""
+MAX_RESTORE = 256 * 1024 * 1024
+OPEN_PATHS = (
+    "/login", "/setup", "/enter", "/api/health", "/openapi.json", "/favicon.ico", "/web/",
+    f"/_nicegui/{nicegui_version}/",
+)  # fmt: skip
+"""What may be had without signing in: forms to do so, and files that are the same for everybody."""
+BEAT_PATH = "/beat"
+"""What open pages ask for all the time: whether the robot is there. Answered here, in no time."""
+UPLOAD_PATH = "/_nicegui/client/"
+"""Where NiceGUI takes what is handed in on a page; the page's number follows."""
+SOCKET_PATH = "/_nicegui_ws/"
+"""Where the websockets of the pages come in."""
+ANY_ADDRESS = "*address*"
+"""Among the allowed hosts: every IP address. Only names can be made to lead somewhere else (DNS rebinding)."""
+SIGN_OUT_PATH = "/logout"
+"""A plain form as well; all that another site could do with it is checked by its origin."""
+FORM_PATHS = ("/login", "/setup")
+"""Forms that are sent before there is a session; their origin is checked all the same."""
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+
+HEADERS = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"referrer-policy", b"same-origin"),  # not no-referrer: forms would then come with the origin "null"
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (
+        b"content-security-policy",
+        # NiceGUI compiles its templates in the browser, hence the two unsafe- words; nothing comes from elsewhere.
+        b"default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+        b"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; "
+        b"frame-ancestors 'none'; base-uri 'self'; form-action 'self'",
+    ),
+)
+
+STRICT_TRANSPORT = (b"strict-transport-security", b"max-age=86400")
+"""A day: the host may serve another robot without TLS next week."""
+
+Headers: TypeAlias = dict[str, str]
+
+
+class Guard:
+    """ASGI middleware, see the module's docstring.
+
+    Args:
+        app: everything behind it.
+        accounts: who is signed in.
+        hosts: host names under which this server may be addressed.
+        cookies: what the cookies are called.
+        owns: whether the page of that number belongs to a session.
+        beat: what open pages are told when they ask whether the robot is there.
+        is_tls: whether it is served by TLS: browsers are told to ask for that always.
+    """
+
+    def __init__(
+        self, app: ASGIApp, accounts: Accounts, hosts: Iterable[str], *, cookies: CookieNames,
+        owns: Callable[[str, Session | None], bool], beat: Callable[[], bytes], is_tls: bool = False,
+    ) -> None:  # fmt: skip
+        self._app = app
+        self._accounts = accounts
+        self._hosts = frozenset(host.casefold() for host in hosts)
+        self._cookies = cookies
+        self._owns = owns
+        self._beat = beat
+        self._headers = (*HEADERS, STRICT_TRANSPORT) if is_tls else HEADERS
+        self.refused = Tally()
+        """Requests that were not let through, by reason in words."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a request through, or answer it here."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = _headers_of(scope)
+        path: str = scope["path"]
+        refusal = self._check_host(headers)
+        if refusal is None and path == BEAT_PATH and scope["type"] == "http":
+            await self._answer_beat(send, headers)
+            return
+        session = None if refusal else self._session_of(path, headers)
+        if refusal is None:
+            refusal = self._check(scope, path, headers, session)
+        if refusal is not None:
+            await self._refuse(scope, receive, send, *refusal)
+            return
+        scope.setdefault("state", {}).update(session=session, api=self._app)
+        if scope["type"] == "websocket":
+            await self._app(scope, receive, send)
+        else:
+            try:
+                await self._app(
+                    scope, _limited(scope, receive, _most_of(path, session)), self._with_headers(send, path)
+                )
+            except RuntimeError as error:
+                if not is_left(scope, error):
+                    raise
+
+    def _check_host(self, headers: Headers) -> tuple[int, str] | None:
+        try:
+            host = (urlsplit(f"//{headers.get('host', '')}").hostname or "").casefold()
+        except ValueError:  # a bracket without its partner
+            host = ""
+        if host in self._hosts or (ANY_ADDRESS in self._hosts and _is_address(host)):
+            return None
+        return 421, "this server has another name: use the address that msbot has printed"
+
+    async def _answer_beat(self, send: Send, headers: Headers) -> None:
+        """Whether the robot is there, for a signed-in page; asking does not count as using the session."""
+        session = self._accounts.sessions.find(_cookie_in(headers.get("cookie", ""), self._cookies.session))
+        if session is None or not self._accounts.holds(session):
+            await self._answer(send, 401, b"", [])
+        else:
+            await self._answer(send, 200, self._beat(), [(b"content-type", b"application/json")])
+
+    def _session_of(self, path: str, headers: Headers) -> Session | None:
+        bearer = headers.get("authorization", "")
+        if bearer and path.startswith("/api/"):
+            scheme, _, token = bearer.partition(" ")
+            return self._accounts.by_api_token(token.strip()) if scheme.casefold() == "bearer" else None
+        return self._accounts.session(_cookie_in(headers.get("cookie", ""), self._cookies.session))
+
+    def _check(self, scope: Scope, path: str, headers: Headers, session: Session | None) -> tuple[int, str] | None:
+        method = scope.get("method", "GET")
+        is_changing = scope["type"] == "websocket" or method not in SAFE_METHODS
+        is_open = scope["type"] == "http" and any(
+            path == known or (known.endswith("/") and path.startswith(known)) for known in OPEN_PATHS
+        )
+        if is_changing and (session is None or not session.is_program) and not _is_own_origin(headers):
+            return 403, "this request comes from another site"
+        if path.startswith(SOCKET_PATH) and scope["type"] == "http":
+            return 404, "pages speak by websocket only"  # the session is that of the websocket's own request
+        if path.startswith(UPLOAD_PATH) and not self._owns(path[len(UPLOAD_PATH) :].partition("/")[0], session):
+            return (401, "sign in first") if session is None else (403, "this page was opened by somebody else")
+        if session is None:
+            may_enter = path in FORM_PATHS if is_changing else is_open
+            return _check_length(path, headers, None) if may_enter else (401, "sign in first")
+        if scope["type"] == "websocket" or method in SAFE_METHODS or session.is_program:
+            return _check_length(path, headers, session)
+        if path not in (*FORM_PATHS, SIGN_OUT_PATH) and headers.get(CSRF_HEADER, "") != session.csrf:
+            return 403, f"a changing request needs the header {CSRF_HEADER} with the word that GET /api/me tells"
+        return _check_length(path, headers, session)
+
+    async def _refuse(self, scope: Scope, receive: Receive, send: Send, status: int, words: str) -> None:
+        self.refused.count(words)
+        if scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 4000 + status})
+            return
+        path: str = scope["path"]
+        if status == 401 and scope["method"] in SAFE_METHODS and not path.startswith(("/api/", "/openapi")):
+            view = f"{path}?{query}" if (query := scope["query_string"].decode("latin-1")) else path
+            where = f"/login?next={quote(view)}" if view != "/" else "/login"
+            await self._answer(send, 303, b"", [(b"location", where.encode())])
+            return
+        body = json.dumps({"error": words}).encode()
+        extra = [(b"www-authenticate", b"Bearer")] if status == 401 else []
+        await self._answer(send, status, body, [(b"content-type", b"application/json"), *extra])
+
+    def _with_headers(self, send: Send, path: str) -> Send:
+        async def with_headers(message: MutableMapping[str, object]) -> None:
+            if message["type"] == "http.response.start":
+                headers = list(message.get("headers", ()))  # type: ignore[call-overload]
+                headers.extend(self._headers)
+                if path.startswith("/api/") or ("/_nicegui/" not in path and "/web/" not in path):
+                    headers = [pair for pair in headers if pair[0].lower() != b"cache-control"]
+                    headers.append((b"cache-control", b"no-store"))
+                message["headers"] = headers
+            await send(message)
+
+        return with_headers
+
+    async def _answer(self, send: Send, status: int, body: bytes, headers: list[tuple[bytes, bytes]]) -> None:
+        length = (b"content-length", str(len(body)).encode())
+        head = [*headers, *self._headers, length, (b"cache-control", b"no-store")]
+        await send({"type": "http.response.start", "status": status, "headers": head})
+        await send({"type": "http.response.body", "body": body})
+
+
+def _headers_of(scope: Scope) -> Headers:
+    return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ip_address(host)
+    except ValueError:
+        return False
+    return True
+
+
+def _cookie_in(header: str, name: str) -> str:
+    try:
+        morsel = SimpleCookie(header).get(name)
+    except CookieError:
+        return ""
+    return "" if morsel is None else morsel.value
+
+
+def _is_own_origin(headers: Headers) -> bool:
+    """Browsers say where a changing request comes from; what says nothing is no browser, and has no cookie to steal."""
+    origin = headers.get("origin")
+    if origin is None:
+        return headers.get("sec-fetch-site", "same-origin") in ("same-origin", "none")
+    return urlsplit(origin).netloc.casefold() == headers.get("host", "").casefold()
+
+
+def _most_of(path: str, session: Session | None) -> int:
+    """Only who may restore a backup can send one, by the API or from the page."""
+    is_upload = path == "/api/restore" or (path.startswith(UPLOAD_PATH) and "/upload/" in path)
+    may_restore = session is not None and session.may(Right.ADMINISTER)
+    return MAX_RESTORE if is_upload and may_restore else MAX_BODY
+
+
+def _check_length(path: str, headers: Headers, session: Session | None) -> tuple[int, str] | None:
+    length = headers.get("content-length", "0")
+    if not length.isascii() or not length.isdigit():
+        return 400, "the header content-length is no number"
+    if int(length) > _most_of(path, session):
+        return 413, f"at most {_most_of(path, session)} octets can be sent here"
+    return None
+
+
+def is_left(scope: Scope, error: Exception) -> bool:
+    """Whether this error only says that the visitor went before the answer, as browsers do all the time.
+
+    Starlette's middleware takes that for a fault of the application.
+    """
+    return bool(scope.get("state", {}).get("left")) and str(error) == "No response returned."
+
+
+def _limited(scope: Scope, receive: Receive, most: int) -> Receive:
+    """Count what really comes: a chunked body has no length in its header. Notes when the visitor leaves."""
+    left = most
+
+    async def limited() -> Message:
+        nonlocal left
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            scope["state"]["left"] = True
+        left -= len(message.get("body", b""))
+        if left < 0:
+            return {"type": "http.disconnect"}
+        return message
+
+    return limited

@@ -1,0 +1,92 @@
+"""Keeps sessions over a restart of the master, in a file that only the user who runs it can read.
+
+The file holds SHA-256s of the cookies' words, so reading it signs nobody in. It is written in a thread, whole, and put
+in place of the old one at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import os
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+from msbot.errors import ConfigError
+from msbot.runtime.user_folder import check_owner, user_folder
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.sessions import LONGEST_S, KeptSession
+
+_log = logging.getLogger(__name__)
+
+LARGEST = 1_000_000
+"""Octets of a file that is read."""
+
+
+class SessionFile:
+    """The sessions of one robot in a file.
+
+    Args:
+        accounts: whose sessions.
+        path: the file.
+    """
+
+    def __init__(self, accounts: Accounts, path: Path) -> None:
+        self._accounts = accounts
+        self._path = path
+        self._written = ""
+        self._has_failed = False
+
+    def bring_back(self) -> None:
+        """Let the sessions of the run before hold again; a file that makes no sense is none."""
+        try:
+            check_owner(self._path.parent)
+            if self._path.stat().st_size > LARGEST:
+                return
+            content = json.loads(self._path.read_text("utf-8"))
+            away_s = max(0.0, time.time() - float(content["at"]))
+            kept = [KeptSession(**one) for one in content["sessions"]]
+            device_key = bytes.fromhex(content["device_key"])
+        except FileNotFoundError:
+            return
+        except (OSError, ConfigError, ValueError, KeyError, TypeError) as error:
+            _log.warning("the sessions of the run before are not taken over, people sign in again: %s", error)
+            return
+        if away_s < LONGEST_S and len(device_key) == 32:
+            self._accounts.device_key = device_key
+            self._accounts.sessions.bring_back(kept, away_s, self._accounts.role_of)
+
+    async def keep(self) -> None:
+        """Write what has changed since the last time."""
+        kept = self._accounts.sessions.kept()
+        mark = json.dumps(sorted((one.key, round(one.idle_s - time.monotonic(), -2)) for one in kept))
+        if mark == self._written:
+            return
+        content = {
+            "at": time.time(),
+            "device_key": self._accounts.device_key.hex(),
+            "sessions": [asdict(one) for one in kept],
+        }
+        try:
+            await asyncio.to_thread(self._write, json.dumps(content))
+            self._written, self._has_failed = mark, False
+        except (OSError, ConfigError) as error:
+            if not self._has_failed:
+                _log.warning("sessions are not kept over a restart: %s", error)
+            self._has_failed = True
+
+    def _write(self, text: str) -> None:
+        self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        check_owner(self._path.parent)
+        new = self._path.with_suffix(".new")
+        descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(text)
+        new.replace(self._path)
+
+
+def session_file(accounts: Accounts, mark: str) -> SessionFile:
+    """The file for the robot of that mark: letters and digits."""
+    return SessionFile(accounts, user_folder() / f"sessions-{mark}.json")

@@ -1,0 +1,172 @@
+"""The browsers that are signed in. Pure: time is handed in.
+
+A session is a random word in a cookie; the master knows only its SHA-256, so what is kept over a restart signs nobody
+in. When a session ends, those who asked are told: open pages are closed then, not at their next click.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from msbot.operations.rights import Right, Role
+
+IDLE_S = 8 * 3600.0
+"""A session that is not used for that long ends: a school day."""
+LONGEST_S = 7 * 24 * 3600.0
+"""No session is longer than a week, however busy."""
+MOST_SESSIONS = 1000
+"""When there are more, the person with the most loses the one that was not used longest: nobody ends another's."""
+
+
+@dataclass(slots=True, eq=False)
+class Session:
+    """One signed-in browser, or one use of an API token."""
+
+    name: str
+    role: Role
+    began_at: float
+    used_at: float
+    key: str = ""
+    """The SHA-256 of the cookie's word; empty for an API token."""
+    token: str = ""
+    """The cookie's word; known only where the session began."""
+    csrf: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    """What a changing request has to show besides the cookie."""
+    is_lasting: bool = False
+    """True: no user of the store stands behind it (the demo's own administrator)."""
+
+    @property
+    def is_program(self) -> bool:
+        """Whether a program with an API token is behind it, and no browser."""
+        return not self.key
+
+    def may(self, right: Right) -> bool:
+        """Whether the role has that right."""
+        return self.role >= right.least
+
+
+@dataclass(frozen=True, slots=True)
+class KeptSession:
+    """What of a session outlives the master: nothing that could be shown instead of the cookie."""
+
+    key: str
+    name: str
+    csrf: str
+    age_s: float
+    idle_s: float
+
+
+class Sessions:
+    """See the module's docstring.
+
+    Args:
+        clock: seconds, monotonic.
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._by_key: dict[str, Session] = {}
+        self._listeners: list[Callable[[Session], None]] = []
+
+    def on_end(self, listener: Callable[[Session], None]) -> None:
+        """Call `listener` with every session that ends, or whose pages must be made anew because the role changed."""
+        self._listeners.append(listener)
+
+    def begin(self, name: str, role: Role, *, is_lasting: bool = False) -> Session:
+        """Begin a session."""
+        if len(self._by_key) >= MOST_SESSIONS:
+            self._drop_one()
+        now, token = self._clock(), secrets.token_urlsafe(32)
+        session = Session(name, role, now, now, key=digest_of(token), token=token, is_lasting=is_lasting)
+        self._by_key[session.key] = session
+        return session
+
+    def find(self, token: str) -> Session | None:
+        """The session of a cookie, whether or not it still holds."""
+        return self._by_key.get(digest_of(token)) if token else None
+
+    def is_fresh(self, session: Session) -> bool:
+        """Whether a session has not ended and is not too old; looking at that does not count as using it."""
+        now = self._clock()
+        is_young = now - session.used_at <= IDLE_S and now - session.began_at <= LONGEST_S
+        return self._by_key.get(session.key) is session and is_young
+
+    def use(self, session: Session) -> None:
+        """Note that the person did something."""
+        session.used_at = self._clock()
+
+    def end(self, session: Session) -> None:
+        """End a session."""
+        if self._by_key.get(session.key) is session:
+            del self._by_key[session.key]
+            self._tell(session)
+
+    def end_all_of(self, name: str, *, but: Session | None = None) -> None:
+        """End the sessions of a person."""
+        for session in self.of(name):
+            if session is not but:
+                self.end(session)
+
+    def change_role(self, name: str, role: Role) -> None:
+        """Give the sessions of a person another role; their open pages are made anew."""
+        for session in self.of(name):
+            if session.role is not role:
+                session.role = role
+                self._tell(session)
+
+    def end_old(self) -> None:
+        """End the sessions whose time is over; to be called once in a while."""
+        for session in list(self._by_key.values()):
+            if not self.is_fresh(session):
+                self.end(session)
+
+    def of(self, name: str) -> list[Session]:
+        """The sessions of a user."""
+        return [one for one in self._by_key.values() if one.name == name and not one.is_lasting]
+
+    def kept(self) -> list[KeptSession]:
+        """What is to outlive the master."""
+        now = self._clock()
+        return [
+            KeptSession(one.key, one.name, one.csrf, now - one.began_at, now - one.used_at)
+            for one in self._by_key.values()
+            if not one.is_lasting
+        ]
+
+    def bring_back(self, kept: Iterable[KeptSession], away_s: float, role_of: Callable[[str], Role | None]) -> None:
+        """Let sessions of an earlier run hold again.
+
+        Args:
+            kept: what `kept` gave.
+            away_s: seconds since then.
+            role_of: the role of a user; None: there is no such user any more.
+        """
+        now = self._clock()
+        for one in kept:
+            role = role_of(one.name)
+            if role is None or len(self._by_key) >= MOST_SESSIONS:
+                continue
+            session = Session(
+                one.name, role, now - one.age_s - away_s, now - one.idle_s - away_s, key=one.key, csrf=one.csrf
+            )
+            self._by_key[one.key] = session
+            if not self.is_fresh(session):
+                del self._by_key[one.key]
+
+    def _drop_one(self) -> None:
+        ((greedy, _),) = Counter(session.name for session in self._by_key.values()).most_common(1)
+        oldest = min((one for one in self._by_key.values() if one.name == greedy), key=lambda one: one.used_at)
+        self.end(oldest)
+
+    def _tell(self, session: Session) -> None:
+        for listener in self._listeners:
+            listener(session)
+
+
+def digest_of(token: str) -> str:
+    """What is stored of a random word: it cannot be guessed, so a slow hash would add nothing."""
+    return hashlib.sha256(token.encode("utf-8", "surrogatepass")).hexdigest()

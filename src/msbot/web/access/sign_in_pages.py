@@ -1,0 +1,132 @@
+"""Signing in: plain pages that need no script, before anything else of the web room is shown."""
+
+from __future__ import annotations
+
+from urllib.parse import parse_qs
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+
+from msbot.errors import ConfigError
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.attempts import SignInRefused
+from msbot.web.access.cookies import CookieNames
+from msbot.web.access.sessions import LONGEST_S, Session
+from msbot.web.html import render
+from msbot.web.language import language_of
+
+_LONGEST_FORM = 10_000
+_MOST_FIELDS = 10
+_DEVICE_S = 365 * 24 * 3600
+"""So long a browser remembers who has signed in with it."""
+
+
+def make_forms(accounts: Accounts, robot: str, cookies: CookieNames) -> APIRouter:
+    """The pages `/login`, `/setup`, `/enter` and `/logout`.
+
+    Args:
+        accounts: who may sign in.
+        robot: the name that the pages show.
+        cookies: what the cookies are called.
+    """
+    router = APIRouter(include_in_schema=False)
+
+    def page(
+        request: Request, template: str, title: str, *, status: int = 200, headers: dict[str, str] | None = None,
+        **values: object,
+    ) -> HTMLResponse:  # fmt: skip
+        language = language_of(request)
+        html = render(
+            template, language=language, say=language.say, title=language.say(title), robot=robot,
+            **{"error": "", "name": "", **values},
+        )  # fmt: skip
+        return HTMLResponse(html, status_code=status, headers=headers)
+
+    @router.get("/login")
+    async def show_login(request: Request, next: str = "/") -> Response:
+        if accounts.needs_setup and not accounts.has_entry_link:
+            return page(request, "set_up_hint", "Set-up")
+        return page(request, "sign_in", "Sign in", wanted=local_path(next))
+
+    @router.post("/login")
+    async def login(request: Request) -> Response:
+        form = await _form_of(request)
+        name, wanted = form.get("name", ""), local_path(form.get("next", "/"))
+        device = request.cookies.get(cookies.device, "")
+        try:
+            session = await accounts.sign_in(name, form.get("password", ""), _address_of(request), device)
+        except SignInRefused as refused:
+            headers = {"retry-after": f"{refused.retry_after_s:.0f}"} if refused.retry_after_s else None
+            status = 429 if refused.retry_after_s else 401
+            return page(
+                request, "sign_in", "Sign in", wanted=wanted, name=name[:64], error=str(refused), status=status,
+                headers=headers,
+            )  # fmt: skip
+        return signed_in(request, session, wanted)
+
+    @router.get("/setup")
+    async def show_setup(request: Request, token: str = "") -> Response:
+        return page(request, "set_up", "Set-up", token=token)
+
+    @router.post("/setup")
+    async def set_up(request: Request) -> Response:
+        form = await _form_of(request)
+        token = form.get("token", "")
+        try:
+            if form.get("password", "") != form.get("again", ""):
+                raise ConfigError("the two passwords are not the same")
+            session = await accounts.set_up(token, form.get("name", ""), form.get("password", ""))
+        except (SignInRefused, ConfigError) as error:
+            status = 403 if isinstance(error, SignInRefused) else 400
+            return page(request, "set_up", "Set-up", token=token, error=str(error), status=status)
+        return signed_in(request, session, "/")
+
+    @router.get("/enter")
+    async def enter(request: Request, token: str = "", next: str = "/") -> Response:
+        try:
+            session = accounts.enter(token)
+        except SignInRefused as refused:
+            return page(request, "sign_in", "Sign in", wanted=local_path(next), error=str(refused), status=403)
+        return signed_in(request, session, local_path(next))
+
+    @router.post("/logout")
+    async def log_out(request: Request) -> Response:
+        session = request.scope["state"].get("session")
+        if session is not None:
+            accounts.sign_out(session)
+        response = RedirectResponse("/login", status_code=303)
+        response.delete_cookie(cookies.session)
+        return response
+
+    def signed_in(request: Request, session: Session, wanted: str) -> Response:
+        response = RedirectResponse(wanted, status_code=303)
+        is_secure = request.url.scheme == "https"
+        response.set_cookie(
+            cookies.session, session.token, max_age=int(LONGEST_S), httponly=True, samesite="lax", secure=is_secure
+        )
+        if not session.is_lasting:
+            response.set_cookie(
+                cookies.device, accounts.device_of(session.name), max_age=_DEVICE_S, httponly=True, samesite="strict",
+                secure=is_secure,
+            )  # fmt: skip
+        return response
+
+    return router
+
+
+def local_path(wanted: str) -> str:
+    """Where to go after signing in: a path of this server, never another site."""
+    is_local = wanted.startswith("/") and not wanted.startswith(("//", "/\\")) and wanted.isprintable()
+    return wanted if is_local and "\\" not in wanted else "/"
+
+
+async def _form_of(request: Request) -> dict[str, str]:
+    body = await request.body()
+    if len(body) > _LONGEST_FORM or body.count(b"&") >= _MOST_FIELDS:
+        return {}
+    fields = parse_qs(body.decode("utf-8", "replace"), keep_blank_values=True)
+    return {name: values[0] for name, values in fields.items()}
+
+
+def _address_of(request: Request) -> str:
+    return request.client.host if request.client is not None else ""

@@ -1,0 +1,51 @@
+"""The people who may sign in, and where they are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from msbot.operations.rights import Role
+
+
+@dataclass(frozen=True, slots=True)
+class User:
+    """One person who may sign in."""
+
+    name: str
+    role: Role
+    password_hash: str
+    tokens: tuple[tuple[str, str], ...] = ()
+    """API tokens: (what it is for, SHA-256 in hexadecimal digits)."""
+
+
+class UserStore(Protocol):
+    """Where users are kept: the registry, or memory. Methods may raise `RegistryError`."""
+
+    def users(self) -> list[User]:
+        """All users, by name."""
+
+    def keep_user(self, user: User, who: str) -> None:
+        """Add a user, or replace the one of that name; journalled with who did it."""
+
+    def remove_user(self, name: str, who: str) -> None:
+        """Forget a user."""
+
+
+class MemoryUsers:
+    """A `UserStore` that lasts as long as the process."""
+
+    def __init__(self, *users: User) -> None:
+        self._users = {user.name: user for user in users}
+
+    def users(self) -> list[User]:
+        """See `UserStore.users`."""
+        return sorted(self._users.values(), key=lambda user: user.name)
+
+    def keep_user(self, user: User, who: str) -> None:  # noqa: ARG002 - the protocol's signature
+        """See `UserStore.keep_user`."""
+        self._users[user.name] = user
+
+    def remove_user(self, name: str, who: str) -> None:  # noqa: ARG002
+        """See `UserStore.remove_user`."""
+        self._users.pop(name, None)

@@ -1,0 +1,1 @@
+"""The JSON API: the twin of every page, under `/api`."""

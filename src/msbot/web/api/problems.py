@@ -1,0 +1,53 @@
+"""What went wrong, as an answer of the API: a status code and one sentence, never a traceback."""
+
+from __future__ import annotations
+
+import logging
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+
+from msbot.errors import MsbotError, NotThere, RegistryError
+from msbot.web.access.accounts import NotAllowed, SignedOut
+from msbot.web.access.attempts import SignInRefused
+from msbot.web.access.guard import is_left
+
+_log = logging.getLogger(__name__)
+
+
+def status_of(error: MsbotError) -> int:
+    """The HTTP status that fits an error."""
+    match error:
+        case NotThere():
+            return 404
+        case NotAllowed():
+            return 403
+        case SignedOut() | SignInRefused():
+            return 401
+        case RegistryError():
+            return 409
+    return 400
+
+
+def tell_problems(app: FastAPI) -> None:
+    """Have all errors answered as `{"error": sentence}`."""
+
+    async def known(_request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, MsbotError)
+        return JSONResponse({"error": str(error)}, status_of(error))
+
+    async def invalid(_request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, RequestValidationError)
+        faults = [f"{'.'.join(str(step) for step in fault['loc'])}: {fault['msg']}" for fault in error.errors()]
+        return JSONResponse({"error": "; ".join(faults)}, 422)
+
+    async def unknown(request: Request, error: Exception) -> JSONResponse:
+        if is_left(request.scope, error):
+            return JSONResponse({"error": "nobody waits for this answer"}, 500)
+        _log.error("the answer to %s %s failed", request.method, request.url.path, exc_info=error)
+        return JSONResponse({"error": "something went wrong in the server; its log says what"}, 500)
+
+    app.add_exception_handler(MsbotError, known)
+    app.add_exception_handler(RequestValidationError, invalid)
+    app.add_exception_handler(Exception, unknown)

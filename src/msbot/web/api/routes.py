@@ -1,0 +1,199 @@
+"""The JSON API: every page's twin, under `/api`, described by `/openapi.json` on the same port.
+
+A browser shows its cookie, and for changes the CSRF word of `GET /api/me` in the header `X-CSRF-Token`. A program
+shows an API token: `Authorization: Bearer msbot_...`. Who may do what is decided in `Service`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from fastapi.responses import Response
+
+from msbot.web.api.models import (
+    BlueprintDiff,
+    BlueprintText,
+    BusState,
+    Done,
+    EditLine,
+    FrameLine,
+    Health,
+    JournalLine,
+    Lane,
+    Me,
+    PartLine,
+    Problem,
+    Robot,
+    RobotTile,
+    Simulated,
+    SlotCard,
+    TopicLine,
+    TypeLine,
+    Value,
+    Wish,
+)
+from msbot.web.api.operation_routes import add_operations
+from msbot.web.api.session import Name, SignedIn, parts_for, slots_for
+from msbot.web.service import Service
+
+PROBLEMS: dict[int | str, dict[str, object]] = {
+    400: {"model": Problem, "description": "It cannot be done; the sentence says why and what would be right."},
+    401: {"model": Problem, "description": "Nobody is signed in."},
+    403: {"model": Problem, "description": "The role does not allow it."},
+    404: {"model": Problem, "description": "There is no such thing."},
+    409: {"model": Problem, "description": "The database does not take it at the moment."},
+    413: {"model": Problem, "description": "The body is too large."},
+    422: {"model": Problem, "description": "The request does not fit the schema."},
+}
+"""What every call can answer besides its result."""
+
+
+def make_api(service: Service) -> APIRouter:
+    """All calls of the API for one robot."""
+    router = APIRouter(prefix="/api", responses=PROBLEMS)
+    _add_reads(router, service)
+    _add_slots(router, service)
+    add_operations(router, service)
+    _add_robot(router, service)
+    return router
+
+
+def _add_reads(router: APIRouter, service: Service) -> None:
+    views = service.views
+
+    @router.get("/health", responses={})
+    async def health() -> Health:
+        """Whether the server runs; needs no session."""
+        return Health()
+
+    @router.get("/me")
+    async def me(session: SignedIn) -> Me:
+        """Who is signed in, and the CSRF word."""
+        return service.me(session)
+
+    @router.get("/robot")
+    async def robot(session: SignedIn) -> Robot:
+        """The robot with all its slots."""
+        robot = service.robot()
+        return robot.model_copy(update={"slots": slots_for(session, robot.slots)})
+
+    @router.get("/parts")
+    async def parts(session: SignedIn) -> list[PartLine]:
+        """All parts that are there or were there lately."""
+        return parts_for(session, views.parts())
+
+    @router.get("/arrivals")
+    async def arrivals(session: SignedIn) -> list[PartLine]:
+        """Parts that wait for a slot, or were refused."""
+        return parts_for(session, views.arrivals())
+
+    @router.get("/why/{part}")
+    async def why(session: SignedIn, part: Name) -> list[str]:  # noqa: ARG001
+        """In sentences: how a part stands and which rules led there."""
+        return views.why(part)
+
+    @router.get("/topics")
+    async def topics(session: SignedIn) -> list[TopicLine]:  # noqa: ARG001
+        """All bound topics with their latest values."""
+        return views.topics()
+
+    @router.get("/topics/{topic}/series")
+    async def series(
+        session: SignedIn,  # noqa: ARG001
+        topic: Name,
+        field: Annotated[str, Query(max_length=254)],
+    ) -> list[tuple[float, float]]:
+        """(seconds, value) of a numeric field, oldest first."""
+        return views.live.series(topic, field)
+
+    @router.get("/timeline")
+    async def timeline(session: SignedIn) -> list[Lane]:  # noqa: ARG001
+        """The states of every slot over time."""
+        return views.timeline()
+
+    @router.get("/journal")
+    async def journal(
+        session: SignedIn,  # noqa: ARG001
+        limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+        part: Annotated[str | None, Query(max_length=254)] = None,
+    ) -> list[JournalLine]:
+        """The newest lines of the journal, newest first."""
+        return await service.journal(limit, part)
+
+    @router.get("/bus")
+    async def bus(session: SignedIn) -> BusState:  # noqa: ARG001
+        """How busy the CAN bus is."""
+        return views.bus()
+
+    @router.get("/bus/frames")
+    async def frames(
+        session: SignedIn,  # noqa: ARG001
+        after: Annotated[int, Query(ge=0, le=2**53)] = 0,
+        limit: Annotated[int, Query(ge=1, le=1000)] = 200,
+    ) -> list[FrameLine]:
+        """The newest frames with a number above `after`, oldest first."""
+        return views.frame_lines(after, limit)
+
+    @router.get("/library")
+    async def library(
+        session: SignedIn,  # noqa: ARG001
+        search: Annotated[str, Query(max_length=254)] = "",
+    ) -> list[TypeLine]:
+        """The part library."""
+        return views.types(search)
+
+    @router.get("/robots")
+    async def robots(session: SignedIn) -> list[RobotTile]:  # noqa: ARG001
+        """All robots of the database."""
+        return await service.robots()
+
+
+def _add_slots(router: APIRouter, service: Service) -> None:
+    @router.get("/slots/{slot}")
+    async def slot(session: SignedIn, slot: Name) -> SlotCard:
+        """One slot with its part and its values."""
+        return slots_for(session, [service.views.slot(slot)])[0]
+
+    @router.get("/slots/{slot}/values")
+    async def values(session: SignedIn, slot: Name) -> list[Value]:  # noqa: ARG001
+        """The parameters of a slot with origin, range and unit."""
+        return await service.values(slot)
+
+    @router.get("/sim/{slot}")
+    async def simulated(session: SignedIn, slot: Name) -> Simulated:  # noqa: ARG001
+        """A simulated part: its controls and what one would see."""
+        return service.views.simulated(slot)
+
+    @router.put("/sim/{slot}/{control}")
+    async def operate(session: SignedIn, slot: Name, control: Name, wish: Wish) -> Done:
+        """Do something to a simulated part (`value`); the control `plugged` takes true or false."""
+        if control == "plugged":
+            return service.plug(session, slot, plugged=bool(wish.value))
+        return service.operate(session, slot, control, "" if wish.value is None else wish.value)
+
+
+def _add_robot(router: APIRouter, service: Service) -> None:
+    @router.get("/edits")
+    async def edits(session: SignedIn, limit: Annotated[int, Query(ge=1, le=1000)] = 100) -> list[EditLine]:  # noqa: ARG001
+        """What people changed, newest first."""
+        return await service.edits(limit)
+
+    @router.get("/blueprint")
+    async def blueprint(session: SignedIn) -> Response:  # noqa: ARG001
+        """The present blueprint as `robot.toml`."""
+        return Response(
+            await service.blueprint(),
+            media_type="application/toml",
+            headers={"content-disposition": 'attachment; filename="robot.toml"'},
+        )
+
+    @router.post("/blueprint/diff")
+    async def diff(session: SignedIn, text: BlueprintText) -> BlueprintDiff:
+        """What applying another blueprint would change; nothing is changed."""
+        return await service.blueprint_diff(session, text.toml)
+
+    @router.put("/blueprint")
+    async def apply(session: SignedIn, text: BlueprintText) -> Done:
+        """Make the robot what another blueprint says."""
+        return await service.apply_blueprint(session, text.toml)

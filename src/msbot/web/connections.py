@@ -1,0 +1,229 @@
+"""The connections of the page: how many may be open, how long they may be slow, and how new ones are let in.
+
+A connection that says nothing is closed after a while; when there are too many, the one that has been idle longest
+makes room. So connections that are only held open neither use up the robot's file descriptors nor keep people out.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import socket
+import ssl
+from collections.abc import Callable
+from typing import Any
+
+from uvicorn.config import Config
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.server import ServerState
+
+_log = logging.getLogger(__name__)
+
+HEAD_S = 10.0
+"""So long a connection may take until its request has come with all its headers; TLS gets as long."""
+BODY_S = 20.0
+"""So long a request's body may pause."""
+MOST_PER_ADDRESS = 300
+"""A class behind one router has one address; each browser opens up to seven connections."""
+MOST = 600
+"""Connections in all; never more than half of the file descriptors that the process may have."""
+ACCEPT_PAUSE_S = 0.5
+"""So long nothing is accepted when the system has no descriptor left."""
+
+
+class Connections:
+    """Which connections are open; makes room for a new one.
+
+    Args:
+        most: connections in all; None: as the system allows.
+    """
+
+    def __init__(self, most: int | None = None) -> None:
+        self._most = min(MOST, _descriptors() // 2) if most is None else most
+        self._open: dict[WatchedConnection, str] = {}
+        """In the order of their last activity, with their addresses."""
+        self.dropped = 0
+        """Connections that were closed to make room, or because they said nothing in time."""
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def begin(self, connection: WatchedConnection, address: str) -> bool:
+        """Take a new connection in; False: there is no room, and nobody idle who could make some."""
+        for one in [one for one in self._open if one.is_closing()]:
+            del self._open[one]
+        same = [one for one, where in self._open.items() if where == address]
+        if len(same) >= MOST_PER_ADDRESS and not self._drop_idle(same):
+            return False
+        if len(self._open) >= self._most and not self._drop_idle(list(self._open)):
+            return False
+        self._open[connection] = address
+        return True
+
+    def active(self, connection: WatchedConnection) -> None:
+        """Note that something came from a connection."""
+        address = self._open.pop(connection, None)
+        if address is not None:
+            self._open[connection] = address
+
+    def end(self, connection: WatchedConnection) -> None:
+        """Forget a connection."""
+        self._open.pop(connection, None)
+
+    def _drop_idle(self, among: list[WatchedConnection]) -> bool:
+        for connection in among:
+            if connection.is_idle():
+                connection.drop()
+                return True
+        return False
+
+
+class WatchedConnection(HttpToolsProtocol):
+    """A connection with time limits; what a websocket makes of it afterwards is the websocket's.
+
+    Args:
+        connections: the others.
+        config: uvicorn's.
+        server_state: uvicorn's.
+        app_state: uvicorn's.
+    """
+
+    def __init__(
+        self, connections: Connections, config: Config, server_state: ServerState, app_state: dict[str, Any]
+    ) -> None:
+        super().__init__(config, server_state, app_state)
+        self._all = connections
+        self._timer: asyncio.TimerHandle | None = None
+        self._is_reading_body = False
+        self._is_websocket = False
+
+    def is_idle(self) -> bool:
+        """Whether no request of it is being worked on."""
+        return not self._is_websocket and (self.cycle is None or self.cycle.response_complete)
+
+    def is_closing(self) -> bool:
+        """Whether it is closed, or will be in a moment."""
+        return self.transport is None or self.transport.is_closing()
+
+    def drop(self) -> None:
+        """Close it without a word."""
+        self._all.dropped += 1
+        self._all.end(self)
+        self.transport.abort()
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """See `asyncio.Protocol`."""
+        super().connection_made(transport)
+        if self._all.begin(self, self.client[0] if self.client else ""):
+            self._arm(HEAD_S)
+        else:
+            self.drop()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """See `asyncio.Protocol`."""
+        self._disarm()
+        self._all.end(self)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """See `asyncio.Protocol`."""
+        self._all.active(self)
+        if self._is_reading_body:
+            self._arm(BODY_S)
+        elif self._timer is None and self.is_idle():
+            self._arm(HEAD_S)
+        super().data_received(data)
+
+    def on_headers_complete(self) -> None:
+        """All headers have come; what httptools calls."""
+        self._is_reading_body = True
+        self._arm(BODY_S)
+        super().on_headers_complete()
+
+    def on_message_complete(self) -> None:
+        """The whole request has come; what httptools calls."""
+        self._is_reading_body = False
+        self._disarm()
+        super().on_message_complete()
+
+    def handle_websocket_upgrade(self) -> None:
+        """The websocket's own pings look after it from now on."""
+        self._is_websocket = True
+        self._disarm()
+        super().handle_websocket_upgrade()
+
+    def _arm(self, seconds: float) -> None:
+        self._disarm()
+        self._timer = self.loop.call_later(seconds, self.drop)
+
+    def _disarm(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+
+class Acceptor:
+    """Accepts connections one by one, and pauses when the system has no descriptor left.
+
+    asyncio's own server would try again for each place in the queue, with a line in the log each time.
+
+    Args:
+        listening: the socket.
+        make: makes the protocol of a new connection.
+        tls: the certificate; None: plain HTTP.
+    """
+
+    def __init__(
+        self, listening: socket.socket, make: Callable[[], asyncio.Protocol], tls: ssl.SSLContext | None
+    ) -> None:
+        self._listening = listening
+        self._make = make
+        self._tls = tls
+        self._handshakes: set[asyncio.Task[None]] = set()
+        self.pauses = 0
+        """How often nothing could be accepted."""
+
+    async def run(self) -> None:
+        """Accept until cancelled."""
+        loop = asyncio.get_running_loop()
+        try:
+            while True:
+                try:
+                    connection, _ = await loop.sock_accept(self._listening)
+                except OSError as error:
+                    if self.pauses == 0:
+                        _log.warning("no more connections to the page can be accepted for now: %s", error.strerror)
+                    self.pauses += 1
+                    await asyncio.sleep(ACCEPT_PAUSE_S)
+                    continue
+                task = loop.create_task(self._begin(connection))
+                self._handshakes.add(task)
+                task.add_done_callback(self._handshakes.discard)
+        finally:
+            for task in self._handshakes:
+                task.cancel()
+
+    async def _begin(self, connection: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            # Who fails at TLS, or is gone again, is no news.
+            with contextlib.suppress(OSError, ssl.SSLError):
+                await loop.connect_accepted_socket(
+                    self._make, connection, ssl=self._tls, ssl_handshake_timeout=HEAD_S if self._tls else None
+                )
+                return
+            connection.close()
+        except asyncio.CancelledError:
+            connection.close()
+            raise
+
+
+def _descriptors() -> int:
+    """How many files this process may open."""
+    if os.name != "posix":
+        return 2 * MOST
+    import resource
+
+    return resource.getrlimit(resource.RLIMIT_NOFILE)[0]

@@ -1,0 +1,80 @@
+"""The masters of this computer, as the class view needs them: who is there, and one STOP for all.
+
+They are asked by the socket that STOP has (`msbot.runtime.stop_call`), all at once and in a thread, so that one that
+hangs keeps no page waiting.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from msbot.runtime.stop_call import ask_masters
+
+Ask = Callable[[Mapping[str, object]], tuple[list[dict[str, object]], int]]
+"""Asks every master of this user; gives the answers, and how many run and do not answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Neighbour:
+    """A master of this computer, as it says itself."""
+
+    robot: str
+    serial_number: str
+    page: str
+    """The address of its page; empty when it has none."""
+    slots: int
+    active: int
+    """Parts that are in."""
+    stopped: bool
+
+
+@dataclass(frozen=True, slots=True)
+class StopForAll:
+    """What came of one STOP for all robots."""
+
+    told: tuple[str, ...]
+    """Robots whose master has taken it."""
+    confirmed: int
+    """Parts that had confirmed it when the masters answered."""
+    parts: int
+    """Parts that were told."""
+    silent: int
+    """Masters that run and gave no answer."""
+
+
+class Neighbours:
+    """The masters of this user on this computer, this one among them."""
+
+    def __init__(self, ask: Ask = ask_masters) -> None:
+        self._ask = ask
+
+    async def look(self) -> Sequence[Neighbour]:
+        """Those that answer."""
+        answers, _ = await asyncio.to_thread(self._ask, {"do": "status", "who": "page"})
+        return [_neighbour(answer) for answer in answers]
+
+    async def stop_all(self, who: str, reason: str) -> StopForAll:
+        """STOP to every one of them."""
+        answers, silent = await asyncio.to_thread(self._ask, {"do": "stop", "who": who, "reason": reason})
+        taken = [answer for answer in answers if answer.get("stopped") is True]
+        return StopForAll(
+            told=tuple(str(answer.get("robot", "")) for answer in taken),
+            confirmed=sum(len(found) for answer in taken if isinstance(found := answer.get("confirmed"), list)),
+            parts=sum(found for answer in taken if isinstance(found := answer.get("told"), int)),
+            silent=silent + len(answers) - len(taken),
+        )
+
+
+def _neighbour(answer: Mapping[str, object]) -> Neighbour:
+    def text(key: str) -> str:
+        return str(answer.get(key, ""))
+
+    def count(key: str) -> int:
+        return int(text(key)) if text(key).isdecimal() else 0
+
+    return Neighbour(
+        text("robot"), text("serial_number"), text("page"), count("slots"), count("active"),
+        answer.get("stopped") is True,
+    )  # fmt: skip

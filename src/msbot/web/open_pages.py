@@ -1,0 +1,115 @@
+"""Pages that are open, each belonging to the session it was opened by.
+
+NiceGUI takes whoever knows a page's number for its owner. Here every message of a websocket is checked against the
+session of that very socket, and when a session ends or its role changes, the server closes its pages and sockets.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+from collections.abc import Awaitable, Callable
+from typing import cast
+
+from nicegui import Client, core
+from socketio.exceptions import ConnectionRefusedError
+
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.sessions import Session
+
+MADE_ANEW = "Implicit handshake failed"
+"""NiceGUI's own words to a browser whose page is not there any more, or is not its own: it loads the page anew."""
+_CHECKED = ("handshake", "event", "javascript_response", "ack", "log")
+"""What a browser can say of a page; each names it by `client_id`."""
+
+_Handler = Callable[..., object]
+
+
+class OpenPages:
+    """See the module's docstring; to be made once in a process, as NiceGUI's own things are.
+
+    Args:
+        accounts: who is signed in.
+    """
+
+    def __init__(self, accounts: Accounts) -> None:
+        self._accounts = accounts
+        self._sockets: dict[str, Session] = {}
+        self.refused = 0
+        """Messages about pages of other people."""
+        handlers = core.sio.handlers["/"]
+        for name in _CHECKED:
+            core.sio.on(name, self._checked(handlers[name]))
+        core.sio.on("connect", self._connected(handlers["connect"]))
+        core.sio.on("disconnect", self._disconnected(handlers["disconnect"]))
+        accounts.sessions.on_end(self._close_pages)
+
+    def may_use(self, client_id: str, session: Session | None) -> bool:
+        """Whether a page belongs to that session."""
+        client = Client.instances.get(client_id)
+        return client is not None and session is not None and _session_of(client) is session
+
+    def _connected(self, handler: _Handler) -> _Handler:
+        async def connect(sid: str, environ: dict[str, object], *rest: object) -> object:
+            scope = cast("dict[str, dict[str, object]]", environ.get("asgi.scope", {}))
+            session = scope.get("state", {}).get("session")
+            client_id = _client_in(cast("str", environ.get("QUERY_STRING", "")))
+            if not isinstance(session, Session):
+                self.refused += 1
+                return False
+            if client_id and not self.may_use(client_id, session):
+                self.refused += 1
+                raise ConnectionRefusedError(MADE_ANEW)
+            self._sockets[sid] = session
+            return await _call(handler, sid, environ, *rest)
+
+        return connect
+
+    def _disconnected(self, handler: _Handler) -> _Handler:
+        async def disconnect(sid: str, *rest: object) -> object:
+            self._sockets.pop(sid, None)
+            return await _call(handler, sid, *rest[: len(inspect.signature(handler).parameters) - 1])
+
+        return disconnect
+
+    def _checked(self, handler: _Handler) -> _Handler:
+        async def checked(sid: str, message: object) -> object:
+            session = self._sockets.get(sid)
+            client_id = message.get("client_id") if isinstance(message, dict) else None
+            if session is None or not self._accounts.holds(session) or not self.may_use(str(client_id), session):
+                self.refused += 1
+                return False
+            return await _call(handler, sid, message)
+
+        return checked
+
+    def _close_pages(self, session: Session) -> None:
+        """Close what a session has open: soon, so that what is being done for one of the pages comes to its end."""
+        asyncio.get_running_loop().call_soon(self._close_now, session)
+
+    def _close_now(self, session: Session) -> None:
+        for client in [one for one in Client.instances.values() if _session_of(one) is session]:
+            client.delete()
+        for sid in [sid for sid, owner in self._sockets.items() if owner is session]:
+            task = asyncio.get_running_loop().create_task(core.sio.disconnect(sid))
+            _TASKS.add(task)
+            task.add_done_callback(_TASKS.discard)
+
+
+_TASKS: set[asyncio.Task[None]] = set()
+
+
+def _session_of(client: Client) -> object:
+    """Who opened a page; the guard has put the session there."""
+    return client.request.scope.get("state", {}).get("session")
+
+
+def _client_in(query: str) -> str:
+    from urllib.parse import parse_qs
+
+    return parse_qs(query).get("client_id", [""])[0]
+
+
+async def _call(handler: _Handler, *arguments: object) -> object:
+    result = handler(*arguments)
+    return await cast("Awaitable[object]", result) if inspect.isawaitable(result) else result

@@ -1,0 +1,68 @@
+"""Pieces that pages are made of: headings, panels, dialogs, and buttons that take a file."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+from nicegui.events import UploadEventArguments
+
+from msbot.web.access.guard import CSRF_HEADER
+from msbot.web.html import Markup, render
+
+if TYPE_CHECKING:
+    from msbot.web.pages.layout import Page
+
+
+def set_html(element: ui.html, content: Markup) -> None:
+    """Show something if it is not shown already: what stays the same is not sent again."""
+    if element.content != content:
+        element.set_content(content)
+
+
+def show_dialog(dialog: ui.dialog, address: str = "") -> None:
+    """Open a dialog that goes for good when it is closed, also by Back."""
+
+    def closed() -> None:
+        ui.run_javascript(f"msbot.closed({dialog.id})")
+        dialog.delete()
+
+    ui.on(f"ms_close_{dialog.id}", dialog.close)
+    dialog.on("hide", closed)
+    dialog.open()
+    ui.run_javascript(f"msbot.opened({dialog.id}, {address!r})")
+
+
+def heading(words: str) -> ui.html:
+    """A heading inside a page."""
+    return ui.html(render("heading", words=words), sanitize=False)
+
+
+def panel() -> ui.element:
+    """A card that holds a part of a page."""
+    return ui.element("div").classes("panel")
+
+
+def file_button(
+    page: Page, title: str, taken: Callable[[UploadEventArguments], Awaitable[None]], *, max_size: int, ending: str = ""
+) -> None:
+    """A button that takes a file from the person's computer.
+
+    Args:
+        page: where.
+        title: what is on it.
+        taken: what is done with the file.
+        max_size: octets that it may have.
+        ending: of the file's name.
+    """
+    upload = ui.upload(on_upload=taken, auto_upload=True, max_file_size=max_size, on_rejected=lambda: ui.notify(
+        page.say("This file is not taken: at most {size} kB{ending}.", size=f"{max_size // 1000:,}",
+                 ending=ending and f", *{ending}"), type="negative")).classes("hidden")  # fmt: skip
+    upload.props["headers"] = [{"name": CSRF_HEADER, "value": page.session.csrf}]
+    if ending:
+        upload.props(f"accept={ending}")
+    # Without a detour by the server: browsers open the dialog only in answer to a click.
+    ui.button(title, icon="upload_file").props("outline").on(
+        "click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])"
+    )

@@ -1,0 +1,217 @@
+"""Puts the web room onto a running robot: what is seen, what is done, who may, and where it is served."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from functools import partial
+
+from msbot.config import Blueprint, Library
+from msbot.errors import RegistryError
+from msbot.master import Master
+from msbot.operations.operations import RunningOperations
+from msbot.part import Message
+from msbot.pnp import KnownObject
+from msbot.registry import Registry, RobotRecord
+from msbot.sim import message_class
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.kept_sessions import session_file
+from msbot.web.access.users import MemoryUsers, UserStore
+from msbot.web.api.models import Robot
+from msbot.web.cards import stop_state
+from msbot.web.frames import FrameRing
+from msbot.web.live import Live
+from msbot.web.records import RegistryUsers, no_records, registry_records
+from msbot.web.server import WebServer, WebSettings
+from msbot.web.service import Service
+from msbot.web.simulated.bench import Bench, NoBench
+from msbot.web.timeline import Timeline
+from msbot.web.views import BusMeter, Views
+
+BLUEPRINT_S = 1.0
+"""So long after a change by hand the pages show the wires as they are now."""
+LOOK_S = 0.25
+"""The robot is looked at that often, whether or not a page is open: for beat intervals and newly bound topics."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What of a robot is there to be seen besides the master itself."""
+
+    frames: FrameRing
+    """Fed by the bus, or never."""
+    bus: BusMeter | None = None
+    bench: Bench | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Database:
+    """Where a robot is kept."""
+
+    registry: Registry
+    robot: RobotRecord
+    address: str
+    """As it was opened."""
+
+
+class _Present:
+    """The blueprint as it holds now, with what people changed by hand.
+
+    It is read in a thread, and only when somebody has changed something: the robot never waits for it.
+    """
+
+    def __init__(self, master: Master, database: Database | None) -> None:
+        self._database = database
+        self._newest_edit: int | None = -1
+        self._blueprint = master.blueprint
+
+    def __call__(self) -> Blueprint:
+        return self._blueprint
+
+    async def look(self) -> None:
+        """Read it anew if there is something new; while the database cannot be read, what is known still holds."""
+        if self._database is not None:
+            with contextlib.suppress(RegistryError):
+                self._blueprint = await asyncio.to_thread(self._read, self._database)
+
+    def _read(self, database: Database) -> Blueprint:
+        newest = next((edit.id for edit in database.registry.edits.latest(database.robot, 1)), None)
+        if newest == self._newest_edit:
+            return self._blueprint
+        blueprint = database.registry.robots.blueprint(database.robot)
+        self._newest_edit = newest
+        return blueprint
+
+
+class WebRoom:
+    """The pages of one robot, ready to run.
+
+    Args:
+        master: the robot.
+        operations: what can be done to it.
+        library: what part numbers are.
+        database: its database; None: neither journal nor users last.
+        seen: its bus and its simulated parts.
+        settings: where the pages are served.
+        entry_link: a link signs people in as administrator, without a password: for the demo.
+
+    Raises:
+        ConfigError: the port cannot be had, or the certificate cannot be used.
+    """
+
+    def __init__(
+        self, master: Master, operations: RunningOperations, library: Library, *,
+        database: Database | None, seen: Seen, settings: WebSettings, entry_link: bool = False,
+    ) -> None:  # fmt: skip
+        self._master = master
+        clock = asyncio.get_running_loop().time
+        seen.frames.know(
+            (message_class(message) for message in library.messages.values()),
+            partial(_known_object, master),
+            lambda name: library.messages[name].units if name in library.messages else {},
+        )
+        timeline = Timeline()
+        self._present = _Present(master, database)
+        master.inventory.on_event(timeline.note)
+        self._views = Views(
+            master,
+            blueprint=self._present,
+            library=library,
+            live=Live(master.space, _classes_of(library), clock),
+            frames=seen.frames,
+            timeline=timeline,
+            bench=seen.bench or NoBench(),
+            clock=clock,
+            ignored=operations.showing.is_ignored,
+            by_hand=operations.by_hand.said,
+            bus=seen.bus,
+            stop=lambda: stop_state(master.stop),
+        )
+        self._users: UserStore = MemoryUsers() if database is None else RegistryUsers(database.registry)
+        self._accounts = accounts = Accounts(self._users, clock=clock)
+        if entry_link:
+            accounts.entry_token()
+        describe = _describer(master, operations)
+        records = (
+            no_records(describe)
+            if database is None
+            else registry_records(database.registry, database.robot, operations, library, address=database.address)
+        )
+        self.service = Service(
+            views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock
+        )
+        self.server = WebServer(self.service, settings)
+        self._sessions = session_file(accounts, self.server.mark)
+
+    async def run(self) -> None:
+        """Serve until cancelled."""
+        self._sessions.bring_back()
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._keep_looking())
+                tasks.create_task(self._keep_reading())
+                tasks.create_task(self.server.run())
+        finally:
+            await asyncio.shield(self._sessions.keep())
+
+    async def _keep_reading(self) -> None:
+        """Follow what other programs change in the database, and keep the sessions."""
+        while True:
+            await asyncio.sleep(BLUEPRINT_S)
+            await self._present.look()
+            with contextlib.suppress(RegistryError):  # those who are known stay known
+                self._accounts.load(await asyncio.to_thread(self._users.users))
+            self._accounts.sessions.end_old()
+            await self._sessions.keep()
+
+    async def _keep_looking(self) -> None:
+        while True:
+            self._views.look()
+            await asyncio.sleep(LOOK_S)
+
+
+def _classes_of(library: Library) -> Callable[[str], type[Message] | None]:
+    def class_of(type_name: str) -> type[Message] | None:
+        message = library.messages.get(type_name)
+        return None if message is None else message_class(message)
+
+    return class_of
+
+
+def _describer(master: Master, operations: RunningOperations) -> Callable[[], Robot]:
+    def describe() -> Robot:
+        profile, timing = master.profile, master.inventory.timing
+        return Robot(
+            name=profile.name,
+            version=profile.version,
+            serial_number=profile.serial_number,
+            released=profile.released,
+            manufacturer=profile.manufacturer,
+            links=[link.info.name for link in master.links],
+            beat_s=timing.beat_s,
+            tick_s=timing.tick_s,
+            life=timing.life,
+            stopped=master.stop.stopped,
+            stop=stop_state(master.stop),
+            window_s=operations.placement.window_s,
+            trouble="",
+            slots=[],
+            arrivals=0,
+        )
+
+    return describe
+
+
+def _known_object(master: Master, node: Hashable, object_id: int) -> KnownObject | None:
+    """What the master knows of an object of the client at a node, though nobody listened when it was made."""
+    found = master.agent.topic_at(node, object_id)
+    if found is None:
+        return None
+    key, topic = found
+    configuration = master.inventory.configuration_of(key)
+    for binding in () if configuration is None else configuration.bindings:
+        if binding.topic == topic and configuration is not None:
+            return KnownObject(topic, binding.type_name, configuration.slot, binding.port)
+    return KnownObject(topic)

@@ -1,0 +1,1 @@
+"""What the page needs of simulated parts that run in its own process."""

@@ -1,0 +1,66 @@
+"""What the page needs of simulated parts that run in this process: plug, unplug, operate, look."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from msbot.web.api.models import Control, Scalar
+
+
+class Bench(Protocol):
+    """Simulated parts by the name of the slot they were made for."""
+
+    def slots(self) -> tuple[str, ...]:
+        """The names of the simulated parts."""
+
+    def is_plugged(self, slot: str) -> bool:
+        """Whether that part is on the wire."""
+
+    def plug(self, slot: str) -> None:
+        """Plug a part in; nothing happens if it is."""
+
+    def unplug(self, slot: str) -> None:
+        """Pull a part out, without a word to anybody."""
+
+    def controls(self, slot: str) -> tuple[Control, ...]:
+        """What a person can do to that part."""
+
+    def operate(self, slot: str, control: str, value: Scalar) -> None:
+        """Do it.
+
+        Raises:
+            ConfigError: there is no such control, or it does not take that value.
+        """
+
+    def readings(self, slot: str) -> Mapping[str, Scalar]:
+        """What one would see of the part."""
+
+
+class NoBench:
+    """A robot without simulated parts."""
+
+    def slots(self) -> tuple[str, ...]:
+        """None."""
+        return ()
+
+    def is_plugged(self, slot: str) -> bool:  # noqa: ARG002 - the protocol's signature
+        """Never."""
+        return False
+
+    def plug(self, slot: str) -> None:
+        """There is nothing to plug in."""
+
+    def unplug(self, slot: str) -> None:
+        """There is nothing to pull out."""
+
+    def controls(self, slot: str) -> tuple[Control, ...]:  # noqa: ARG002
+        """None."""
+        return ()
+
+    def operate(self, slot: str, control: str, value: Scalar) -> None:
+        """There is nothing to operate."""
+
+    def readings(self, slot: str) -> Mapping[str, Scalar]:  # noqa: ARG002
+        """None."""
+        return {}

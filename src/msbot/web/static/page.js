@@ -1,0 +1,177 @@
+// What every page does in the browser by itself: watch whether the robot is there, STOP, and drawers that Back closes.
+// It works without the websocket, so that STOP is said, and a dead master is seen, when that is gone.
+
+// When the server does not let this page in any more (it was started anew, the person was signed out elsewhere),
+// go and sign in again, and come back to the same view.
+function msbotSignIn() {
+  location.href = "/login?next=" + encodeURIComponent(location.pathname + location.search);
+}
+
+const msbot = (() => {
+  const ASK_MS = 600, PATIENCE_MS = 1200, DEAD_MS = 1800, LOOK_MS = 200, RETRY_MS = 1000, RELOAD_MS = 8000, TWICE_MS = 800;
+  let heardAt = Date.now(), lookedAt = Date.now(), hasSocket = false, socketAt = Date.now(), isAsking = false;
+  let isDead = false, stopTimer = null, escapeAt = 0;
+
+  const words = (name) => document.getElementById("ms-stop").dataset[name];
+
+  function say(id, text, kind) {
+    const bar = document.getElementById(id);
+    if (bar.textContent !== text) bar.textContent = text;
+    bar.className = "ms-alarm " + (text ? kind : "");
+  }
+
+  async function ask() {
+    if (isAsking) return;
+    isAsking = true;
+    try {
+      const answer = await fetch("/beat", { cache: "no-store", signal: AbortSignal.timeout(PATIENCE_MS) });
+      if (answer.status === 401) return msbotSignIn();
+      if (answer.ok) heardAt = Date.now();
+    } catch {
+      // No answer: the age of the last one tells.
+    } finally {
+      isAsking = false;
+    }
+  }
+
+  // Grey as soon as nothing was heard for a while; at once after the device has slept, until the robot answers again.
+  function look() {
+    const now = Date.now();
+    const slept = now - lookedAt > DEAD_MS && document.visibilityState === "visible";
+    lookedAt = now;
+    if (slept) ask();
+    if (window.socket) {
+      hasSocket = hasSocket || window.socket.connected;
+      if (window.socket.connected || !hasSocket) socketAt = now;
+    } else socketAt = now;
+    const age = now - Math.min(heardAt, socketAt);
+    isDead = age > DEAD_MS;
+    document.documentElement.classList.toggle("ms-dead", isDead);
+    // The robot is there and the websocket is not: a page that is made anew has one.
+    if (now - heardAt < DEAD_MS && now - socketAt > RELOAD_MS) location.reload();
+    say("ms-lost", isDead ? words("lost").replace("{seconds}", Math.round(age / 1000)) : "", "bad");
+  }
+
+  async function stop() {
+    clearTimeout(stopTimer);
+    say("ms-stop-says", words("saying"), "warn");
+    const began = performance.now();
+    try {
+      const answer = await fetch("/api/stop", {
+        method: "POST", body: "{}", cache: "no-store", signal: AbortSignal.timeout(PATIENCE_MS),
+        headers: { "Content-Type": "application/json", "X-CSRF-Token": words("csrf") },
+      });
+      const done = await answer.json();
+      if (answer.ok) {
+        const ms = Math.round(performance.now() - began);
+        say("ms-stop-says", `${done.words} (${ms} ms)`, "good");
+        stopTimer = setTimeout(() => say("ms-stop-says", "", ""), 6000);
+        return;
+      }
+      say("ms-stop-says", `${words("refused")} ${done.error}`, "bad");
+    } catch {
+      // It goes on trying: whoever pressed STOP means it, until the robot has heard it.
+      say("ms-stop-says", words("undelivered"), "bad");
+      stopTimer = setTimeout(stop, RETRY_MS);
+    }
+  }
+
+  function key(event) {
+    if (event.key !== "Escape" || event.repeat) return;
+    const now = Date.now();
+    if (now - escapeAt <= TWICE_MS) {
+      escapeAt = 0;
+      stop();
+    } else escapeAt = now;
+  }
+
+  // Drawers and dialogs: Back closes the one on top before it leaves the page.
+  const closers = [];
+  function opened(id, address) {
+    closers.push(id);
+    history.pushState({ msbot: id }, "", address || location.href);
+  }
+  function closed(id) {
+    const at = closers.lastIndexOf(id);
+    if (at < 0) return;
+    closers.splice(at, 1);
+    if (history.state && history.state.msbot === id) history.back();
+  }
+  function back() {
+    const id = closers.pop();
+    if (id !== undefined) emitEvent(`ms_close_${id}`);
+  }
+
+  addEventListener("keydown", key, true);
+  addEventListener("popstate", back);
+  addEventListener("online", ask);
+  addEventListener("pageshow", () => { look(); ask(); });
+  document.addEventListener("visibilitychange", () => { look(); ask(); });
+  addEventListener("DOMContentLoaded", () => {
+    document.getElementById("ms-stop").addEventListener("click", stop);
+    setInterval(ask, ASK_MS);
+    setInterval(look, LOOK_MS);
+  });
+  return { stop, opened, closed };
+})();
+
+// Cards of slots that look otherwise now, by the name of the slot: [HTML, is it plugged in, what the plug's button does].
+function msbotCards(grid, cards) {
+  const root = document.getElementById(grid);
+  if (!root) return;
+  for (const place of root.querySelectorAll("[data-slot]")) {
+    const found = cards[place.dataset.slot];
+    if (found) place.innerHTML = found[0];
+  }
+  for (const plug of root.querySelectorAll("[data-plug]")) {
+    const found = cards[plug.dataset.plug];
+    if (!found) continue;
+    plug.firstElementChild.textContent = found[1] ? "power_off" : "power";
+    plug.title = found[2];
+    plug.setAttribute("aria-label", found[2]);
+  }
+}
+
+// The frame around what the tour is talking about; '' takes it away.
+function msbotFrame(selector) {
+  for (const framed of document.querySelectorAll(".ms-framed")) framed.classList.remove("ms-framed");
+  const found = selector && document.querySelector(selector);
+  if (!found) return;
+  found.classList.add("ms-framed");
+  found.scrollIntoView({ block: "center", behavior: "auto" });
+}
+
+// The values of all curves where the pointer is: a line over the plot, and their numbers beside it.
+function msbotCursor() {
+  for (const plot of document.querySelectorAll(".plot")) {
+    if (plot.dataset.cursor) continue;
+    plot.dataset.cursor = "1";
+    const cursor = plot.querySelector(".cursor");
+    const hide = () => { cursor.style.display = "none"; };
+    hide();
+    plot.addEventListener("pointerleave", hide);
+    plot.addEventListener("pointermove", (event) => {
+      const svg = plot.querySelector("svg.curves");
+      if (!svg) return hide();
+      const data = svg.dataset, at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+      const [left, right, top, bottom, low, high, span] = ["left", "right", "top", "bottom", "low", "high", "span"].map((name) => +data[name]);
+      if (at.x < left || at.x > right) return hide();
+      const lines = [`-${((right - at.x) / (right - left) * span).toFixed(1)} s`];
+      for (const curve of svg.querySelectorAll("polyline")) {
+        let best = null;
+        for (const pair of curve.getAttribute("points").split(" ")) {
+          const [x, y] = pair.split(",").map(Number);
+          if (!best || Math.abs(x - at.x) < Math.abs(best[0] - at.x)) best = [x, y];
+        }
+        if (!best) continue;
+        const value = low + (bottom - best[1]) / (bottom - top) * (high - low);
+        lines.push(`${curve.dataset.name}: ${+value.toPrecision(4)} ${curve.dataset.unit}`);
+      }
+      const box = plot.getBoundingClientRect(), x = event.clientX - box.left + plot.scrollLeft;
+      cursor.style.display = "block";
+      cursor.style.left = `${x}px`;
+      cursor.classList.toggle("flipped", x > box.width / 2);
+      cursor.replaceChildren(...lines.map((text) => Object.assign(document.createElement("div"), { textContent: text })));
+    });
+  }
+}

@@ -1,0 +1,144 @@
+"""Curves and bars as SVG, on the page and as a picture to take along. Pure: values in, SVG out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from msbot.web.api.models import Lane, SpanLine
+from msbot.web.html import Markup, render
+
+Say = Callable[[str], str]
+COLOURS = ("#0b84b8", "#d9822b", "#3c9a5f", "#a24bb5", "#c8443a", "#7d6b1c")
+STATE_COLOURS = {
+    "active": "#1f7a42", "late": "#e0a21b", "lost": "#b92f26", "refused": "#8f2f4a", "checking": "#6a5ad0",
+    "new": "#a79df0", "standby": "#1b73a1", "left": "#5f6d78", "empty": "#c9d2d9",
+}  # fmt: skip
+"""As on the cards; the words stand in the bars, in the tooltips and in the table below."""
+_DARK_ON = ("late", "new", "empty")
+"""States whose colour is so light that dark letters are read better on it."""
+_WIDTH = 1000
+_TICKS = 6
+_ROW = 30
+MOST_POINTS = 800
+"""Points of a drawn curve; of more, the least and the greatest in each step are drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """The numbers of one field over time."""
+
+    name: str
+    points: Sequence[tuple[float, float]]
+    """(seconds, value), oldest first."""
+    unit: str = ""
+
+
+def bars_svg(lanes: Sequence[Lane], span_s: float, say: Say, *, is_narrow: bool = False) -> Markup:
+    """The states of slots over the last `span_s` seconds, now at the right; narrow for a phone."""
+    width, left, ticks = (380, 84, 3) if is_narrow else (_WIDTH, 130, _TICKS)
+    room = width - left - 10
+    letters = 10 if is_narrow else 16
+    rows = [
+        {
+            "name": shortened(lane.slot, letters), "full": lane.slot, "y": 28 + row * _ROW,
+            "bars": [_bar(span, span_s, left, room, say) for span in lane.spans if span.end_age_s < span_s],
+        }
+        for row, lane in enumerate(lanes)
+    ]  # fmt: skip
+    return render(
+        "bars", say=say, look="narrow" if is_narrow else "wide", width=width, height=40 + _ROW * max(len(lanes), 1),
+        left=left, lanes=rows, ticks=_time_ticks(span_s, left, left + room, ticks, say),
+    )  # fmt: skip
+
+
+def _bar(span: SpanLine, span_s: float, left: float, room: float, say: Say) -> dict[str, object]:
+    scale = room / span_s
+    begin = max(left, left + (span_s - span.begin_age_s) * scale)
+    end = left + (span_s - span.end_age_s) * scale
+    return {
+        "x": f"{begin:.1f}", "width": f"{max(end - begin, 2):.1f}", "text_x": f"{begin + 8:.1f}",
+        "is_wide": end - begin > 60, "state": say(span.state), "reason": span.reason,
+        "colour": STATE_COLOURS.get(span.state, "#666"), "ink": "#10202c" if span.state in _DARK_ON else "#fff",
+    }  # fmt: skip
+
+
+def curve_svg(curves: Sequence[Curve], span_s: float, now: float, say: Say) -> Markup:
+    """Curves of numbers over the last `span_s` seconds, each with its name, unit and latest value."""
+    height, left, right, top, bottom = 300, 78, _WIDTH - 20, 24, 274
+    recent = [
+        Curve(curve.name, [point for point in curve.points if now - point[0] <= span_s], curve.unit) for curve in curves
+    ]
+    shown = [curve for curve in recent if curve.points]
+    values = [value for curve in shown for _, value in curve.points]
+    low, high = (min(values), max(values)) if values else (0.0, 1.0)
+    if high == low:
+        low, high = low - 1, high + 1
+    units = {curve.unit for curve in shown}
+
+    def place(at: float, value: float) -> str:
+        x = left + (1 - (now - at) / span_s) * (right - left)
+        return f"{x:.1f},{bottom - (value - low) / (high - low) * (bottom - top):.1f}"
+
+    lines = [
+        {
+            "name": curve.name, "unit": curve.unit, "colour": COLOURS[number % len(COLOURS)],
+            "points": " ".join(place(*point) for point in thinned(curve.points, MOST_POINTS)),
+            "newest": f"{curve.points[-1][1]:.4g} {curve.unit}".strip(), "y": height + 26 + 24 * number,
+        }
+        for number, curve in enumerate(shown)
+    ]  # fmt: skip
+    steps = [low + (high - low) * step / 4 for step in range(5)]
+    return render(
+        "curves", say=say, width=_WIDTH, height=height + 20 + 24 * len(shown), left=left, right=right, top=top,
+        bottom=bottom, low=low, high=high, span_s=span_s, curves=lines,
+        unit=next(iter(units)) if len(units) == 1 else "",
+        rows=[(round(bottom - step / 4 * (bottom - top), 1), f"{value:.4g}") for step, value in enumerate(steps)],
+        ticks=_time_ticks(span_s, left, right, _TICKS, say),
+    )  # fmt: skip
+
+
+def thinned(points: Sequence[tuple[float, float]], most: int) -> Sequence[tuple[float, float]]:
+    """At most so many points that show the same curve: of each step its least and its greatest."""
+    if len(points) <= most:
+        return points
+    step = -(-len(points) * 2 // most)
+    kept = []
+    for first in range(0, len(points), step):
+        part = points[first : first + step]
+        kept += sorted({min(part, key=_value), max(part, key=_value)})
+    return kept
+
+
+def shortened(text: str, most: int) -> str:
+    """A text that fits, with an ellipsis where it was cut."""
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def curves_csv(curves: Sequence[Curve], now: float) -> str:
+    """The numbers as a table: a line for each value, with its age in seconds."""
+    lines = ["seconds ago,field,value,unit"]
+    for curve in curves:
+        name = curve.name.replace('"', '""')
+        lines += [f'{now - at:.4f},"{name}",{value!r},{curve.unit}' for at, value in curve.points]
+    return "\r\n".join(lines) + "\r\n"
+
+
+def _value(point: tuple[float, float]) -> float:
+    return point[1]
+
+
+def _time_ticks(span_s: float, left: float, right: float, count: int, say: Say) -> list[tuple[str, str, str]]:
+    ticks = []
+    for step in range(count):
+        share = step / (count - 1)
+        anchor = "start" if step == 0 else "end" if step == count - 1 else "middle"
+        word = say("now") if step == count - 1 else _ago_words(span_s * (1 - share))
+        ticks.append((f"{left + (right - left) * share:.0f}", anchor, word))
+    return ticks
+
+
+def _ago_words(seconds: float) -> str:
+    if seconds >= 7200:
+        return f"-{seconds / 3600:.1f} h"
+    return f"-{seconds / 60:.3g} min" if seconds >= 60 else f"-{seconds:.0f} s"

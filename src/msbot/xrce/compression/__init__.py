@@ -1,0 +1,1 @@
+"""Header compression for slow buses: shorter messages and back, exactly."""

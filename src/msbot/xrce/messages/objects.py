@@ -1,0 +1,168 @@
+"""Submessages that make, remove and answer for a client's objects (XRCE 1.0 §8.3.5.2, §8.3.5.4, §8.3.5.6)."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+from msbot.xrce.messages.cdr import CdrReader, CdrWriter
+from msbot.xrce.messages.ids import Format, ObjectKind, SubmessageId
+from msbot.xrce.messages.submessage import LITTLE_ENDIAN, frame, need
+
+REUSE = 0x02
+REPLACE = 0x04
+
+_IDS = struct.Struct(">HH")
+_STATUS = struct.Struct(">BBHHHBB")
+_STATUS_PAYLOAD = struct.Struct(">HHBB")
+
+_WITH_PARENT = frozenset(range(ObjectKind.TOPIC, ObjectKind.REPLIER + 1))
+_WITHOUT_REFERENCE = (ObjectKind.PUBLISHER, ObjectKind.SUBSCRIBER)
+_DESCRIBED_ONLY = (ObjectKind.TYPE, ObjectKind.QOSPROFILE, ObjectKind.APPLICATION)
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectVariant:
+    """The description of an object in a CREATE, not looked into yet: `parse_variant` does that."""
+
+    kind: int
+    """What shall be made; the kind in the object id does not count (seen on the wire)."""
+    format: int
+    """1 reference, 2 XML, 3 binary; others have no contents and cannot be parsed."""
+    text: str | None = None
+    """The reference or the XML."""
+    blob: bytes | None = None
+    """The binary form: CDR of its own, in the byte order of the CREATE."""
+    parent_id: int = 0
+    """Publisher of a writer, subscriber of a reader, participant of all others."""
+    domain_id: int = 0
+    """Domain of a participant; 255 = the agent's own."""
+
+    def write(self, writer: CdrWriter) -> None:
+        """Append it."""
+        writer.u8(self.kind)
+        writer.u8(self.format)
+        if self.text is not None:
+            writer.string(self.text)
+        elif self.blob is not None:
+            writer.octet_sequence(self.blob)
+        if self.kind == ObjectKind.PARTICIPANT:
+            writer.i16(self.domain_id)
+        elif self.kind in _WITH_PARENT:
+            writer.octets(self.parent_id.to_bytes(2, "big"))
+
+    @classmethod
+    def read(cls, reader: CdrReader) -> Self:
+        """Read one; kinds that can only be talked about (agent, client, unknown ones) have no contents.
+
+        Raises:
+            RemoteProtocolError: the octets do not make sense.
+        """
+        kind = reader.u8()
+        described = kind == ObjectKind.PARTICIPANT or kind in _WITH_PARENT
+        if not described and kind not in _DESCRIBED_ONLY:
+            return cls(kind, 0)
+        form = reader.u8()
+        text = blob = None
+        if form == Format.XML or (form == Format.REFERENCE and kind not in _WITHOUT_REFERENCE):
+            text = reader.string()
+        elif form == Format.BINARY and described:
+            blob = reader.octet_sequence()
+        parent_id = domain_id = 0
+        if kind == ObjectKind.PARTICIPANT:
+            domain_id = reader.i16()
+        elif described:
+            parent_id = int.from_bytes(reader.octets(2), "big")
+        return cls(kind, form, text, blob, parent_id, domain_id)
+
+
+@dataclass(slots=True)
+class Create:
+    """A client wants an object (XRCE 1.0 §8.3.5.2); answered by STATUS."""
+
+    ID: ClassVar[int] = SubmessageId.CREATE
+
+    request_id: int
+    object_id: int
+    variant: ObjectVariant
+    reuse: bool = False
+    """An equal object may stay (OK_MATCHED)."""
+    replace: bool = False
+    """Another object of this id may be deleted."""
+    little_endian: bool = True
+    """Byte order of the submessage, and with it of the variant's blob."""
+
+    def encode(self) -> bytes:
+        """The whole submessage, in its own byte order."""
+        writer = CdrWriter(self.little_endian)
+        writer.octets(_IDS.pack(self.request_id, self.object_id))
+        self.variant.write(writer)
+        flags = int(self.little_endian) | (REUSE if self.reuse else 0) | (REPLACE if self.replace else 0)
+        return frame(self.ID, writer.finish(), flags)
+
+    @classmethod
+    def decode(cls, packet: bytes, start: int, end: int, flags: int) -> Self:
+        """Read it from `packet[start:end]`.
+
+        Raises:
+            RemoteProtocolError: the octets do not make sense.
+        """
+        need(start, end, 5)
+        little_endian = bool(flags & LITTLE_ENDIAN)
+        request_id, object_id = _IDS.unpack_from(packet, start)
+        variant = ObjectVariant.read(CdrReader(packet, start + 4, end, little_endian=little_endian))
+        return cls(request_id, object_id, variant, bool(flags & REUSE), bool(flags & REPLACE), little_endian)
+
+
+@dataclass(slots=True)
+class Delete:
+    """A client wants an object gone, or with `OBJECT_CLIENT` leaves itself (XRCE 1.0 §8.3.5.4); answered by STATUS."""
+
+    ID: ClassVar[int] = SubmessageId.DELETE
+
+    request_id: int
+    object_id: int
+
+    def encode(self) -> bytes:
+        """The whole submessage."""
+        return frame(self.ID, _IDS.pack(self.request_id, self.object_id))
+
+    @classmethod
+    def decode(cls, packet: bytes, start: int, end: int, flags: int) -> Self:  # noqa: ARG003 - octets only
+        """Read it from `packet[start:end]`.
+
+        Raises:
+            RemoteProtocolError: it is too short.
+        """
+        need(start, end, 4)
+        request_id, object_id = _IDS.unpack_from(packet, start)
+        return cls(request_id, object_id)
+
+
+@dataclass(slots=True)
+class StatusReply:
+    """How a request ended (XRCE 1.0 §8.3.5.6); the ids are those of the request."""
+
+    ID: ClassVar[int] = SubmessageId.STATUS
+
+    request_id: int
+    object_id: int
+    status: int
+    implementation_status: int = 0
+
+    def encode(self) -> bytes:
+        """The whole submessage."""
+        return _STATUS.pack(
+            self.ID, LITTLE_ENDIAN, 0x0600, self.request_id, self.object_id, self.status, self.implementation_status
+        )
+
+    @classmethod
+    def decode(cls, packet: bytes, start: int, end: int, flags: int) -> Self:  # noqa: ARG003 - octets only
+        """Read it from `packet[start:end]`.
+
+        Raises:
+            RemoteProtocolError: it is too short.
+        """
+        need(start, end, 6)
+        return cls(*_STATUS_PAYLOAD.unpack_from(packet, start))

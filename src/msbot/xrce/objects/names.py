@@ -1,0 +1,41 @@
+"""Objects by any text, as the genuine agent takes them with `-m ced`: the text is the topic's name."""
+
+from __future__ import annotations
+
+from msbot.errors import RemoteProtocolError
+from msbot.xrce.messages.ids import Format, ObjectKind
+from msbot.xrce.messages.objects import ObjectVariant
+from msbot.xrce.objects.definitions import (
+    Definition,
+    ParticipantDef,
+    PublisherDef,
+    ReaderDef,
+    SubscriberDef,
+    TopicDef,
+    WriterDef,
+)
+
+
+def named_by(variant: ObjectVariant) -> Definition:
+    """What a reference or XML says to a reader that takes it for a name.
+
+    Raises:
+        RemoteProtocolError: it is in binary form, or of a kind that has no name.
+    """
+    text = variant.text
+    if text is None or variant.format not in (Format.REFERENCE, Format.XML):
+        raise RemoteProtocolError("no text that could be a name")
+    match variant.kind:
+        case ObjectKind.PARTICIPANT:
+            return ParticipantDef(variant.domain_id, text)
+        case ObjectKind.TOPIC:
+            return TopicDef(text, "")
+        case ObjectKind.PUBLISHER:
+            return PublisherDef(text)
+        case ObjectKind.SUBSCRIBER:
+            return SubscriberDef(text)
+        case ObjectKind.DATAWRITER:
+            return WriterDef(None, text, None, reliable=True, transient_local=False)
+        case ObjectKind.DATAREADER:
+            return ReaderDef(None, text, None, reliable=False, transient_local=False)
+    raise RemoteProtocolError("an object of this kind has no name")

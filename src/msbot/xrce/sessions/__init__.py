@@ -1,0 +1,47 @@
+"""Sessions of both ends, and what they tell their owners."""
+
+from msbot.xrce.sessions.agent import DataHandler
+from msbot.xrce.sessions.counters import Memory
+from msbot.xrce.sessions.events import (
+    AgentEvent,
+    ClientEvent,
+    Connected,
+    ConnectFailed,
+    CreateRequested,
+    DataReceived,
+    DataWritten,
+    DeleteRequested,
+    InfoRequested,
+    Pong,
+    ReadRequested,
+    SessionClosed,
+    SessionDeleteRequested,
+    SessionReset,
+    SessionRestarted,
+    StatusReceived,
+    TimeSynchronised,
+    WindowOpened,
+)
+
+__all__ = [
+    "AgentEvent",
+    "ClientEvent",
+    "ConnectFailed",
+    "Connected",
+    "CreateRequested",
+    "DataHandler",
+    "DataReceived",
+    "DataWritten",
+    "DeleteRequested",
+    "InfoRequested",
+    "Memory",
+    "Pong",
+    "ReadRequested",
+    "SessionClosed",
+    "SessionDeleteRequested",
+    "SessionReset",
+    "SessionRestarted",
+    "StatusReceived",
+    "TimeSynchronised",
+    "WindowOpened",
+]

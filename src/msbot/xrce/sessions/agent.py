@@ -1,0 +1,209 @@
+"""The agent's end of a session: requests come in, statuses and samples go out (XRCE 1.0 §8.4).
+
+The agent sends one submessage per message and no padding behind it, as the genuine agent does. What an event causes
+must be booked before the next event is taken: so it precedes the ACKNACK.
+
+DEVIATION: the genuine agent loses a STATUS when 16 messages are unacknowledged; here they wait, up to
+`SessionSettings.backlog` of them.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+
+from msbot.xrce.messages.data import FORMAT_MASK
+from msbot.xrce.messages.envelope import MTU_MIN, Envelope, data_submessage
+from msbot.xrce.messages.ids import (
+    OBJECT_CLIENT,
+    REQUEST_NONE,
+    SESSION_NONE,
+    STREAM_BEST_EFFORT,
+    STREAM_NONE,
+    STREAM_RELIABLE,
+    ObjectKind,
+    SubmessageId,
+    kind_of,
+)
+from msbot.xrce.messages.message import Create, Delete, GetInfo, Info, ReadData, StatusReply, Timestamp, TimestampReply
+from msbot.xrce.sessions.counters import Memory
+from msbot.xrce.sessions.events import (
+    AgentEvent,
+    CreateRequested,
+    DataWritten,
+    DeleteRequested,
+    InfoRequested,
+    ReadRequested,
+    SessionDeleteRequested,
+    SessionReset,
+)
+from msbot.xrce.sessions.session import OTHER_SESSION, Session
+from msbot.xrce.sessions.settings import AgentSessionSettings
+
+_IDS = struct.Struct(">HH")
+_DATA_ID = SubmessageId.DATA.value
+_MASK_CONFIGURATION = 1
+
+NOT_DATA = "WRITE_DATA without ids, or in another format than DATA"
+LOGIN_INSIDE = "CREATE_CLIENT inside of a session"
+BACKLOG_FULL = "status: too many wait for the client's acknowledgement"
+
+
+DataHandler = Callable[[int, int, bytes], None]
+"""`(object_id, request_id, payload)`."""
+
+
+class AgentSession(Session[AgentEvent]):
+    """One client's session, sans I/O (see the module's docstring)."""
+
+    _DATA_ID = SubmessageId.WRITE_DATA.value
+
+    def __init__(
+        self,
+        client_key: int,
+        session_id: int,
+        mtu: int,
+        *,
+        epoch_ns: Callable[[], int],
+        settings: AgentSessionSettings | None = None,
+        memory: Memory | None = None,
+        unacked: Memory | None = None,
+        on_data: DataHandler | None = None,
+    ) -> None:
+        """Open the session that a CREATE_CLIENT asked for.
+
+        Args:
+            client_key: of the CREATE_CLIENT, not 0.
+            session_id: the one wanted; below 0x80 every header carries the key.
+            mtu: largest message that the client takes; below 24 it counts as 24 (refuse such a client).
+            epoch_ns: wall clock in nanoseconds since 1970, for time synchronisation.
+            settings: windows, periods and limits.
+            memory: bounds what all sessions that share it hold of incomplete messages; call `release` at the end.
+            unacked: the same for what they keep until it is acknowledged; beyond, each of their streams goes on with
+                one message at a time.
+            on_data: takes `(object_id, request_id, payload)` of a sample that nothing else precedes, in place of the
+                event DataWritten. It must not call `receive_packet`.
+        """
+        options = settings or AgentSessionSettings()
+        super().__init__(client_key, session_id, mtu, options, pads=False, memory=memory, unacked=unacked)
+        self._epoch_ns = epoch_ns
+        self._on_data = on_data
+
+    def send_status(self, request_id: int, object_id: int, status: int, stream_id: int) -> None:
+        """Answer a CREATE or DELETE that came on `stream_id`, or refuse a read (say 0x80 then).
+
+        Requests on a reliable stream are answered on 0x80, others on 0x01, and the deletion of the session on stream
+        NONE (seen on the wire). While the window is full the status waits.
+        """
+        body = StatusReply(request_id, object_id, status).encode()
+        if kind_of(object_id) == ObjectKind.CLIENT:
+            self._sender.answer(body)
+        elif stream_id < STREAM_RELIABLE:
+            self._sender.send_unacknowledged(body, STREAM_BEST_EFFORT)
+        else:
+            stream = self._sender.reliable(STREAM_RELIABLE)
+            if stream is None or stream.waiting >= self._settings.backlog:
+                self.counters.dropped.count(BACKLOG_FULL)
+            else:
+                stream.send(body)
+
+    def send_info(self, request_id: int, object_id: int) -> None:
+        """Answer a GET_INFO: the agent is here and knows the client."""
+        self._sender.answer(Info(request_id, object_id, implementation_status=1).encode())
+
+    def send_data(self, request_id: int, object_id: int, payload: bytes, stream_id: int) -> bool:
+        """Book a sample for the READ_DATA `request_id`; False when the window is full: try after `WindowOpened`.
+
+        On a reliable stream, what does not fit one message is cut. Elsewhere it is dropped and counted, and the result
+        is True: to try again would not help.
+        """
+        body = data_submessage(_DATA_ID, request_id, object_id, payload)
+        if stream_id < STREAM_RELIABLE:
+            self._sender.send_unacknowledged(body, stream_id)
+            return True
+        stream = self._sender.reliable(stream_id)
+        return True if stream is None else stream.offer(body)
+
+    def probe(self) -> None:
+        """Ask the client for a sign of life; any packet is one.
+
+        The request id must be 0: C clients answer without a submessage header, so it is read as the kind of one; 0 is
+        a CREATE_CLIENT, which means nothing inside of a session (seen on the wire).
+        """
+        self._sender.answer(GetInfo(REQUEST_NONE, OBJECT_CLIENT, _MASK_CONFIGURATION).encode())
+
+    def relogin(self, mtu: int | None = None) -> None:
+        """The client has logged in again with the same session id: all streams begin anew.
+
+        DEVIATION: the genuine agent ignores the new `mtu`; a client that was built anew may take less than before.
+        """
+        if mtu is None:
+            self._restart_streams()
+        else:
+            self.mtu = max(mtu, MTU_MIN)
+            self._restart_streams(Envelope(self.session_id, self.client_key, self.mtu, pads=False))
+
+    def reset(self) -> None:
+        """Begin all streams anew, as on RESET."""
+        self._restart_streams()
+
+    def _refusal(self, packet: bytes, stream_id: int) -> str | None:  # noqa: ARG002 - the client's end looks at it
+        # Whose packet it is was found by its address or its key; among ids from 0x80 on the id itself is not compared
+        # (seen on the wire).
+        if self.session_id >= SESSION_NONE:
+            return None if packet[0] >= SESSION_NONE else OTHER_SESSION
+        return None if packet[0] < SESSION_NONE and packet[4:8] == self._key_octets else OTHER_SESSION
+
+    def _take_data(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
+        if flags & FORMAT_MASK or end - start < 4:
+            self.counters.dropped.count(NOT_DATA)
+            return False
+        request_id, object_id = _IDS.unpack_from(packet, start)
+        if self._on_data is None or self._events:
+            self._events.append(DataWritten(object_id, request_id, packet[start + 4 : end]))
+        else:
+            self._on_data(object_id, request_id, packet[start + 4 : end])
+        return True
+
+    def _handle(self, kind: int, flags: int, contents: bytes, stream_id: int) -> bool:
+        event = self._request(kind, flags, contents, stream_id)
+        if event is not None:
+            self._events.append(event)
+        return kind != SubmessageId.CREATE_CLIENT
+
+    def _request(self, kind: int, flags: int, contents: bytes, stream_id: int) -> AgentEvent | None:
+        size = len(contents)
+        match kind:
+            case SubmessageId.READ_DATA:
+                read = ReadData.decode(contents, 0, size, flags)
+                return ReadRequested(read.request_id, read.object_id, read)
+            case SubmessageId.CREATE:
+                create = Create.decode(contents, 0, size, flags)
+                return CreateRequested(
+                    create.request_id,
+                    create.object_id,
+                    create.variant,
+                    create.reuse,
+                    create.replace,
+                    stream_id,
+                    create.little_endian,
+                )
+            case SubmessageId.DELETE:
+                delete = Delete.decode(contents, 0, size, flags)
+                if kind_of(delete.object_id) == ObjectKind.CLIENT:
+                    return SessionDeleteRequested(delete.request_id, delete.object_id)
+                return DeleteRequested(delete.request_id, delete.object_id, stream_id)
+            case SubmessageId.GET_INFO:
+                info = GetInfo.decode(contents, 0, size, flags)
+                return InfoRequested(info.request_id, info.object_id, info.mask)
+            case SubmessageId.TIMESTAMP:
+                receive_ns = self._epoch_ns()
+                originate_ns = Timestamp.decode(contents, 0, size, flags).transmit_ns
+                reply = TimestampReply(self._epoch_ns(), receive_ns, originate_ns)
+                self._sender.send_unacknowledged(reply.encode(), STREAM_NONE)
+            case SubmessageId.RESET:
+                self._restart_streams()
+                return SessionReset()
+            case SubmessageId.CREATE_CLIENT if size:
+                self.counters.dropped.count(LOGIN_INSIDE)
+        return None

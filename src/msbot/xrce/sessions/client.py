@@ -1,0 +1,400 @@
+"""The client's end of a session: log in, create objects, write, read, ask who is there (XRCE 1.0 §8.4).
+
+Theory of operation. A login or logout is repeated until it is answered or the tries are used up. Between them, requests
+and samples that are booked in one turn of the owner are packed into as few messages as they fit, which the next
+`packets_to_send` finishes.
+
+The agent begins its streams anew with every CREATE_CLIENT it gets. A client that had to repeat itself is therefore told
+"yes" more than once, and the samples between two of these answers are numbered from 0 twice; so every further answer
+that repetitions explain begins the input anew. An answer that nothing explains is a copy as long as nothing was sent
+in the session; later it may mean that a late login has reached the agent, so the owner is told (SessionRestarted).
+
+::
+
+    IDLE ──connect──> CONNECTING ──answered──> CONNECTED ──close──> CLOSING ──answered, or not──> CLOSED
+                          │  └──close──────────────────────────────────┘
+                          └──refused, or not answered──> FAILED        any state ──connect──> CONNECTING
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+
+from msbot.errors import LinkFull, LocalProtocolError
+from msbot.xrce.messages.data import FORMAT_MASK
+from msbot.xrce.messages.envelope import data_submessage
+from msbot.xrce.messages.ids import (
+    FIRST_REQUEST,
+    FIRST_RULED_REQUEST,
+    OBJECT_AGENT,
+    OBJECT_CLIENT,
+    REQUEST_LOGOUT,
+    REQUEST_PING,
+    SESSION_DEFAULT,
+    SESSION_NONE,
+    SESSION_NONE_KEYED,
+    STREAM_NONE,
+    STREAM_RELIABLE,
+    Status,
+    SubmessageId,
+    read_request_id,
+    write_request_id,
+)
+from msbot.xrce.messages.message import (
+    Create,
+    CreateClient,
+    Delete,
+    DeliveryControl,
+    GetInfo,
+    Header,
+    Heartbeat,
+    Info,
+    ObjectVariant,
+    ReadData,
+    StatusAgent,
+    StatusReply,
+    Timestamp,
+    TimestampReply,
+    encode_message,
+)
+from msbot.xrce.sessions.client_state import OPEN_STATES, ClientState
+from msbot.xrce.sessions.events import (
+    ClientEvent,
+    Connected,
+    ConnectFailed,
+    DataReceived,
+    Pong,
+    SessionClosed,
+    SessionRestarted,
+    StatusReceived,
+)
+from msbot.xrce.sessions.session import OTHER_SESSION, Session
+from msbot.xrce.sessions.settings import ClientSessionSettings
+from msbot.xrce.sessions.time_sync import answers, compare_clocks
+from msbot.xrce.streams.retries import Retries
+
+_IDS = struct.Struct(">HH")
+_WRITE_DATA_ID = SubmessageId.WRITE_DATA.value
+_MASK_ACTIVITY = 2
+_MTU_RESERVE = 4
+"""C clients announce, and use themselves, 4 bytes less than the transport takes (seen on the wire: 508 of 512)."""
+
+NOT_DATA = "DATA without ids, or in another format than DATA"
+NOT_OPEN = "message while the session is not open"
+NOT_ASKED = "answer that nobody asked for"
+
+
+class ClientSession(Session[ClientEvent]):
+    """One session with an agent, sans I/O (see the module's docstring)."""
+
+    _DATA_ID = SubmessageId.DATA.value
+
+    def __init__(
+        self,
+        client_key: int,
+        *,
+        session_id: int = SESSION_DEFAULT,
+        mtu: int = 512,
+        settings: ClientSessionSettings | None = None,
+        epoch_ns: Callable[[], int],
+    ) -> None:
+        """Prepare a session; `connect` opens it.
+
+        Args:
+            client_key: 32 bits, unique among the clients of an agent, not 0.
+            session_id: 0x81 as all stock clients; below 0x80 every header carries the key.
+            mtu: largest packet in bytes that the link takes.
+            epoch_ns: wall clock in nanoseconds since 1970, for time synchronisation.
+            settings: windows, periods and limits.
+        """
+        self._options = options = settings or ClientSessionSettings()
+        super().__init__(client_key, session_id, mtu - _MTU_RESERVE, options, pads=options.pads)
+        self._epoch_ns = epoch_ns
+        self._state = ClientState.IDLE
+        self._retries = Retries(options.login_period_s, options.login_tries)
+        self._answers = 0
+        self._sent_before = 0
+        self._request_id = FIRST_REQUEST - 1
+        self._pinged_at = 0.0
+        self._time_asked_ns: int | None = None
+        outside = SESSION_NONE if session_id >= SESSION_NONE else SESSION_NONE_KEYED
+        self._outside = Header(outside, client_key=client_key)
+        login = CreateClient(client_key, session_id, self.mtu)
+        self._login = encode_message(self._outside, [login], pad_end=False)
+        self._logout = Delete(REQUEST_LOGOUT, OBJECT_CLIENT).encode()
+
+    @property
+    def state(self) -> ClientState:
+        """Where the session stands."""
+        return self._state
+
+    def connect(self, now: float) -> None:
+        """Log in, or log in again; ends with Connected or ConnectFailed.
+
+        Everything that was booked or is unacknowledged is forgotten.
+        """
+        self._restart_streams()
+        self._begin(ClientState.CONNECTING, now)
+
+    def close(self, now: float) -> None:
+        """Delete the session at the agent; ends with SessionClosed. What the window has room for is sent before.
+
+        Raises:
+            LocalProtocolError: there is no session to close.
+        """
+        if self._state not in (ClientState.CONNECTING, ClientState.CONNECTED):
+            raise LocalProtocolError(f"close: the session is {self._state.name}, there is nothing to close")
+        self._sender.flush()
+        self._begin(ClientState.CLOSING, now)
+
+    def create(
+        self,
+        object_id: int,
+        variant: ObjectVariant,
+        *,
+        reuse: bool = True,
+        replace: bool = True,
+        stream_id: int = STREAM_RELIABLE,
+    ) -> int:
+        """Ask for an object; returns the request id that StatusReceived will carry.
+
+        Raises:
+            LocalProtocolError: the session is not open, or too many requests wait.
+        """
+        self._need_open("create")
+        request_id = self._next_request_id()
+        return self._ask(Create(request_id, object_id, variant, reuse, replace).encode(), stream_id, request_id)
+
+    def delete(self, object_id: int, stream_id: int = STREAM_RELIABLE) -> int:
+        """Ask to delete an object; returns the request id that StatusReceived will carry.
+
+        Raises:
+            LocalProtocolError: the session is not open, or too many requests wait.
+        """
+        self._need_open("delete")
+        request_id = self._next_request_id()
+        return self._ask(Delete(request_id, object_id).encode(), stream_id, request_id)
+
+    def read(
+        self,
+        object_id: int,
+        stream_id: int,
+        control: DeliveryControl | None = None,
+        *,
+        request_stream: int = STREAM_RELIABLE,
+    ) -> int:
+        """Ask for samples on `stream_id`; returns the request id that DataReceived will carry.
+
+        No control means one sample; `max_samples` 0 ends a read.
+
+        Raises:
+            LocalProtocolError: the session is not open, or too many requests wait.
+        """
+        self._need_open("read")
+        request_id = read_request_id(object_id) if self._options.ids_by_rule else self._next_request_id()
+        return self._ask(ReadData(request_id, object_id, stream_id, control).encode(), request_stream, request_id)
+
+    def write(self, object_id: int, payload: bytes, stream_id: int) -> int:
+        """Write a sample, a request or a reply; returns the request id.
+
+        On a reliable stream, what does not fit one message is cut.
+
+        Raises:
+            LinkFull: the window is full; try again after WindowOpened.
+            LocalProtocolError: the session is not open, or the payload does not fit one message of a best-effort
+                stream.
+        """
+        self._need_open("write")
+        if not self.has_room(stream_id):
+            raise LinkFull(f"stream 0x{stream_id:02X} is full: try again when its window has opened")
+        sequence_nr = self._sender.finish_message(stream_id) if self._options.ids_by_rule else None
+        ruled = None if sequence_nr is None else write_request_id(stream_id, sequence_nr)
+        request_id = self._next_request_id() if ruled is None else ruled
+        self._sender.pack(data_submessage(_WRITE_DATA_ID, request_id, object_id, payload), stream_id)
+        if ruled is not None:
+            # Nothing may join it: what follows would need a longer form.
+            self._sender.finish_message(stream_id)
+        return request_id
+
+    def ping(self, now: float) -> None:
+        """Ask the agent whether it is there and knows us; in any state; answered by Pong."""
+        self._pinged_at = now
+        question = GetInfo(REQUEST_PING, OBJECT_AGENT, _MASK_ACTIVITY)
+        if self._state in OPEN_STATES:
+            self._sender.answer(question.encode())
+        else:
+            self._sender.put_answer(encode_message(self._outside, [question], pad_end=False))
+
+    def sync_time(self) -> None:
+        """Compare clocks with the agent; answered by TimeSynchronised.
+
+        Raises:
+            LocalProtocolError: the session is not open.
+        """
+        self._need_open("sync_time")
+        self._time_asked_ns = self._epoch_ns()
+        self._sender.answer(Timestamp(self._time_asked_ns).encode())
+
+    def packets_to_send(self, now: float, limit: int | None = None) -> list[bytes]:
+        """The next messages for the link, all or at most `limit`; they count as sent.
+
+        What was booked since the last call is finished into messages first. Pull no more than the link takes now: the
+        wait for acknowledgements begins when nothing is left, and what waits here is still the newest that there is.
+        """
+        self._sender.flush()
+        return self._sender.pull(now, limit)
+
+    def timer(self) -> float | None:
+        """When to call `handle_timer`; changes with every other call."""
+        due, retry_at = super().timer(), self._retries.next_at
+        if due is None or retry_at is None:
+            return retry_at if due is None else due
+        return min(due, retry_at)
+
+    def handle_timer(self, now: float) -> None:
+        """Book what is due by now; afterwards call `next_event` until it returns None."""
+        super().handle_timer(now)
+        if self._retries.next_at is None or now < self._retries.next_at:
+            return
+        if not self._retries.take(now):
+            self._give_up()
+        elif self._sender.is_idle:
+            # Otherwise the link has not even taken the last one, and another would only wait behind it.
+            self._ask_again()
+
+    # Trying, until there is an answer.
+
+    def _begin(self, state: ClientState, now: float) -> None:
+        self._state = state
+        self._retries.begin(now)
+        self._ask_again()
+
+    def _ask_again(self) -> None:
+        if self._state is ClientState.CONNECTING:
+            self._sender.put_answer(self._login)
+        else:
+            self._sender.answer(self._logout)
+
+    def _give_up(self) -> None:
+        if self._state is ClientState.CONNECTING:
+            self._end(ClientState.FAILED, ConnectFailed())
+        else:
+            self._end(ClientState.CLOSED, SessionClosed(confirmed=False))
+
+    def _end(self, state: ClientState, event: ClientEvent) -> None:
+        self._state = state
+        self._retries.end()
+        self._restart_streams()
+        self._events.append(event)
+
+    # Booking.
+
+    def _need_open(self, verb: str) -> None:
+        if self._state is not ClientState.CONNECTED:
+            raise LocalProtocolError(f"{verb}: the session is {self._state.name}, connect first")
+
+    def _next_request_id(self) -> int:
+        last = FIRST_RULED_REQUEST - 1 if self._options.ids_by_rule else 0xFFFF
+        self._request_id = self._request_id + 1 if self._request_id < last else FIRST_REQUEST
+        return self._request_id
+
+    def _ask(self, body: bytes, stream_id: int, request_id: int) -> int:
+        if self._sender.waiting(stream_id) >= self._options.backlog:
+            raise LocalProtocolError(f"{self._options.backlog} messages wait for the agent's acknowledgement already")
+        self._sender.pack(body, stream_id)
+        return request_id
+
+    # Receiving.
+
+    def _refusal(self, packet: bytes, stream_id: int) -> str | None:
+        if packet[0] == self._outside.session_id and stream_id == STREAM_NONE:
+            pass
+        elif packet[0] != self.session_id:
+            return OTHER_SESSION
+        elif stream_id != STREAM_NONE and self._state not in OPEN_STATES:
+            return NOT_OPEN
+        return OTHER_SESSION if packet[0] < SESSION_NONE and packet[4:8] != self._key_octets else None
+
+    def _take_acknack(self, first: int, bitmap: int, stream_id: int) -> None:
+        if self._state in OPEN_STATES:
+            super()._take_acknack(first, bitmap, stream_id)
+        else:
+            self.counters.dropped.count(NOT_OPEN)
+
+    def _take_heartbeat(self, heartbeat: Heartbeat, carrier_id: int) -> None:
+        if self._state in OPEN_STATES:
+            super()._take_heartbeat(heartbeat, carrier_id)
+        else:
+            self.counters.dropped.count(NOT_OPEN)
+
+    def _take_data(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:
+        if flags & FORMAT_MASK or end - start < 4:
+            self.counters.dropped.count(NOT_DATA)
+            return False
+        if stream_id == STREAM_NONE and self._state not in OPEN_STATES:
+            self.counters.dropped.count(NOT_OPEN)
+            return False
+        request_id, object_id = _IDS.unpack_from(packet, start)
+        self._events.append(DataReceived(request_id, object_id, packet[start + 4 : end], stream_id))
+        return True
+
+    def _handle(self, kind: int, flags: int, contents: bytes, stream_id: int) -> bool:
+        size = len(contents)
+        match kind:
+            case SubmessageId.STATUS:
+                self._take_status(StatusReply.decode(contents, 0, size, flags), stream_id)
+            case SubmessageId.STATUS_AGENT if stream_id == STREAM_NONE:
+                self._take_login_answer(StatusAgent.decode(contents, 0, size, flags).status)
+            case SubmessageId.INFO:
+                self._take_info(Info.decode(contents, 0, size, flags))
+            case SubmessageId.GET_INFO:
+                question = GetInfo.decode(contents, 0, size, flags)
+                info = Info(question.request_id, question.object_id, has_agent=False, availability=None)
+                self._sender.answer(info.encode())
+            case SubmessageId.TIMESTAMP_REPLY:
+                self._take_time(TimestampReply.decode(contents, 0, size, flags))
+        return True
+
+    def _take_status(self, reply: StatusReply, stream_id: int) -> None:
+        if stream_id != STREAM_NONE:
+            self._events.append(StatusReceived(reply.request_id, reply.object_id, reply.status))
+        elif self._state is ClientState.CLOSING and reply.request_id == REQUEST_LOGOUT:
+            self._end(ClientState.CLOSED, SessionClosed())
+        else:
+            self.counters.dropped.count(NOT_ASKED)
+
+    def _take_login_answer(self, status: int) -> None:
+        if self._state is ClientState.CONNECTING:
+            if status >= Status.ERR_DDS_ERROR:
+                self._end(ClientState.FAILED, ConnectFailed(status))
+                return
+            self._state = ClientState.CONNECTED
+            self._retries.end()
+            self._answers = 1
+            self._sent_before = self.counters.packets_out
+            self._request_id = FIRST_REQUEST - 1
+            self._restart_streams()
+            self._events.append(Connected())
+        elif self._state is ClientState.CONNECTED and self._answers < self._retries.count:
+            self._answers += 1
+            self._restart_input()
+        else:
+            self.counters.dropped.count(NOT_ASKED)
+            is_used = self._state is ClientState.CONNECTED and self.counters.packets_out > self._sent_before
+            if is_used and status < Status.ERR_DDS_ERROR:
+                self._events.append(SessionRestarted())
+
+    def _take_info(self, info: Info) -> None:
+        if info.request_id != REQUEST_PING or info.availability is None or info.availability <= 0:
+            self.counters.dropped.count(NOT_ASKED)
+            return
+        self._events.append(Pong(info.implementation_status == 1, self.last_heard - self._pinged_at))
+
+    def _take_time(self, reply: TimestampReply) -> None:
+        asked_ns = self._time_asked_ns
+        if asked_ns is None or not answers(reply, asked_ns):
+            self.counters.dropped.count(NOT_ASKED)
+        else:
+            self._time_asked_ns = None
+            self._events.append(compare_clocks(reply, asked_ns, self._epoch_ns()))

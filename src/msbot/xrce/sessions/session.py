@@ -1,0 +1,344 @@
+"""What both ends of a session do alike: receiving through streams, acknowledging, telling the owner.
+
+Theory of operation. `receive_packet` runs a message through its stream and then submessage by submessage through
+`_handle`, which turns each into an event. The ACKNACK is put behind the events that the message caused and is booked
+when the owner has taken them, so the outputs of a message always precede its ACKNACK, and ACKNACKs never overtake each
+other: a C client loses its history when they do.
+
+A gap is reported at once. When that report or what it asked for is lost, too, and nothing else comes that would tell,
+the ACKNACK is repeated after a while; so a lossy link is as quick as its round trip, not as the peer's HEARTBEAT.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import deque
+from typing import ClassVar, Generic, TypeVar
+
+from msbot.errors import RemoteProtocolError
+from msbot.xrce.messages.envelope import MTU_MIN, Envelope
+from msbot.xrce.messages.ids import STREAM_NONE, STREAM_RELIABLE, SubmessageId
+from msbot.xrce.messages.message import Heartbeat
+from msbot.xrce.messages.streams import LAST_FRAGMENT, read_acknack
+from msbot.xrce.messages.submessage import HEADER_SIZE, locate
+from msbot.xrce.sessions.counters import Memory, SessionCounters
+from msbot.xrce.sessions.events import WindowOpened
+from msbot.xrce.sessions.settings import SessionSettings
+from msbot.xrce.streams.input import BestEffortInput, ReliableInput
+from msbot.xrce.streams.sender import STREAM_LIMIT, Sender
+from msbot.xrce.streams.state import StreamState, last_number
+
+Event = TypeVar("Event")
+
+# Plain ints: comparing with a member of an IntEnum costs several times as much, once for every submessage.
+_ACKNACK_ID = SubmessageId.ACKNACK.value
+_HEARTBEAT_ID = SubmessageId.HEARTBEAT.value
+_FRAGMENT_ID = SubmessageId.FRAGMENT.value
+
+REPEATS_MAX = 8
+"""How often the same gap is reported while nothing comes; then the peer must ask by a HEARTBEAT."""
+
+BROKEN = {kind.value: f"broken {kind.name}" for kind in SubmessageId}
+UNKNOWN_BROKEN = "broken submessage of an unknown kind"
+OTHER_SESSION = "message of another session"
+NOT_RELIABLE = "FRAGMENT outside of a reliable stream"
+NESTED = "FRAGMENT inside of fragments"
+INSIDE_STREAM = "HEARTBEAT inside of a reliable stream"
+
+
+class Session(ABC, Generic[Event]):
+    """The common half of `AgentSession` and `ClientSession`."""
+
+    _DATA_ID: ClassVar[int]
+    """The submessage that brings samples to this end."""
+
+    def __init__(
+        self,
+        client_key: int,
+        session_id: int,
+        mtu: int,
+        settings: SessionSettings,
+        *,
+        pads: bool,
+        memory: Memory | None = None,
+        unacked: Memory | None = None,
+    ) -> None:
+        self.client_key = client_key
+        self.session_id = session_id
+        self.mtu = max(mtu, MTU_MIN)
+        """Largest message in bytes that is sent, header included."""
+        self.last_heard = 0.0
+        """When the last packet of the peer came; 0.0 before the first, unless the owner sets it."""
+        self.counters = SessionCounters()
+        self._settings = settings
+        self._memory = Memory(settings.max_message, memory)
+        self._key_octets = client_key.to_bytes(4, "big")
+        self._events: deque[Event | WindowOpened | bytes] = deque()
+        self._acknacks = 0  # among the events
+        self._best_effort: dict[int, BestEffortInput] = {}
+        self._reliable: dict[int, ReliableInput] = {}
+        self._gaps: dict[int, tuple[float, int]] = {}
+        """Streams in which something is missing: when to say so again, and how often that was done."""
+        envelope = Envelope(session_id, client_key, self.mtu, pads=pads)
+        self._sender = Sender(envelope, self.counters, settings, unacked)
+
+    def receive_packet(self, packet: bytes, now: float) -> bool:
+        """Take one packet of the peer; if the result is True, call `next_event` until it returns None.
+
+        What cannot be understood inside of the message is counted in `dropped` and ends the message.
+
+        Raises:
+            RemoteProtocolError: the packet is shorter than a message header.
+        """
+        if len(packet) < 4 or (packet[0] < 0x80 and len(packet) < 8):
+            raise RemoteProtocolError(f"packet of {len(packet)} bytes: too short for a message header")
+        stream_id = packet[1]
+        refusal = self._refusal(packet, stream_id)
+        if refusal is not None:
+            self.counters.dropped.count(refusal)
+            return False
+        self.last_heard = now
+        self.counters.packets_in += 1
+        offset = 4 if packet[0] >= 0x80 else 8
+        if stream_id >= STREAM_RELIABLE:
+            self._receive_reliable(stream_id, packet, offset)
+        elif stream_id == STREAM_NONE:
+            self._process(packet, offset, stream_id)
+        elif (stream := self._best_effort.get(stream_id) or self._best_effort_input(stream_id)) is not None:
+            if stream.accept(packet[2] | packet[3] << 8):
+                self._process(packet, offset, stream_id)
+            else:
+                self.counters.repeated += 1
+        return bool(self._events)
+
+    def next_event(self) -> Event | WindowOpened | None:
+        """What happened next; None when nothing more did, and the ACKNACKs of the packet are booked."""
+        events = self._events
+        while events:
+            event = events.popleft()
+            if not isinstance(event, bytes):
+                return event
+            self._acknacks -= 1
+            self._sender.put_answer(event)
+        return None
+
+    def has_room(self, stream_id: int) -> bool:
+        """Whether a sample may be booked in that stream now; after False, `WindowOpened` tells when."""
+        if stream_id < STREAM_RELIABLE:
+            return True
+        stream = self._sender.reliable(stream_id)
+        if stream is None or stream.has_room():
+            return True
+        stream.refused = True
+        return False
+
+    def packets_to_send(self, now: float, limit: int | None = None) -> list[bytes]:
+        """The next messages for the link, all or at most `limit`; they count as sent.
+
+        Pull no more than the link takes now: the wait for acknowledgements begins when nothing is left, and what waits
+        here is still the newest that there is.
+        """
+        return self._sender.pull(now, limit)
+
+    def timer(self) -> float | None:
+        """When to call `handle_timer`; changes with every other call."""
+        due = self._sender.timer()
+        if self._gaps and self._sender.is_idle:
+            again_at = min(at for at, _ in self._gaps.values())
+            return again_at if due is None else min(due, again_at)
+        return due
+
+    def handle_timer(self, now: float) -> None:
+        """Book what is due by now."""
+        # What waits for the link already says more than a repetition could.
+        gaps = self._gaps.items() if self._gaps and self._sender.is_idle else ()
+        due = [(stream_id, repeated) for stream_id, (at, repeated) in gaps if now >= at]
+        self._sender.handle_timer(now)
+        for stream_id, repeated in due:
+            self._sender.put_answer(self._sender.acknack(stream_id, *self._reliable[stream_id].missing()))
+            self._watch_gap(stream_id, now, repeated + 1)
+
+    def release(self) -> None:
+        """The session is over: give back the memory that it shares with others."""
+        self._restart_input()
+        self._sender.reset()
+
+    @property
+    def heartbeat_s(self) -> float:
+        """Silence in seconds after which a HEARTBEAT asks for what is unacknowledged; may be changed at any time.
+
+        On a link that takes longer, two measured round trips are waited for instead.
+        """
+        return self._sender.heartbeat_s
+
+    @heartbeat_s.setter
+    def heartbeat_s(self, period_s: float) -> None:
+        self._sender.heartbeat_s = period_s
+
+    @property
+    def queue_limit(self) -> int:
+        """How many best-effort messages of each stream may wait for the link; beyond, the oldest are dropped."""
+        return self._sender.outbox.limit
+
+    @queue_limit.setter
+    def queue_limit(self, messages: int) -> None:
+        self._sender.outbox.limit = messages
+
+    def stream_states(self) -> list[StreamState]:
+        """How every stream in use stands, incoming ones first."""
+        states = [
+            StreamState(stream_id, outgoing=False, last=last_number(stream.last))
+            for stream_id, stream in self._best_effort.items()
+        ]
+        states += [
+            StreamState(stream_id, outgoing=False, last=last_number(stream.last_handled), waiting=stream.held)
+            for stream_id, stream in self._reliable.items()
+        ]
+        return states + self._sender.stream_states()
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """What was not handled or not sent, by reason in words."""
+        return self.counters.dropped
+
+    @abstractmethod
+    def _refusal(self, packet: bytes, stream_id: int) -> str | None:
+        """Why the message is not for this session as it stands, in words; None when it is."""
+
+    @abstractmethod
+    def _take_data(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:
+        """Take the sample that `packet[start:end]` carries (submessage `_DATA_ID`); False ends the message."""
+
+    @abstractmethod
+    def _handle(self, kind: int, flags: int, contents: bytes, stream_id: int) -> bool:
+        """Take one submessage of another kind; False ends the message."""
+
+    def _restart_streams(self, envelope: Envelope | None = None) -> None:
+        """Begin all streams anew, both ways; forget what waits, what is held and what is half collected."""
+        self._restart_input()
+        if self._acknacks:
+            # Only then: a message may consist of thousands of RESETs, each with its event.
+            self._events = deque(event for event in self._events if not isinstance(event, bytes))
+            self._acknacks = 0
+        self._events.extend(WindowOpened(stream_id) for stream_id in self._sender.reset(envelope))
+
+    def _restart_input(self) -> None:
+        for stream in self._reliable.values():
+            stream.reset()
+        self._reliable.clear()
+        self._best_effort.clear()
+        self._gaps.clear()
+
+    def _best_effort_input(self, stream_id: int) -> BestEffortInput | None:
+        if not self._may_open(self._best_effort):
+            return None
+        stream = self._best_effort[stream_id] = BestEffortInput()
+        return stream
+
+    def _receive_reliable(self, stream_id: int, packet: bytes, offset: int) -> None:
+        stream = self._reliable.get(stream_id) or self._reliable_input(stream_id)
+        if stream is None:
+            return
+        if stream.accept(packet[2] | packet[3] << 8, packet):
+            self._process(packet, offset, stream_id)
+            if stream.announced != stream.last_handled:
+                self._process_held(stream, stream_id)
+        self._book_acknack(stream, stream_id)
+
+    def _reliable_input(self, stream_id: int) -> ReliableInput | None:
+        stream = self._reliable.get(stream_id)
+        if stream is None and self._may_open(self._reliable):
+            stream = self._reliable[stream_id] = ReliableInput(self._settings.window, self._memory, self.counters)
+        return stream
+
+    def _may_open(self, streams: dict[int, BestEffortInput] | dict[int, ReliableInput]) -> bool:
+        if len(streams) < self._settings.max_streams:
+            return True
+        self.counters.dropped.count(STREAM_LIMIT)
+        return False
+
+    def _process_held(self, stream: ReliableInput, stream_id: int) -> None:
+        while (packet := stream.next_held()) is not None:
+            self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
+
+    def _book_acknack(self, stream: ReliableInput, stream_id: int) -> None:
+        if stream.announced == stream.last_handled and not self._gaps:
+            first, bitmap = (stream.last_handled + 1) & 0xFFFF, 0
+        else:
+            first, bitmap = stream.missing()
+        if bitmap:
+            self._sender.round_trip.note_loss(self.last_heard)
+            self._watch_gap(stream_id, self.last_heard, 0)
+        elif self._gaps:
+            self._gaps.pop(stream_id, None)
+        packet = self._sender.acknack(stream_id, first, bitmap)
+        if self._events:
+            self._events.append(packet)
+            self._acknacks += 1
+        else:
+            self._sender.put_answer(packet)
+
+    def _watch_gap(self, stream_id: int, now: float, repeated: int) -> None:
+        """The peer has just been told what is missing; it is told again after a while, but not for ever."""
+        if repeated < REPEATS_MAX and self._sender.round_trip.smoothed_s is not None:
+            self._gaps[stream_id] = (now + self._sender.patience_s(now, repeated), repeated)
+        else:
+            self._gaps.pop(stream_id, None)
+
+    def _process(self, packet: bytes, offset: int, stream_id: int) -> None:
+        """Handle the submessages of a message, or of joined fragments (which begin at offset 0)."""
+        size = len(packet)
+        start = offset + HEADER_SIZE
+        while start <= size:
+            kind, flags, end = locate(packet, start)
+            try:
+                if end > size:
+                    raise RemoteProtocolError("longer than its message")
+                if kind == self._DATA_ID:
+                    if not self._take_data(packet, start, end, flags, stream_id):
+                        return
+                elif kind == _ACKNACK_ID:
+                    self._take_acknack(*read_acknack(packet, start, end, flags))
+                elif kind == _FRAGMENT_ID:
+                    self._take_fragment(packet[start:end], flags, stream_id, is_joined=offset == 0)
+                elif kind == _HEARTBEAT_ID:
+                    self._take_heartbeat(Heartbeat.decode(packet, start, end, flags), stream_id)
+                elif not self._handle(kind, flags, packet[start:end], stream_id):
+                    return
+            except RemoteProtocolError:
+                self.counters.dropped.count(BROKEN.get(kind, UNKNOWN_BROKEN))
+                return
+            start = (end + 7) & ~3
+
+    def _take_acknack(self, first: int, bitmap: int, stream_id: int) -> None:
+        if self._sender.acknowledged(stream_id, first, bitmap, self.last_heard):
+            self._events.append(WindowOpened(stream_id))
+
+    def _take_heartbeat(self, heartbeat: Heartbeat, carrier_id: int) -> None:
+        if carrier_id >= STREAM_RELIABLE:
+            # They travel on stream NONE (XRCE 1.0 §8.3.5.12); one that was held could set off others, without end.
+            self.counters.dropped.count(INSIDE_STREAM)
+            return
+        stream_id = heartbeat.stream_id
+        # A HEARTBEAT of a best-effort stream means nothing. DEVIATION: the genuine agent answers it with garbage.
+        stream = self._reliable_input(stream_id) if stream_id >= STREAM_RELIABLE else None
+        if stream is None:
+            return
+        for packet in stream.announce(heartbeat.first, heartbeat.last):
+            if packet is None:
+                stream.joiner.clear()
+            else:
+                self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
+        self._process_held(stream, stream_id)
+        self._book_acknack(stream, stream_id)
+
+    def _take_fragment(self, piece: bytes, flags: int, stream_id: int, *, is_joined: bool) -> None:
+        stream = self._reliable.get(stream_id)
+        if stream is None:
+            self.counters.dropped.count(NOT_RELIABLE)
+        elif is_joined:
+            self.counters.dropped.count(NESTED)
+        else:
+            whole = stream.joiner.add(piece, last=bool(flags & LAST_FRAGMENT))
+            if whole is not None:
+                self._process(whole, 0, stream_id)

@@ -1,0 +1,137 @@
+"""The receiving half of a stream: what is new, what came too early, what came again.
+
+Theory of operation. A best-effort stream takes every message that is newer than the newest it has seen. A reliable
+stream hands on every message exactly once and in order: the next one at once, those up to a window ahead are held until
+the gap before them is filled. Its state is told to the peer in an ACKNACK after every message and every HEARTBEAT, so a
+gap is repaired at the speed of the link (XRCE 1.0 §8.4).
+"""
+
+from __future__ import annotations
+
+from msbot.xrce.sessions.counters import Memory, SessionCounters
+from msbot.xrce.streams.fragments import Joiner
+from msbot.xrce.streams.sequence import HALF, NOTHING_YET, distance, is_after
+
+BITMAP_BITS = 16
+"""How many messages one ACKNACK can report missing."""
+
+NO_MEMORY = "early message: no memory to hold it"
+BEYOND_WINDOW = "message beyond the window"
+
+
+class BestEffortInput:
+    """A stream without acknowledgement: newer messages only."""
+
+    __slots__ = ("last",)
+
+    def __init__(self) -> None:
+        self.last = NOTHING_YET
+
+    def accept(self, sequence_nr: int) -> bool:
+        """Whether the message is newer than all before it."""
+        if 0 < (sequence_nr - self.last) & 0xFFFF < HALF:
+            self.last = sequence_nr
+            return True
+        return False
+
+
+class ReliableInput:
+    """A stream with acknowledgement: every message exactly once and in order."""
+
+    __slots__ = ("_counters", "_held", "_memory", "_window", "announced", "joiner", "last_handled")
+
+    def __init__(self, window: int, memory: Memory, counters: SessionCounters) -> None:
+        self._window = window
+        self._memory = memory
+        self._counters = counters
+        self._held: dict[int, bytes] = {}
+        self.announced = NOTHING_YET
+        """The newest number that is known to exist; nothing is missing while it is the last one handled."""
+        self.last_handled = NOTHING_YET
+        self.joiner = Joiner(memory, counters)
+
+    def accept(self, sequence_nr: int, packet: bytes) -> bool:
+        """Whether the message is the next in order; an early one is held, any other is counted and forgotten."""
+        ahead = (sequence_nr - self.last_handled) & 0xFFFF
+        if ahead == 1:
+            if self.announced == self.last_handled:
+                self.announced = sequence_nr
+            self.last_handled = sequence_nr
+            return True
+        if ahead == 0 or ahead >= HALF or sequence_nr in self._held:
+            self._counters.repeated += 1
+        else:
+            self._hold(sequence_nr, packet, ahead)
+        return False
+
+    def next_held(self) -> bytes | None:
+        """The message after the last one handled, if it came early; it counts as handled from now on."""
+        if not self._held:
+            return None
+        following = (self.last_handled + 1) & 0xFFFF
+        packet = self._held.pop(following, None)
+        if packet is not None:
+            self._memory.give(len(packet))
+            self.last_handled = following
+        return packet
+
+    def announce(self, first: int, last: int) -> list[bytes | None]:
+        """Note a HEARTBEAT; what must be handled now because older messages will not come any more.
+
+        The peer keeps `first` to `last`; anything before `first` that is missing is given up. In the result, None
+        stands for messages that are lost: pieces collected before it are worthless.
+        """
+        given_up: list[bytes | None] = []
+        gap = distance(self.last_handled, first) - 1
+        if 0 < gap < HALF - 1:
+            target = (first - 1) & 0xFFFF
+            for _ in range(min(gap, self._window)):
+                packet = self.next_held()
+                if packet is None:
+                    self.last_handled = (self.last_handled + 1) & 0xFFFF
+                given_up.append(packet)
+            if self.last_handled != target:
+                self.last_handled = target
+                given_up.append(None)
+            if is_after(target, self.announced):
+                self.announced = target
+        if is_after(last, self.announced):
+            self.announced = last
+        return given_up
+
+    def missing(self) -> tuple[int, int]:
+        """The contents of an ACKNACK: the first number not handled; bit i is set if the i-th from there is missing."""
+        first = (self.last_handled + 1) & 0xFFFF
+        if self.announced == self.last_handled:
+            return first, 0
+        bitmap = 0
+        for index in range(min(distance(self.last_handled, self.announced), BITMAP_BITS)):
+            if (first + index) & 0xFFFF not in self._held:
+                bitmap |= 1 << index
+        return first, bitmap
+
+    @property
+    def held(self) -> int:
+        """How many messages came early."""
+        return len(self._held)
+
+    def reset(self) -> None:
+        """Begin anew: the next message expected is number 0."""
+        for packet in self._held.values():
+            self._memory.give(len(packet))
+        self._held.clear()
+        self.joiner.clear()
+        self.announced = self.last_handled = NOTHING_YET
+
+    def _hold(self, sequence_nr: int, packet: bytes, ahead: int) -> None:
+        # A number far beyond the window is not believed: it would be reported missing for ever, and C clients answer
+        # any bit by sending everything again.
+        if ahead <= 2 * self._window and is_after(sequence_nr, self.announced):
+            self.announced = sequence_nr
+        if ahead > self._window:
+            self._counters.dropped.count(BEYOND_WINDOW)
+        elif self._memory.take(len(packet)):
+            self._held[sequence_nr] = packet
+            self._counters.early += 1
+        else:
+            self._counters.dropped.count(NO_MEMORY)

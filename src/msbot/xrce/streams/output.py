@@ -1,0 +1,343 @@
+"""The sending half of a stream: numbering, the window, what is unacknowledged, and when to send it again.
+
+Theory of operation. A submessage is booked, becomes (with others, if the stream packs) the body of a message, and gets
+its number when the window has room. From then on the finished message is kept until an ACKNACK covers it, and is sent
+again, byte for byte, when an ACKNACK reports it missing (XRCE 1.0 §8.4).
+
+A submessage larger than a message is cut into FRAGMENTs as the window moves. The genuine agent puts all pieces on the
+wire at once; here at most a window (16) of them is unacknowledged at any time. That is what one ACKNACK bitmap covers,
+and C clients (history 4 to 16 and more) acknowledge every piece when they store it, so the rest follows at once; a
+client whose history is smaller than the number of pieces cannot take the submessage from any agent.
+
+Storms. A receiver with a gap says so with every message that arrives, so one lost message causes many equal ACKNACKs.
+It is sent again once for all of them: later requests count only after two round trips, or once a HEARTBEAT has asked.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from msbot.xrce.messages.envelope import Envelope, append_submessage
+from msbot.xrce.messages.message import Fragment, Heartbeat
+from msbot.xrce.messages.submessage import HEADER_SIZE
+from msbot.xrce.sessions.counters import Memory, SessionCounters
+from msbot.xrce.streams.outbox import Lane, Outbox
+from msbot.xrce.streams.round_trip import RoundTrip
+from msbot.xrce.streams.sequence import NOTHING_YET
+from msbot.xrce.streams.state import StreamState, last_number
+
+GUARD_MIN_S = 0.001
+"""A message is not sent again twice within this time for ACKNACKs of the same gap."""
+
+QUEUE_FULL = "best-effort message: queue full, oldest dropped"
+TOO_LARGE = "unacknowledged message larger than the MTU"
+STALE_ACKNACK = "ACKNACK outside of what was sent"
+
+
+class BestEffortOutput:
+    """A stream without acknowledgement."""
+
+    __slots__ = ("_counters", "_envelope", "_lane", "_open", "_outbox", "_sequence_nr", "stream_id")
+
+    def __init__(self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters) -> None:
+        self.stream_id = stream_id
+        self._envelope = envelope
+        self._outbox = outbox
+        self._counters = counters
+        self._lane = Lane(QUEUE_FULL)
+        self._sequence_nr = NOTHING_YET
+        self._open = b""
+
+    @property
+    def state(self) -> StreamState:
+        """How it stands."""
+        return StreamState(self.stream_id, outgoing=True, last=last_number(self._sequence_nr))
+
+    @property
+    def next_nr(self) -> int:
+        """The sequence number of the message that is booked next."""
+        return (self._sequence_nr + 1) & 0xFFFF
+
+    def send(self, body: bytes) -> None:
+        """Book one message; a body that does not fit is dropped and counted (XRCE has no fragments here)."""
+        if len(body) > self._envelope.capacity:
+            self._counters.dropped.count(TOO_LARGE)
+            return
+        nr = self._sequence_nr = (self._sequence_nr + 1) & 0xFFFF
+        self._outbox.put_newest(self._envelope.seal(self.stream_id, nr, body), self._lane)
+
+    def pack(self, body: bytes) -> None:
+        """Add a submessage to the message that `flush` books; a full message is booked at once."""
+        joined = append_submessage(self._open, body)
+        if len(joined) <= self._envelope.capacity:
+            self._open = joined
+            return
+        self.flush()
+        self._open = body
+
+    def flush(self) -> None:
+        """Book what `pack` has collected."""
+        if self._open:
+            body, self._open = self._open, b""
+            self.send(body)
+
+
+class ReliableOutput:
+    """A stream with acknowledgement, a window and retransmission."""
+
+    __slots__ = (
+        "_capacity",
+        "_counters",
+        "_cut_at",
+        "_envelope",
+        "_first",
+        "_heartbeat_sent_at",
+        "_next",
+        "_octets",
+        "_outbox",
+        "_pool",
+        "_resent_at",
+        "_round_trip",
+        "_timed",
+        "_timed_at",
+        "_unacked",
+        "_unanswered",
+        "_waiting",
+        "_waiting_large",
+        "_window",
+        "heartbeat_at",
+        "missed",
+        "moved",
+        "refused",
+        "stream_id",
+    )
+
+    def __init__(
+        self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters, *,
+        window: int, round_trip: RoundTrip, pool: Memory,
+    ) -> None:  # fmt: skip
+        """`pool` counts the octets that all sessions of an agent keep until they are acknowledged.
+
+        When it is full, a stream that has nothing unacknowledged goes on with one message at a time.
+        """
+        self.stream_id = stream_id
+        self.heartbeat_at: float | None = None
+        """When a HEARTBEAT is due; None while nothing is unacknowledged or messages wait for the link."""
+        self.refused = False
+        """Whether somebody was told that there is no room, and wants to hear when there is."""
+        self.missed: deque[int] = deque()
+        """Numbers of the messages to be sent again."""
+        self._envelope = envelope
+        self._capacity = envelope.capacity
+        self._outbox = outbox
+        self._counters = counters
+        self._window = window
+        self._round_trip = round_trip
+        self._pool = pool
+        self._octets = 0  # of the pool
+        self._unanswered = 0  # HEARTBEATs since the last ACKNACK
+        self._waiting: deque[bytes] = deque()
+        self._unacked: dict[int, bytes] = {}
+        self._resent_at: dict[int, float] = {}
+        self._waiting_large = 0
+        self._cut_at = 0
+        self._first = 0
+        self._next = 0
+        self.moved = False
+        """Whether `rest` has something to do."""
+        self._heartbeat_sent_at = float("-inf")
+        self._timed: int | None = None
+        self._timed_at = 0.0
+
+    def has_room(self) -> bool:
+        """Whether one more submessage of any size may be booked within the window."""
+        kept = len(self._unacked) + len(self._waiting)
+        return kept < self._window and not self._waiting_large and not (kept and self._pool.used >= self._pool.limit)
+
+    @property
+    def next_nr(self) -> int:
+        """The sequence number of the message that gets one next."""
+        return self._next
+
+    @property
+    def waiting(self) -> int:
+        """How many bodies wait for the window."""
+        return len(self._waiting)
+
+    @property
+    def unacked(self) -> int:
+        """How many messages are on their way or missing."""
+        return len(self._unacked)
+
+    @property
+    def state(self) -> StreamState:
+        """How it stands."""
+        last = last_number((self._next - 1) & 0xFFFF)
+        return StreamState(self.stream_id, outgoing=True, last=last, unacked=self.unacked, waiting=self.waiting)
+
+    def book(self, body: bytes) -> None:
+        """Queue a body, whatever its size; the caller has asked `has_room` or bounds `waiting`."""
+        if len(body) > self._capacity:
+            self._waiting_large += 1
+            self._count(len(body))
+        self._waiting.append(body)
+
+    def pack(self, body: bytes) -> None:
+        """Queue a submessage, in the same message as the one before it if both wait and fit."""
+        waiting = self._waiting
+        if waiting:
+            joined = append_submessage(waiting[-1], body)
+            if len(joined) <= self._capacity:
+                waiting[-1] = joined
+                return
+        self.book(body)
+
+    def send(self, body: bytes) -> None:
+        """Book a body and send as much as the window allows."""
+        if not self._waiting and len(self._unacked) < self._window and len(body) <= self._capacity:
+            self._emit(body)
+        else:
+            self.book(body)
+            self.advance()
+
+    def offer(self, body: bytes) -> bool:
+        """Book a body if there is room for it; False = it was not booked, and there will be news when there is."""
+        kept, pool = len(self._unacked) + len(self._waiting), self._pool
+        if kept >= self._window or self._waiting_large or (kept and pool.used >= pool.limit):
+            self.refused = True
+            return False
+        if self._waiting or len(body) > self._capacity:
+            self.book(body)
+            self.advance()
+        else:
+            self._emit(body)
+        return True
+
+    def advance(self) -> None:
+        """Give numbers to what waits, as far as the window allows."""
+        waiting = self._waiting
+        unacked, pool = self._unacked, self._pool
+        while waiting and len(unacked) < self._window and (pool.used < pool.limit or not unacked):
+            if len(waiting[0]) <= self._capacity:
+                self._emit(waiting.popleft())
+            else:
+                self._emit_piece()
+
+    def acknowledge(self, first: int, bitmap: int, now: float) -> bool:
+        """Note an ACKNACK; True when it made progress.
+
+        Numbers outside of what was sent (an old or foreign ACKNACK) are ignored: a C client loses its history that way.
+        """
+        unacked = self._unacked
+        progress = (first - self._first) & 0xFFFF
+        if progress > len(unacked):
+            self._counters.dropped.count(STALE_ACKNACK)
+            return False
+        self._unanswered = 0
+        if progress:
+            if progress == len(unacked):
+                self._count(-sum(map(len, unacked.values())))
+                unacked.clear()
+                self._resent_at.clear()
+            else:
+                self._forget(progress)
+            self._first = first
+            if self._timed is not None and self._timed not in unacked:
+                self._round_trip.measure(now - self._timed_at)
+                self._timed = None
+            self.heartbeat_at = None
+            self.moved = True
+            if self._waiting:
+                self.advance()
+        if bitmap:
+            self._note_missed(first, bitmap, now)
+        return progress > 0
+
+    def pull_missed(self, now: float, limit: int | None = None) -> list[bytes]:
+        """The messages to send again, at most `limit`; those acknowledged meanwhile are left out."""
+        packets: list[bytes] = []
+        while self.missed and (limit is None or len(packets) < limit):
+            nr = self.missed.popleft()
+            packet = self._unacked.get(nr)
+            if packet is not None:
+                packets.append(packet)
+                self._resent_at[nr] = now
+        self._counters.resent += len(packets)
+        self.moved = self.moved or bool(packets)
+        return packets
+
+    def rest(self, now: float, heartbeat_s: float, heartbeat_min_s: float) -> None:
+        """Note that the link has pulled everything: the wait for an acknowledgement begins."""
+        self.moved = False
+        if not self._unacked:
+            self.heartbeat_at = None
+            return
+        self.heartbeat_at = now + self._round_trip.patience_s(now, heartbeat_s, heartbeat_min_s, self._unanswered)
+        if self._timed is None:
+            self._timed = (self._next - 1) & 0xFFFF
+            self._timed_at = now
+
+    def heartbeat(self, now: float) -> Heartbeat:
+        """The HEARTBEAT to be sent now; it tells the first and the last unacknowledged message."""
+        self._heartbeat_sent_at = now
+        self._unanswered += 1
+        self.heartbeat_at = None
+        self.moved = True
+        return Heartbeat(self._first, (self._next - 1) & 0xFFFF, self.stream_id)
+
+    def release(self) -> None:
+        """The stream is over: the pool gets its octets back."""
+        self._count(-self._octets)
+
+    def _count(self, octets: int) -> None:
+        self._octets += octets
+        self._pool.used += octets
+
+    def _emit(self, body: bytes) -> None:
+        nr = self._next
+        packet = self._envelope.seal(self.stream_id, nr, body)
+        self._unacked[nr] = packet
+        self._octets += len(packet)
+        self._pool.used += len(packet)
+        self._next = (nr + 1) & 0xFFFF
+        self.moved = True
+        self._outbox.put(packet)
+
+    def _emit_piece(self) -> None:
+        body = self._waiting[0]
+        start = self._cut_at
+        end = start + self._capacity - HEADER_SIZE
+        is_last = end >= len(body)
+        if is_last:
+            self._waiting.popleft()
+            self._waiting_large -= 1
+            self._count(-len(body))
+            self._cut_at = 0
+        else:
+            self._cut_at = end
+        self._emit(Fragment(body[start:end], is_last).encode())
+
+    def _forget(self, count: int) -> None:
+        for index in range(count):
+            nr = (self._first + index) & 0xFFFF
+            self._count(-len(self._unacked.pop(nr)))
+            self._resent_at.pop(nr, None)
+
+    def _note_missed(self, first: int, bitmap: int, now: float) -> None:
+        for index in range(bitmap.bit_length()):
+            nr = (first + index) & 0xFFFF
+            if bitmap >> index & 1 and nr in self._unacked and self._may_resend(nr, now):
+                self.missed.append(nr)
+                self._timed = None
+                self._round_trip.note_loss(now)
+
+    def _may_resend(self, nr: int, now: float) -> bool:
+        if nr in self.missed or self._outbox.holds(self._unacked[nr]):
+            return False
+        resent_at = self._resent_at.get(nr)
+        return resent_at is None or self._heartbeat_sent_at > resent_at or now - resent_at >= self._guard()
+
+    def _guard(self) -> float:
+        # Before the first measurement only a HEARTBEAT may ask again.
+        round_trip_s = self._round_trip.smoothed_s
+        return float("inf") if round_trip_s is None else max(2 * round_trip_s, GUARD_MIN_S)

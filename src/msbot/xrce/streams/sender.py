@@ -1,0 +1,236 @@
+"""Everything a session sends: its output streams, what it answers outside of them, and when to ask again.
+
+Outgoing messages are pulled by the owner of the link. Whatever was pulled counts as sent; only then the wait for its
+acknowledgement begins, and no HEARTBEAT is made while something waits to be pulled, so a slow link is never filled
+with HEARTBEATs. Messages to be sent again go first: they unblock the peer.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TypeVar
+
+from msbot.errors import LocalProtocolError
+from msbot.xrce.messages.envelope import Envelope
+from msbot.xrce.messages.ids import STREAM_BEST_EFFORT, STREAM_NONE, STREAM_RELIABLE
+from msbot.xrce.messages.streams import write_acknack
+from msbot.xrce.sessions.counters import Memory, SessionCounters
+from msbot.xrce.sessions.settings import SessionSettings
+from msbot.xrce.streams.outbox import Lane, Outbox
+from msbot.xrce.streams.output import TOO_LARGE, BestEffortOutput, ReliableOutput
+from msbot.xrce.streams.round_trip import RoundTrip
+from msbot.xrce.streams.state import StreamState
+
+Stream = TypeVar("Stream", BestEffortOutput, ReliableOutput)
+
+ANSWERS_FULL = "answer outside of the streams: queue full, oldest dropped"
+STREAM_LIMIT = "too many streams"
+
+
+class Sender:
+    """The sending half of a session."""
+
+    def __init__(
+        self, envelope: Envelope, counters: SessionCounters, settings: SessionSettings, pool: Memory | None = None
+    ) -> None:
+        """`pool` counts what is kept until it is acknowledged, for several sessions together; absent: no limit."""
+        self.heartbeat_s = settings.heartbeat_s
+        self.round_trip = RoundTrip()
+        self.outbox = Outbox(settings.queue_limit, counters)
+        self._envelope = envelope
+        self._counters = counters
+        self._settings = settings
+        self._pool = pool or Memory(sys.maxsize)
+        self._answers = Lane(ANSWERS_FULL)
+        self._answer_header = envelope.seal(STREAM_NONE, 0, b"")
+        self._best_effort: dict[int, BestEffortOutput] = {}
+        self._reliable: dict[int, ReliableOutput] = {}
+
+    def answer(self, body: bytes) -> None:
+        """Book a submessage outside of the streams (stream NONE); the caller sees to its size."""
+        self.put_answer(self._answer_header + body)
+
+    def put_answer(self, packet: bytes) -> None:
+        """Book a finished message of stream NONE."""
+        self.outbox.put_newest(packet, self._answers)
+
+    def send_unacknowledged(self, body: bytes, stream_id: int) -> None:
+        """Book a message on a best-effort stream or on stream NONE; what does not fit is dropped and counted."""
+        if stream_id != STREAM_NONE:
+            stream = self.best_effort(stream_id)
+            if stream is not None:
+                stream.send(body)
+        elif len(body) <= self._envelope.capacity:
+            self.answer(body)
+        else:
+            self._counters.dropped.count(TOO_LARGE)
+
+    def pack(self, body: bytes, stream_id: int) -> None:
+        """Book a submessage, in one message with others of this turn if they fit; `flush` finishes them.
+
+        Raises:
+            LocalProtocolError: it does not fit one message of a stream that is not reliable; or too many streams.
+        """
+        is_large = len(body) > self._envelope.capacity
+        if stream_id >= STREAM_RELIABLE:
+            reliable = self._need(self.reliable(stream_id), stream_id)
+            if is_large:
+                reliable.send(body)
+            else:
+                reliable.pack(body)
+        elif is_large:
+            raise LocalProtocolError(
+                f"{len(body)} bytes do not fit one message of {self._envelope.capacity}: use a reliable stream (0x80)"
+            )
+        elif stream_id == STREAM_NONE:
+            self.answer(body)
+        else:
+            self._need(self.best_effort(stream_id), stream_id).pack(body)
+
+    def finish_message(self, stream_id: int) -> int | None:
+        """Finish what is packed on stream 0x01 or 0x80; the number of the message that comes next.
+
+        None for other streams. On 0x80 the window must have room.
+
+        Raises:
+            LocalProtocolError: too many streams.
+        """
+        if stream_id == STREAM_BEST_EFFORT:
+            best_effort = self._need(self.best_effort(stream_id), stream_id)
+            best_effort.flush()
+            return best_effort.next_nr
+        if stream_id == STREAM_RELIABLE:
+            reliable = self._need(self.reliable(stream_id), stream_id)
+            reliable.advance()
+            return reliable.next_nr
+        return None
+
+    def waiting(self, stream_id: int) -> int:
+        """How many messages of that stream wait for the window."""
+        stream = self._reliable.get(stream_id)
+        return 0 if stream is None else stream.waiting
+
+    def acknack(self, stream_id: int, first: int, bitmap: int) -> bytes:
+        """The ACKNACK message for an input stream, not booked yet."""
+        return self._answer_header + write_acknack(first, bitmap, stream_id)
+
+    def best_effort(self, stream_id: int) -> BestEffortOutput | None:
+        """The stream, opened when first used; None (counted) when there are too many."""
+        stream = self._best_effort.get(stream_id)
+        if stream is None and self._may_open(self._best_effort):
+            stream = BestEffortOutput(stream_id, self._envelope, self.outbox, self._counters)
+            self._best_effort[stream_id] = stream
+        return stream
+
+    def reliable(self, stream_id: int) -> ReliableOutput | None:
+        """The stream, opened when first used; None (counted) when there are too many."""
+        stream = self._reliable.get(stream_id)
+        if stream is None and self._may_open(self._reliable):
+            stream = ReliableOutput(
+                stream_id,
+                self._envelope,
+                self.outbox,
+                self._counters,
+                window=self._settings.window,
+                round_trip=self.round_trip,
+                pool=self._pool,
+            )
+            self._reliable[stream_id] = stream
+        return stream
+
+    def acknowledged(self, stream_id: int, first: int, bitmap: int, now: float) -> bool:
+        """Note an ACKNACK; True when a stream that had refused something has room again."""
+        stream = self._reliable.get(stream_id)
+        if stream is None or not stream.acknowledge(first, bitmap, now):
+            return False
+        if stream.moved and not self.outbox.items:
+            stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
+        if stream.refused and stream.has_room():
+            stream.refused = False
+            return True
+        return False
+
+    def patience_s(self, now: float, unanswered: int) -> float:
+        """How long to wait for the peer before asking it again; see `RoundTrip`."""
+        return self.round_trip.patience_s(now, self.heartbeat_s, self._settings.heartbeat_min_s, unanswered)
+
+    def flush(self) -> None:
+        """Finish the messages that submessages were packed into."""
+        for reliable in self._reliable.values():
+            reliable.advance()
+        for best_effort in self._best_effort.values():
+            best_effort.flush()
+
+    def pull(self, now: float, limit: int | None = None) -> list[bytes]:
+        """The next messages for the link, all or at most `limit`; they count as sent."""
+        packets: list[bytes] = []
+        for stream in self._reliable.values():
+            if stream.missed:
+                packets += stream.pull_missed(now, None if limit is None else limit - len(packets))
+            if stream.moved and limit is None:
+                stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
+        outbox = self.outbox
+        if outbox.items:
+            packets += outbox.pull(None if limit is None else limit - len(packets))
+        if limit is not None and not outbox.items:
+            for stream in self._reliable.values():
+                if stream.moved:
+                    stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
+        self._counters.packets_out += len(packets)
+        return packets
+
+    def stream_states(self) -> list[StreamState]:
+        """How every stream stands."""
+        states = [stream.state for stream in self._best_effort.values()]
+        return states + [stream.state for stream in self._reliable.values()]
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing waits to be pulled."""
+        return not self.outbox.items and not any(stream.missed for stream in self._reliable.values())
+
+    def timer(self) -> float | None:
+        """When the next HEARTBEAT is due; None while messages wait to be pulled or nothing is unacknowledged."""
+        if self.outbox.items:
+            return None
+        due: float | None = None
+        for stream in self._reliable.values():
+            if stream.missed:
+                return None
+            at = stream.heartbeat_at
+            if at is not None and (due is None or at < due):
+                due = at
+        return due
+
+    def handle_timer(self, now: float) -> None:
+        """Book the HEARTBEATs that are due."""
+        if not self.is_idle:
+            return
+        for stream in self._reliable.values():
+            if stream.heartbeat_at is not None and now >= stream.heartbeat_at:
+                self.outbox.put(self._answer_header + stream.heartbeat(now).encode())
+                self._counters.heartbeats_out += 1
+
+    def reset(self, envelope: Envelope | None = None) -> list[int]:
+        """Begin all streams anew and forget what waits; returns the streams that had refused something."""
+        self._envelope = envelope or self._envelope
+        self.round_trip = RoundTrip()
+        refused = [stream.stream_id for stream in self._reliable.values() if stream.refused]
+        self.outbox.clear()
+        self._best_effort.clear()
+        for stream in self._reliable.values():
+            stream.release()
+        self._reliable.clear()
+        return refused
+
+    @staticmethod
+    def _need(stream: Stream | None, stream_id: int) -> Stream:
+        if stream is None:
+            raise LocalProtocolError(f"stream 0x{stream_id:02X} cannot be opened: too many streams are in use")
+        return stream
+
+    def _may_open(self, streams: dict[int, BestEffortOutput] | dict[int, ReliableOutput]) -> bool:
+        if len(streams) < self._settings.max_streams:
+            return True
+        self._counters.dropped.count(STREAM_LIMIT)
+        return False

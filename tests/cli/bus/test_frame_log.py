@@ -1,0 +1,124 @@
+"""Logs of frames: written as candump does, read from candump and from python-can's formats."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+from pathlib import Path
+
+import pytest
+
+import can
+from msbot.cli.bus.frame_log import FrameLog, FrameReader
+from msbot.errors import ConfigError
+from msbot.link.can.adapters.python_can import frame_of
+from msbot.link.can.protocol import Frame
+from msbot.link.can.protocol.notation import LogLine, parse_frame
+
+FRAMES = ["123#DEADBEEF", "1ABCDEF0#1122", "123##1112233", "123##2112233", "7FF#R4", "20000004#0008000000000000"]
+
+
+def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+    stream = io.StringIO()
+    log = FrameLog(stream, "sim0", epoch_s=1_700_000_000.0)
+    for number, text in enumerate(FRAMES):
+        log.tap(number * 0.25, "AA", parse_frame(text))
+    assert stream.getvalue().splitlines()[0] == "(1700000000.000000) sim0 123#DEADBEEF"
+    path = tmp_path / "bus.log"
+    path.write_text(stream.getvalue())
+    reader = FrameReader()
+    assert list(reader.read(str(path))) == [
+        LogLine(1_700_000_000 + number * 0.25, "sim0", parse_frame(text)) for number, text in enumerate(FRAMES)
+    ]
+    assert (reader.frames, reader.unreadable) == (len(FRAMES), 0)
+
+
+def test_lines_that_are_no_frames_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "bus.log"
+    path.write_bytes(b"(1.0) can0 123#11\n\nwhat?\n(2.0) can0 12\n\xff\xfe\n(3.0) can0 123#22\n")
+    reader = FrameReader()
+    assert [line.frame.data for line in reader.read(str(path))] == [b"\x11", b"\x22"]
+    assert reader.unreadable == 3
+    assert reader.first_problem.startswith("line 3: 'what?' is no line of candump")
+
+
+def test_a_file_without_a_frame_is_a_mistake(tmp_path: Path) -> None:
+    path = tmp_path / "poem.txt"
+    path.write_text("roses are red\n")
+    with pytest.raises(ConfigError, match=r"there is no frame in .*poem.txt: line 1: 'roses are red' is no line of"):
+        list(FrameReader().read(str(path)))
+
+
+def test_an_empty_file_has_no_frames(tmp_path: Path) -> None:
+    (tmp_path / "empty.log").touch()
+    assert list(FrameReader().read(str(tmp_path / "empty.log"))) == []
+
+
+@pytest.mark.parametrize("name", ["absent.log", "absent.asc", "absent.blf", "."])
+def test_what_cannot_be_opened_is_said(name: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot read"):
+        list(FrameReader().read(str(tmp_path / name)))
+
+
+@pytest.mark.parametrize("ending", ["asc", "blf"])
+def test_the_formats_of_python_can_are_read(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"bus.{ending}"
+    texts = ["123#DEADBEEF", "1ABCDEF0#1122", "123##1112233", "7FF#R4"]
+    with can.Logger(path) as logger:
+        for number, text in enumerate(texts):
+            logger(message_of(parse_frame(text), 1_700_000_000 + number * 0.25))
+    lines = list(FrameReader().read(str(path)))
+    assert [line.frame for line in lines] == [parse_frame(text) for text in texts]
+    times = [line.at or 0 for line in lines]
+    assert [round(at - times[0], 3) for at in times] == [0, 0.25, 0.5, 0.75]
+
+
+@pytest.mark.parametrize("ending", ["asc", "blf", "trc"])
+@pytest.mark.parametrize("content", [b"\xff\xfenonsense" * 40, b"", b"LOGG" + bytes(300), b"base hex\n 1 2 3 4"])
+def test_a_broken_file_of_these_has_no_frames_or_is_said_to_be_broken(
+    ending: str, content: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / f"bus.{ending}"
+    path.write_bytes(content)
+    found: list[LogLine] = []
+    with contextlib.suppress(ConfigError):
+        found = list(FrameReader().read(str(path)))
+    assert found == []
+
+
+def test_what_is_no_blf_file_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "bus.blf"
+    path.write_bytes(b"nonsense" * 40)
+    with pytest.raises(ConfigError, match=r"is no \.blf file that python-can understands"):
+        list(FrameReader().read(str(path)))
+
+
+def test_without_python_can_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "can", None)
+    with pytest.raises(
+        ConfigError, match=r"reading .blf files needs python-can: install it with `pip install 'msbot\["
+    ):
+        list(FrameReader().read(str(tmp_path / "bus.blf")))
+
+
+@pytest.mark.parametrize("text", FRAMES)
+def test_messages_of_python_can_become_frames(text: str) -> None:
+    frame = parse_frame(text)
+    assert frame_of(message_of(frame, 0.0)) == frame
+
+
+def message_of(frame: Frame, at: float) -> can.Message:
+    return can.Message(
+        timestamp=at,
+        arbitration_id=frame.can_id,
+        is_extended_id=frame.extended,
+        is_remote_frame=frame.remote,
+        is_error_frame=frame.error,
+        dlc=frame.remote_length if frame.remote else len(frame.data),
+        data=None if frame.remote else frame.data,
+        is_fd=frame.fd,
+        bitrate_switch=frame.brs,
+        error_state_indicator=frame.esi,
+        channel=0,
+    )

@@ -1,0 +1,62 @@
+"""The demo's screen: the link first, and everything that matters within 80 columns and 24 lines."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from msbot.cli.demo.view import keys_of, live_view
+from msbot.config import SAMPLES, load_library, parse_blueprint
+from msbot.demo import DemoEvent, DemoSnapshot, PartSnapshot
+from msbot.demo.snapshot import BusSnapshot
+
+LINK = "The page is at http://127.0.0.1:8080/enter?token=0123456789abcdef0123456789abcdef"
+
+
+def snapshot(sample: str) -> DemoSnapshot:
+    slots = parse_blueprint(SAMPLES[sample], load_library()).slots
+    parts = tuple(
+        PartSnapshot(
+            name=slot.name, part_number=slot.part, slot=slot.name, state="active", plugged=number != 3, life=3,
+            beat_age_s=0.4, beats=12, messages_in=123, messages_out=45, plug_in_to_active_ms=20.0,
+            outputs=(True,) * 8 if slot.name == "BB" else (),
+        )
+        for number, slot in enumerate(slots)
+    )  # fmt: skip
+    bus = BusSnapshot(500_000, 1234, 99_999, 1.5, 1.6, 0)
+    return DemoSnapshot("ROVER", "simulated CAN bus, 500 kbit/s", 12.3, parts, (), bus)
+
+
+def shown(sample: str, width: int, height: int, events: int = 20) -> list[str]:
+    happened = [DemoEvent(float(n), "knob", "late", "lost", f"no beat for {n} s, " + "x" * 90) for n in range(events)]
+    target = io.StringIO()
+    console = Console(file=target, width=width, height=height)
+    console.print(live_view(snapshot(sample), happened, [LINK], width, height))
+    return target.getvalue().rstrip("\n").split("\n")
+
+
+@pytest.mark.parametrize("sample", SAMPLES)
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 40), (200, 60)])
+def test_everything_that_matters_fits_and_the_link_is_first(sample: str, width: int, height: int) -> None:
+    lines = shown(sample, width, height)
+    assert len(lines) < height
+    assert max(map(len, lines)) <= width
+    assert "".join(lines[:2]).replace("\n", "").startswith(LINK)
+    screen = "\n".join(lines)
+    for part in snapshot(sample).parts:
+        (row,) = [line for line in lines if line.split()[1:2] == [part.slot]]
+        assert part.part_number in row
+        assert part.state in row
+        assert row.split()[0] in keys_of([one.name for one in snapshot(sample).parts])
+    assert "q: quit" in screen
+    assert "(out)" in screen or sample == "thesis"
+    assert ("plug-in to active" in screen) == (width > 100)
+
+
+def test_the_newest_events_are_shown_as_far_as_there_is_room() -> None:
+    small, large = shown("rover", 80, 24), shown("rover", 80, 50)
+    assert "no beat for 19 s" in small[-1]
+    assert sum("no beat" in line for line in small) < sum("no beat" in line for line in large) == 8
+    assert "no beat" not in "".join(shown("rover", 80, 16))

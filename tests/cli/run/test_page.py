@@ -1,0 +1,144 @@
+"""The page's options on the command line, and what is said when it is served."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from msbot.cli.run.page import DEFAULT_PORT, PageWishes, made_to_stay, page_options, page_wishes, serve_page
+from msbot.errors import ConfigError
+from msbot.runtime.virtual_time import run_virtual
+from msbot.web.server import WebSettings
+
+if TYPE_CHECKING:
+    from msbot.web.room import WebRoom
+
+LINK = "http://127.0.0.1:8080/setup?token=x"
+
+
+def wishes(*, host: str = "127.0.0.1", certificate: Path | None = None) -> PageWishes:
+    return page_wishes(port=None, host=host, no_page=False, certificate=certificate, certificate_key=None)
+
+
+def ask(*arguments: str) -> Result:
+    """Run a command that has the page's options and nothing else."""
+    found: list[PageWishes] = []
+
+    @click.command()
+    @page_options
+    def command(
+        *, port: int | None, host: str, no_page: bool, certificate: Path | None, certificate_key: Path | None,
+        page_names: tuple[str, ...],
+    ) -> None:  # fmt: skip
+        found.append(
+            page_wishes(port=port, host=host, no_page=no_page, certificate=certificate,
+                        certificate_key=certificate_key, page_names=page_names)
+        )  # fmt: skip
+        click.echo(repr(found[0]))
+
+    return CliRunner().invoke(command, arguments)
+
+
+def test_without_options_this_computer_only_and_the_usual_port_or_another() -> None:
+    assert wishes().settings() == WebSettings("127.0.0.1", DEFAULT_PORT, or_any_port=True)
+    assert "off=False" in ask().output
+
+
+def test_a_port_that_was_asked_for_is_that_one_or_none() -> None:
+    asked = page_wishes(port=9000, host="127.0.0.1", no_page=False, certificate=None, certificate_key=None)
+    assert asked.settings() == WebSettings("127.0.0.1", 9000, or_any_port=False)
+
+
+def test_a_key_alone_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--certificate-key needs the certificate, too: --certificate FILE"):
+        page_wishes(port=None, host="127.0.0.1", no_page=False, certificate=None, certificate_key=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--port", "70000"], "70000 is not in the range"),
+        (["--port", "web"], "'web' is not a valid integer"),
+        (["--certificate", "nowhere.pem"], "does not exist"),
+    ],
+)
+def test_what_makes_no_sense_is_told_at_once(arguments: list[str], words: str) -> None:
+    done = ask(*arguments)
+    assert done.exit_code == 2
+    assert words in done.output
+
+
+def test_the_page_can_be_left_out() -> None:
+    assert "off=True" in ask("--no-page").output
+
+
+class Served:
+    """A page that is up after a second and serves until cancelled."""
+
+    link = LINK
+
+    def __init__(self) -> None:
+        self.server = self
+        self.ready = asyncio.Event()
+        self.has_ended = False
+
+    async def run(self) -> None:
+        try:
+            await asyncio.sleep(1.0)
+            self.ready.set()
+            await asyncio.Event().wait()
+        finally:
+            self.has_ended = True
+
+
+def said(asked: PageWishes, robot_after_s: float, until_s: float) -> list[tuple[float, str]]:
+    """What is said, and when."""
+    lines: list[tuple[float, str]] = []
+
+    async def main() -> None:
+        loop, room, ready = asyncio.get_running_loop(), Served(), asyncio.Event()
+        begin = loop.time()
+        loop.call_later(robot_after_s, ready.set)
+        serving = asyncio.ensure_future(
+            serve_page(cast("WebRoom", room), ready, asked, lambda line: lines.append((loop.time() - begin, line)))
+        )
+        await asyncio.sleep(until_s)
+        serving.cancel()
+        await asyncio.wait([serving])
+        assert serving.cancelled()
+        assert room.has_ended
+
+    run_virtual(main())
+    return lines
+
+
+def test_the_address_is_said_when_page_and_robot_are_up() -> None:
+    assert said(wishes(), 3.0, 5.0) == [(3.0, f"The page is at {LINK}")]
+    assert said(wishes(), 0.1, 5.0) == [(1.0, f"The page is at {LINK}")]
+    assert said(wishes(), 3.0, 2.0) == []
+
+
+def test_who_can_reach_it_is_said_when_it_is_not_this_computer_only(tmp_path: Path) -> None:
+    (_, (_, plain)) = said(wishes(host="0.0.0.0"), 0.0, 5.0)
+    assert plain.startswith("Everybody in this computer's networks can reach it")
+    assert plain.endswith("what travels can be read: add --certificate.")
+    (_, (_, safe)) = said(wishes(host="0.0.0.0", certificate=tmp_path), 0.0, 5.0)
+    assert safe == "Everybody in this computer's networks can reach it; a password protects it."
+    assert len(said(wishes(host="::1"), 0.0, 5.0)) == 1
+
+
+def test_while_the_page_is_made_no_garbage_is_looked_for_and_afterwards_it_is() -> None:
+    def fail() -> None:
+        with made_to_stay():
+            assert not gc.isenabled()
+            raise ConfigError("the port is in use")
+
+    with pytest.raises(ConfigError):
+        fail()
+    assert gc.isenabled()

@@ -1,0 +1,148 @@
+"""A robot as a service: the unit files, what is asked of systemd, and what is told. systemd itself is played."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msbot.cli.service import systemd
+from msbot.cli.service.service import command
+from msbot.cli.service.systemd import Systemd
+from msbot.cli.service.units import RobotService, quoted
+from msbot.config import write_sample
+
+SHOWN = "LoadState=loaded\nActiveState=active\nSubState=running\nNRestarts=2\nMainPID=77\nActiveEnterTimestamp=today\n"
+
+
+class Played:
+    """systemd, as far as it is asked: notes the commands and answers."""
+
+    def __init__(self, refuse: str = "") -> None:
+        self.asked: list[str] = []
+        self.refuse = refuse
+
+    def __call__(self, command: Sequence[str]) -> subprocess.CompletedProcess[str]:
+        line = " ".join(command)
+        self.asked.append(line)
+        refused = bool(self.refuse) and self.refuse in line
+        return subprocess.CompletedProcess(command, int(refused), SHOWN, "Access denied\n" if refused else "")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    write_sample(tmp_path / "robot.toml")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    return tmp_path
+
+
+@pytest.fixture
+def played(monkeypatch: pytest.MonkeyPatch) -> Played:
+    found = Played()
+    monkeypatch.setattr(systemd, "is_there", lambda: True)
+    init = Systemd.__init__
+    monkeypatch.setattr(Systemd, "__init__", lambda self, for_all: init(self, for_all=for_all, run=found))
+    return found
+
+
+def ask(*arguments: str) -> Result:
+    return CliRunner().invoke(command, arguments)
+
+
+def test_without_systemd_the_files_are_printed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(systemd, "is_there", lambda: False)
+    done = ask("install")
+    assert done.exit_code == 0, done.output
+    assert "This computer is not run by systemd: nothing is installed." in done.output
+    assert f"# {folder}/config/systemd/user/msbot-msbot_master.service" in done.output
+    assert f"-P -m msbot master {folder}/robot.toml --db {folder}/robot.db --link udp:127.0.0.1:8888" in done.output
+    assert "OnCalendar=daily" in done.output
+    assert not (folder / "config").exists()
+
+
+def test_it_is_installed_asked_after_and_removed(folder: Path, played: Played) -> None:
+    done = ask("install", "--link", "udp:0.0.0.0:8888", "--host", "0.0.0.0", "--keep", "3")
+    assert done.exit_code == 0, done.output
+    units = folder / "config/systemd/user"
+    assert sorted(path.name for path in units.iterdir()) == [
+        "msbot-msbot_master-backup.service",
+        "msbot-msbot_master-backup.timer",
+        "msbot-msbot_master.service",
+    ]
+    assert "--link udp:0.0.0.0:8888 --host 0.0.0.0" in (units / "msbot-msbot_master.service").read_text()
+    assert f"db backup {folder}/backups --keep 3" in (units / "msbot-msbot_master-backup.service").read_text()
+    both = "msbot-msbot_master.service msbot-msbot_master-backup.timer"
+    assert played.asked == [
+        "loginctl enable-linger",
+        "systemctl --user daemon-reload",
+        f"systemctl --user enable {both}",
+        f"systemctl --user restart {both}",
+    ]
+    words = ask("status")
+    assert "MSBOT_MASTER runs since today (process 77, restarts: 2)" in words.output
+    facts = json.loads(ask("status", "--json").output)
+    assert facts["running"] is True
+    assert facts["database"] == f"{folder}/robot.db"
+    gone = ask("remove")
+    assert "starts no more" in gone.output
+    assert list(units.iterdir()) == []
+    assert f"systemctl --user disable --now {both}" in played.asked
+    assert (folder / "robot.toml").exists()
+    again = ask("remove")
+    assert "is not installed as a service" in str(again.exception)
+    assert ask("status").exit_code == 1
+
+
+def test_a_refusal_of_systemd_is_told(folder: Path, played: Played) -> None:
+    played.refuse = "enable-linger"
+    done = ask("install")
+    assert "`loginctl enable-linger` was refused: Access denied" in str(done.exception)
+
+
+def test_what_is_wrong_is_told_before_anything_is_installed(folder: Path, played: Played) -> None:
+    assert "there is no such file" in str(ask("install", "other.toml").exception)
+    assert "link 'udpp:x'" in str(ask("install", "--link", "udpp:x").exception)
+    assert played.asked == []
+
+
+def test_without_backups_there_is_no_timer(folder: Path, played: Played) -> None:
+    assert ask("install", "--backup", "never").exit_code == 0
+    assert [path.name for path in (folder / "config/systemd/user").iterdir()] == ["msbot-msbot_master.service"]
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+def test_systemd_finds_nothing_wrong_with_the_files(tmp_path: Path) -> None:
+    path = tmp_path / 'a folder "with" 100 % odd $names' / "robot.toml"
+    path.parent.mkdir()
+    wanted = RobotService("R2 % $x", sys.executable, path, str(path.with_suffix(".db")), ("--link", "udp:0.0.0.0:0"),
+                          for_all=True, backups=tmp_path, backup_at="daily", keep=3)  # fmt: skip
+    for name, text in wanted.files().items():
+        (tmp_path / name).write_text(text)
+    files = [str(tmp_path / name) for name in wanted.files()]
+    done = subprocess.run(["systemd-analyze", "verify", *files], capture_output=True, text=True, check=False)
+    assert "msbot-" not in done.stderr
+
+
+@given(st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1))
+def test_a_word_of_a_command_line_stays_one_word(word: str) -> None:
+    assert unquoted(quoted(word)) == word
+    assert unquoted(quoted(f"a {word} b")) == f"a {word} b"
+
+
+def unquoted(text: str) -> str:
+    """What systemd makes of one word: specifiers and variables doubled, C-style escapes within quotes."""
+    if text.startswith('"'):
+        assert text.endswith('"')
+        text = text[1:-1].replace("\\\\", "\0").replace('\\"', '"').replace("\0", "\\")
+    else:
+        assert " " not in text
+    return text.replace("%%", "%").replace("$$", "$")

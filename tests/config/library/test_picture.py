@@ -1,0 +1,60 @@
+"""The picture of a part."""
+
+from xml.etree import ElementTree
+
+import pytest
+
+from msbot.config import Category, PartType, Pin, PinKind, load_library
+from msbot.config.library.picture import picture_fault, picture_svg
+
+LIBRARY = load_library()
+
+
+@pytest.mark.parametrize("number", LIBRARY.numbers())
+def test_every_part_has_a_picture_with_its_pins(number: str) -> None:
+    part_type = LIBRARY.get(number)
+    assert part_type is not None
+    root = ElementTree.fromstring(picture_svg(part_type))
+    texts = [element.text for element in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert texts == [number, *(pin.name for pin in part_type.pins[:18])]
+
+
+@pytest.mark.parametrize("category", Category)
+def test_odd_names_are_written_as_they_must_be(category: Category) -> None:
+    part_type = PartType("<A&B>", 'say "hi" & go', category=category, pins=(Pin("<1>", PinKind.BUS),))
+    root = ElementTree.fromstring(picture_svg(part_type))
+    title = root.find("{http://www.w3.org/2000/svg}title")
+    assert title is not None
+    assert title.text == '<A&B>: say "hi" & go'
+
+
+def test_a_picture_of_ones_own_is_taken() -> None:
+    assert picture_svg(PartType("A", "a", picture="<svg/>")) == "<svg/>"
+
+
+FAULTS = [
+    ("<svg>", "is no SVG (no element found"),
+    ("<html/>", "must be an SVG that begins with <svg; it begins with <html"),
+    ("<svg><script>alert(1)</script></svg>", "must not have <script>"),
+    ("<svg><a href='x'/></svg>", "must not have <a>"),
+    ("<svg onload='alert(1)'/>", 'must not have onload="..."'),
+    ("<svg><rect style='background:url(x)'/></svg>", 'must not have style="..."'),
+    ("<!DOCTYPE svg [<!ENTITY a 'b'>]><svg/>", "must not declare anything"),
+    ("<svg xmlns:x='http://www.w3.org/1999/xlink'><path x:href='x'/></svg>", 'must not have href="..."'),
+]
+
+
+@pytest.mark.parametrize(("text", "sentence"), FAULTS)
+def test_a_picture_that_could_do_something_is_refused(text: str, sentence: str) -> None:
+    assert (picture_fault(text) or "").startswith(sentence)
+
+
+@pytest.mark.parametrize("number", LIBRARY.numbers())
+def test_what_is_drawn_is_such_a_picture(number: str) -> None:
+    part_type = LIBRARY.get(number)
+    assert part_type is not None
+    assert picture_fault(picture_svg(part_type)) is None
+
+
+def test_remarks_do_no_harm() -> None:
+    assert picture_fault("<!-- drawn by hand --><svg><g><circle r='4'/></g></svg>") is None

@@ -1,0 +1,1 @@
+"""Tests of the C firmware in `firmware/c`."""

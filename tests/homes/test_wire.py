@@ -1,0 +1,271 @@
+"""The MicroPython home's octets against those of MsBOT's own code, and against recorded ones."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from tests.homes import micro
+from tests.homes.world import (
+    DICTIONARY,
+    FIXED,
+    STANDARD_MESSAGES,
+    Refusal,
+    SerialReceiver,
+    compress,
+    decompress,
+    encode_serial,
+    prove,
+    split,
+)
+
+VECTORS = Path(__file__).parents[1] / "vectors"
+MTU = 512
+
+
+def recorded() -> Iterator[bytes]:
+    """Every message of the genuine peers that fits the home's links."""
+    for path in VECTORS.glob("*.jsonl"):
+        for line in path.read_text().splitlines():
+            octets = bytes.fromhex(json.loads(line).get("hex", ""))
+            if 0 < len(octets) <= MTU:
+                yield octets
+
+
+def test_what_it_knows_beforehand_is_what_everybody_knows() -> None:
+    compact = micro.load("compact")
+    assert compact.DICTIONARY == DICTIONARY
+    assert compact.FIXED == FIXED
+    assert tuple(refusal.words for refusal in Refusal) == micro.load("words").REFUSALS
+
+
+def test_recorded_messages_come_out_as_they_went_in_whoever_shortened_them() -> None:
+    compact = micro.load("compact")
+    messages = set(recorded())
+    assert len(messages) > 1000
+    for message in messages:
+        short = compact.compress(message)
+        assert decompress(short) == message
+        assert compact.decompress(short) == message
+        assert compact.decompress(compress(message)) == message
+
+
+@pytest.mark.parametrize("session", [0x81, 0x82])
+def test_a_parts_first_message_is_as_short_as_from_a_pc(session: int) -> None:
+    compact = micro.load("compact")
+    first = bytes((session, 0x80)) + compact.FIRST
+    assert compact.compress(first) == compress(first)
+    assert len(compact.compress(first)) == 17
+
+
+@given(st.binary(min_size=1, max_size=MTU))
+@example(b"\x81\x80\0\0\x07\x01\x04\0\xa0\0\0\x15")
+@example(b"\x81\0\0\0\x0a\x01\x05\0\0\0\0\0\x81")
+@example(b"\x80\0\0\0\0\x01\x10\0XRCE\x01\0\x01\x0f\0\0\0\x01\x83\0\0\0")
+def test_any_octets_come_out_as_they_went_in(octets: bytes) -> None:
+    compact = micro.load("compact")
+    assert decompress(compact.compress(octets)) == octets
+    assert compact.decompress(compact.compress(octets)) == octets
+
+
+@given(st.binary(max_size=80))
+@example(b"\x5f\x03\x00")
+@example(b"\x5f\x5f")
+def test_octets_that_are_no_form_are_refused_and_nothing_else_happens(octets: bytes) -> None:
+    compact = micro.load("compact")
+    try:
+        compact.decompress(octets)
+    except micro.load("errors").RemoteProtocolError:
+        pass
+
+
+@given(st.binary(min_size=1, max_size=MTU + 1), st.integers(0, 63))
+def test_frames_are_cut_and_joined_as_everybody_does(packet: bytes, counter: int) -> None:
+    can = micro.load("can")
+    frames = split(packet, counter, False)
+    assert can.split(packet, counter) == frames
+    joiner = can.Joiner(MTU + 1)
+    assert [joiner.receive(frame, 0) for frame in frames] == [None] * (len(frames) - 1) + [packet]
+
+
+@given(st.lists(st.binary(min_size=1, max_size=40), min_size=1, max_size=12), st.randoms(use_true_random=False))
+def test_a_joiner_gives_sent_messages_or_none(packets: list[bytes], random: Random) -> None:
+    """Frames are lost, repeated at once, or cut off; what is given was sent, in order."""
+    can = micro.load("can")
+    joiner, counter, heard = can.Joiner(MTU + 1), 0, []
+    for packet in packets:
+        frames = split(packet, counter, False)
+        counter += len(frames)
+        for frame in frames:
+            for _ in range(random.choice((0, 1, 1, 1, 1, 2))):
+                heard.append(joiner.receive(frame, 0))
+    given = [message for message in heard if message is not None]
+    position = 0
+    for message in given:
+        position = packets.index(message, position)
+
+
+@given(st.lists(st.binary(min_size=1, max_size=8), max_size=40))
+def test_arbitrary_frames_do_a_joiner_no_harm(frames: list[bytes]) -> None:
+    joiner = micro.load("can").Joiner(20)
+    for frame in frames:
+        message = joiner.receive(frame, 0)
+        assert message is None or 0 < len(message) <= 21
+
+
+class Stream:
+    """A byte stream that gives what it has in pieces."""
+
+    def __init__(self, octets: bytes, random: Random) -> None:
+        self.octets, self._random = octets, random
+
+    def read(self) -> bytes:
+        size = self._random.randrange(1, 20)
+        piece, self.octets = self.octets[:size], self.octets[size:]
+        return piece
+
+
+class Heard:
+    """A client that only listens."""
+
+    def __init__(self) -> None:
+        self.packets: list[bytes] = []
+
+    def packet(self, packet: bytes, _now: int) -> None:
+        self.packets.append(packet)
+
+
+def read_all(octets: bytes, random: Random) -> list[bytes]:
+    stream, heard = Stream(octets, random), Heard()
+    link = micro.load("links").SerialLink(stream)
+    link.begin(None, heard, 0)
+    while stream.octets:
+        link.poll(0)
+    return heard.packets
+
+
+@given(st.lists(st.binary(min_size=1, max_size=60), max_size=4), st.randoms(use_true_random=False))
+@example([b"\x7e\x7d\x7d\x7e" * 10], Random(1))
+def test_serial_frames_both_ways(packets: list[bytes], random: Random) -> None:
+    links = micro.load("links")
+    sent = b"".join(links.encode_frame(packet, 1) for packet in packets)
+    assert sent == b"".join(encode_serial(packet, 1, 0) for packet in packets)
+    assert SerialReceiver(0).receive(sent) == [(1, packet) for packet in packets]
+    assert read_all(b"\x7enoise" + b"".join(encode_serial(p, 0, 1) for p in packets), random) == packets
+
+
+@given(st.binary(max_size=200), st.randoms(use_true_random=False))
+@example(b"\x7e\x7d\x7d\x7d", Random(1))
+def test_noise_on_a_line_is_no_packet_unless_its_check_sum_agrees(octets: bytes, random: Random) -> None:
+    read_all(octets, random)
+    packet = b"a whole packet"
+    spoiled = bytearray(encode_serial(packet, 0, 1))
+    spoiled[random.randrange(5, len(spoiled))] ^= 0x04
+    assert packet not in read_all(bytes(spoiled), random)
+    assert read_all(octets.replace(b"\x7d", b"") + encode_serial(packet, 0, 1), random)[-1:] == [packet]
+
+
+@given(st.binary(min_size=16, max_size=64), st.binary(min_size=16, max_size=16), st.text(max_size=20))
+def test_a_proof_is_that_of_a_pc(key: bytes, nonce: bytes, name: str) -> None:
+    name = name.encode("utf-8", "ignore").decode()
+    uid = bytes(range(8))
+    mine = micro.load("keys").prove(key, nonce, uid, "ABCD", name, 0xAABBCCDD)
+    assert mine == prove(key, nonce, uid, part_number="ABCD", local_name=name, session_key=0xAABBCCDD)
+
+
+@pytest.mark.parametrize("name", STANDARD_MESSAGES)
+def test_a_standard_message_is_that_of_a_pc(name: str) -> None:
+    theirs: Any = STANDARD_MESSAGES[name]
+    mine = micro.load("message").standard(name)
+    values = {field: {str: "words", bool: True}.get(type(value), 3) for field, value in vars(theirs()).items()}
+    message = theirs(**values)
+    assert mine(**values).encode() == message.encode()
+    assert repr(mine.decode(message.encode())) == repr(theirs.decode(message.encode()))
+
+
+@given(st.binary(max_size=40), st.sampled_from(sorted(STANDARD_MESSAGES)))
+def test_octets_are_a_message_for_both_or_for_none(octets: bytes, name: str) -> None:
+    theirs: Any = STANDARD_MESSAGES[name]
+    mine = micro.load("message").standard(name)
+    try:
+        expected = repr(theirs.decode(octets))
+    except Exception as error:
+        expected = type(error).__name__
+    try:
+        found = repr(mine.decode(octets))
+    except Exception as error:
+        found = type(error).__name__
+    assert found == expected
+
+
+class Pipe:
+    """A packet pipe to nobody."""
+
+    def __init__(self) -> None:
+        self.incoming: list[bytes] = []
+
+    def read(self) -> bytes | None:
+        return self.incoming.pop(0) if self.incoming else None
+
+    def write(self, _packet: bytes) -> bool:
+        return True
+
+
+LOGIN_ANSWER = bytes.fromhex("8100000004010b0000005852434501 00010f00")
+submessages = st.builds(
+    lambda kind, flags, body, more: bytes((kind, flags, len(body) & 0xFF, more)) + body + bytes(-len(body) & 3),
+    st.integers(0, 16),
+    st.integers(0, 3),
+    st.binary(max_size=40),
+    st.sampled_from((0, 0, 0, 1)),
+)
+packets = st.builds(
+    lambda session, stream, number, bodies: bytes((session, stream, number, 0)) + b"".join(bodies),
+    st.sampled_from((0x80, 0x81, 0x82, 1)),
+    st.sampled_from((0, 1, 0x80, 0x80, 0x81)),
+    st.integers(0, 20),
+    st.lists(submessages, max_size=4),
+)
+replies = st.builds(
+    lambda number, body: (
+        bytes((0x81, 0x80, number, 0)) + b"\x09\x01" + bytes((len(body) + 8, 0)) + b"\xc0\x17\0\x17\x80\0\0\x17" + body
+    ),
+    st.integers(0, 20),
+    st.binary(max_size=60),
+)
+
+
+@given(st.lists(packets | replies | st.binary(max_size=40), max_size=12), st.lists(st.integers(0, 3000), max_size=12))
+def test_whatever_comes_from_the_wire_a_part_goes_on(came: list[bytes], pauses: list[int]) -> None:
+    """No exception, nothing that grows, and whatever happened: once it is let alone it asks for a session again."""
+    part = micro.load("part").Part("TEST-1")
+    micro.load("errors").listen(lambda *_: None)
+    pipe, now = Pipe(), 0
+    part.begin(micro.load("links").PacketLink(pipe), now)
+    part.step(now)
+    pipe.incoming.append(LOGIN_ANSWER)
+    for packet, pause in zip(came, [*pauses, *[1] * len(came)], strict=False):
+        pipe.incoming.append(packet)
+        due = part.step(now)
+        assert due is not None
+        assert due > now
+        now += pause
+    client = part._client
+    assert len(client._out) <= 64
+    assert client._kept <= 8192
+    for _ in range(400):
+        now = part.step(now)
+    assert client._login_at is not None or client._creating
+
+
+def test_the_package_names_every_file() -> None:
+    listed = json.loads((micro.FOLDER.parent / "package.json").read_text())["urls"]
+    assert [place for place, _ in listed] == [source for _, source in listed]
+    assert sorted(source for _, source in listed) == sorted(f"msbot/{path.name}" for path in micro.FOLDER.glob("*.py"))

@@ -1,0 +1,31 @@
+// The MicroPython VM in node, driven line by line: one request (JSON) in, one answer out. See vm_host.py.
+import { readFileSync, readdirSync } from "node:fs";
+import { join } from "node:path";
+import { createInterface } from "node:readline";
+
+const [vm, library, host] = process.argv.slice(2);
+const { loadMicroPython } = await import(join(vm, "micropython.mjs"));
+const stray = []; // what the VM prints by itself: an error of the host
+const mp = await loadMicroPython({
+  url: join(vm, "micropython.wasm"),
+  stdout: (line) => stray.push(line),
+  stderr: (line) => stray.push(line),
+  linebuffer: true,
+});
+mp.FS.mkdir("/lib");
+mp.FS.mkdir("/lib/msbot");
+for (const name of readdirSync(library)) {
+  if (name.endsWith(".py") || name.endsWith(".mpy")) mp.FS.writeFile(`/lib/msbot/${name}`, readFileSync(join(library, name)));
+}
+mp.runPython(readFileSync(host, "utf8"));
+const answer = mp.globals.get("answer");
+for await (const line of createInterface({ input: process.stdin })) {
+  let reply;
+  try {
+    reply = answer(line);
+  } catch (error) {
+    reply = JSON.stringify({ broken: `${error.message}` });
+  }
+  process.stdout.write(`${reply}\n`);
+  if (stray.length) process.stderr.write(`${stray.splice(0).join("\n")}\n`);
+}

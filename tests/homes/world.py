@@ -1,0 +1,240 @@
+"""A robot for the programs of the conformance suite, in virtual time: a master, a partner, and one program in a home.
+
+The only file of this folder that knows where MsBOT's own modules are.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass, field, replace
+from random import Random
+from typing import Protocol
+
+from msbot.config import Blueprint, Options, RobotProfile
+from msbot.link.byte_frames import SerialReceiver, encode_serial
+from msbot.link.can import CanMasterLink, CanPartLink, Codec
+from msbot.link.can.protocol.frames import Frame, Joiner, split
+from msbot.link.can.sim import SimBus, SimBusDriver
+from msbot.link.can.sim.driver import SimCanBus
+from msbot.link.contract import Signal
+from msbot.link.net.udp import UdpServerLink
+from msbot.link.serial.lines import Line, LineServer
+from msbot.master import Master
+from msbot.part import Part
+from msbot.part.join.keys import prove
+from msbot.part.join.plug import Refusal
+from msbot.part.messages.standard import STANDARD_MESSAGES
+from msbot.part.program import Program
+from msbot.pnp import Binding, Configuration, MemoryStore, PartType, Slot
+from msbot.runtime.virtual_time import run_virtual
+from msbot.xrce import compress, decompress
+from msbot.xrce.compression.dictionary import DICTIONARY, FIXED
+
+CODEC = Codec(compress, decompress)
+SLOT = "mine"
+PARTNER_SLOT = "partner"
+UID = bytes.fromhex("00112233445566aa")
+PARTNER_UID = bytes.fromhex("00112233445566bb")
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What the robot is for one program."""
+
+    name: str = "CLASSROOM"
+    number: str = "TEST-1"
+    """The part number of the slot that the program's part takes."""
+    bindings: tuple[tuple[str, str, str], ...] = ()
+    """Ports of the program's part: name, direction `out` or `in`, message type. The partner has the other ends."""
+    settings: tuple[tuple[str, str], ...] = ()
+    options: Options = field(default_factory=Options)
+    keys: tuple[tuple[bytes, bytes], ...] = ()
+    """UID and key."""
+
+
+class Home(Protocol):
+    """Where a program runs."""
+
+    def start(self, world: World, program: str, name: str) -> None:
+        """Run it, plugged into the world."""
+
+    def state(self) -> str:
+        """State and reason of its part."""
+
+    def pull(self) -> None:
+        """Unplug it, in the middle of whatever it does."""
+
+    def close(self) -> None:
+        """It is over."""
+
+
+class World:
+    """The robot. `log` is what the program printed and what the world saw of it, in order."""
+
+    def __init__(self, robot: Robot, home: Home, program: str, name: str, *, seed: int = 0) -> None:
+        self.robot = robot
+        self._program = program, name
+        self.home = home
+        self.log: list[str] = []
+        self.random = Random(1)
+        self.driver = SimBusDriver(SimBus(500_000, random=Random(seed)))
+        self.driver.attach("monitor")
+        self.lines = MemoryLines()
+        mine = [Binding(port, port, kind, publishes=way == "out", reliable=True) for port, way, kind in robot.bindings]
+        others = [replace(binding, publishes=not binding.publishes) for binding in mine]
+        self.store = MemoryStore(
+            types=(PartType(robot.number, "the program's"), PartType("PARTNER", "partner")),
+            slots=(Slot(SLOT, robot.number), Slot(PARTNER_SLOT, "PARTNER")),
+            configurations=(
+                Configuration(1, SLOT, tuple(mine), robot.settings),
+                Configuration(1, PARTNER_SLOT, tuple(others), ()),
+            ),
+        )
+        self.store.keys.update(robot.keys)
+        self.partner: Part | None = None
+        self._tasks: dict[str, asyncio.Task[None]] = {}
+        self.master = self._make_master()
+
+    # What a scene does.
+
+    def start_master(self) -> None:
+        self._tasks["master"] = self.spawn(self.master.run())
+
+    async def kill_master(self) -> None:
+        """It falls silent in the middle of whatever it does."""
+        await self._end("master")
+
+    def new_master(self) -> None:
+        """Another start of it: it remembers nothing but what its store has."""
+        self.master = self._make_master()
+        self.start_master()
+
+    def plug(self) -> None:
+        """The program starts."""
+        self.home.start(self, *self._program)
+
+    def plug_partner(self, *program: Callable[[Part], None]) -> Part:
+        """A part at the other ends of the program's ports."""
+        part = Part("PARTNER", uid=PARTNER_UID, random=Random(2))
+        for tell in program:
+            tell(part)
+        link = CanPartLink(self.driver.attach("partner"), uid=PARTNER_UID, random=Random(3), codec=CODEC)
+        self._tasks["partner"] = self.spawn(part.run_async(link, epoch_ns=lambda: 0))
+        self.partner = part
+        return part
+
+    async def pull_partner(self) -> None:
+        self.driver.detach("partner")
+        await self._end("partner")
+
+    def configure(self, settings: tuple[tuple[str, str], ...]) -> None:
+        """Somebody changes the settings of the program's slot."""
+        old = self.store.configurations[SLOT]
+        self.store.configurations[SLOT] = replace(old, version=old.version + 1, settings=settings)
+        self.master.inventory.configuration_changed(SLOT)
+
+    def identify(self) -> None:
+        """Somebody asks which part the program's is."""
+        key = next(info.client_key for info in self.master.inventory.view(0.0) if info.slot == SLOT)
+        assert self.master.inventory_service.identify(key)
+
+    def part_states(self) -> str:
+        """How the master sees the program's part."""
+        infos = [info for info in self.master.inventory.view(0.0) if info.part_number == self.robot.number]
+        return "the master says: " + (", ".join(info.state.value for info in infos) or "nobody")
+
+    def confirmed(self) -> str:
+        """Who obeys STOP, as the master knows."""
+        status = self.master.inventory_service.stop.status()
+        names = sorted(one.part for one in status.confirmed)
+        return f"STOP confirmed by {', '.join(names) or 'nobody'}; not by {', '.join(status.silent) or 'nobody'}"
+
+    def note(self, text: str) -> None:
+        """Something that the world saw."""
+        self.log.append(f"> {text}")
+
+    async def until_state(self, word: str, seconds: float = 20.0) -> None:
+        """Wait until the program's part is in that state."""
+        loop = asyncio.get_running_loop()
+        end_at = loop.time() + seconds
+        while not self.home.state().startswith(word):
+            assert loop.time() < end_at, f"it is {self.home.state()}, not {word}; {self.log}"
+            await asyncio.sleep(0.01)
+
+    def spawn(self, work: Coroutine[object, object, None]) -> asyncio.Task[None]:
+        return asyncio.get_running_loop().create_task(work)
+
+    async def close(self) -> None:
+        self.home.close()
+        for name in list(self._tasks):
+            await self._end(name)
+
+    async def _end(self, name: str) -> None:
+        task = self._tasks.pop(name)
+        task.cancel()
+        (result,) = await asyncio.gather(task, return_exceptions=True)
+        if isinstance(result, Exception):
+            raise result
+
+    def _make_master(self) -> Master:
+        blueprint = Blueprint(RobotProfile(self.robot.name, "1", "7", "today", "us"), (), options=self.robot.options)
+        master = Master(blueprint, self.store, random=self.random, epoch_ns=lambda: 0)
+        self.driver.detach("master")
+        end = self.driver.attach("master")
+        profile_hash = master.profile.profile_hash()
+        master.add_link(CanMasterLink(end, profile_hash=profile_hash, random=self.random, codec=CODEC))
+        master.add_link(self.lines)
+        return master
+
+
+class MemoryLines(LineServer):
+    """The master's end of a serial line whose other end is a program of ours; no terminal, so virtual time holds."""
+
+    def __init__(self) -> None:
+        super().__init__("line")
+        self.line: Line | None = None
+        self.written: Callable[[bytes], None] = lambda _: None
+
+    async def run(self) -> None:
+        self.line = Line(self, "wire")
+        # Not `self.written` itself: the program's end is put in its place later.
+        self.line.connection_made(_Wire(self.line, lambda octets: self.written(octets)))  # noqa: PLW0108
+        self._tell(Signal.LINK_UP, None, "open")
+        try:
+            await asyncio.get_running_loop().create_future()
+        finally:
+            self.line = None
+            await self._close_lines()
+
+    def feed(self, octets: bytes) -> None:
+        """Octets for the master; nobody hears them while it is dead."""
+        if self.line is not None:
+            self.line.data_received(octets)
+
+
+class _Wire(asyncio.Transport):
+    def __init__(self, line: Line, written: Callable[[bytes], None]) -> None:
+        super().__init__()
+        self._line = line
+        self._written = written
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        self._written(bytes(data))
+
+    def is_closing(self) -> bool:
+        return False
+
+    def abort(self) -> None:
+        """Nothing is kept."""
+        asyncio.get_running_loop().call_soon(self._line.connection_lost, None)
+
+    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
+        """Nothing waits."""
+
+
+__all__ = [
+    "CODEC", "DICTIONARY", "FIXED", "STANDARD_MESSAGES", "UID", "CanPartLink", "Frame", "Home", "Joiner", "MemoryLines",
+    "Part", "Program", "Refusal", "Robot", "SerialReceiver", "SimCanBus", "UdpServerLink", "World", "compress",
+    "decompress", "encode_serial", "prove", "run_virtual", "split",
+]  # fmt: skip

@@ -1,0 +1,133 @@
+"""Connections of the page under attack: half-open ones are closed, and never keep people out; on the loopback."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import socket
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import pytest
+import uvicorn
+from starlette.types import Receive, Scope, Send
+from uvicorn.server import ServerState
+
+from msbot.web import connections
+from msbot.web.connections import Acceptor, Connections, WatchedConnection
+
+
+async def answer(scope: Scope, receive: Receive, send: Send) -> None:
+    """The application: reads the whole body, says how long it was."""
+    octets, more = 0, True
+    while more:
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            return
+        octets += len(message.get("body", b""))
+        more = message.get("more_body", False)
+    body = str(octets).encode()
+    await send(
+        {"type": "http.response.start", "status": 200, "headers": [(b"content-length", str(len(body)).encode())]}
+    )
+    await send({"type": "http.response.body", "body": body})
+
+
+class Site:
+    def __init__(self, port: int, open_ones: Connections, acceptor: Acceptor) -> None:
+        self.port = port
+        self.open = open_ones
+        self.acceptor = acceptor
+
+    async def connect(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        return await asyncio.open_connection("127.0.0.1", self.port)
+
+    async def ask(self) -> bytes:
+        reader, writer = await self.connect()
+        writer.write(b"GET / HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")
+        octets = await reader.read()
+        writer.close()
+        return octets
+
+
+@asynccontextmanager
+async def site(most: int = 100) -> AsyncIterator[Site]:
+    """A server with our connections and nothing else."""
+    config = uvicorn.Config(answer, log_level="error", lifespan="off")
+    config.load()
+    state, open_ones = ServerState(), Connections(most)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        listening.setblocking(False)
+        acceptor = Acceptor(listening, lambda: WatchedConnection(open_ones, config, state, {}), None)
+        task = asyncio.create_task(acceptor.run())
+        try:
+            yield Site(listening.getsockname()[1], open_ones, acceptor)
+        finally:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+
+async def closed(reader: asyncio.StreamReader) -> bool:
+    """Waits until the server has closed a connection."""
+    with contextlib.suppress(ConnectionResetError):
+        assert await reader.read() == b""
+    return True
+
+
+async def test_who_says_nothing_or_dawdles_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "HEAD_S", 0.05)
+    monkeypatch.setattr(connections, "BODY_S", 0.05)
+    async with site() as server:
+        silent, first = await server.connect()
+        half, writer = await server.connect()
+        writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n")
+        body, other = await server.connect()
+        other.write(b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 100\r\n\r\nsome")
+        for reader in (silent, half, body):
+            assert await closed(reader)
+        for end in (first, writer, other):
+            end.close()
+        assert b"200 OK" in await server.ask()
+        assert server.open.dropped == 3
+
+
+async def test_many_idle_connections_keep_nobody_out() -> None:
+    async with site(most=20) as server:
+        idle = [await server.connect() for _ in range(60)]
+        for _ in range(5):
+            assert b"200 OK" in await server.ask()
+        assert len(server.open) <= 20
+        assert server.open.dropped >= 40
+        for _, writer in idle:
+            writer.close()
+
+
+async def test_one_address_makes_room_among_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "MOST_PER_ADDRESS", 5)
+    async with site(most=50) as server:
+        idle = [await server.connect() for _ in range(20)]
+        assert b"200 OK" in await server.ask()
+        assert len(server.open) <= 5
+        for _, writer in idle:
+            writer.close()
+
+
+async def test_without_descriptors_accepting_pauses_instead_of_spinning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "ACCEPT_PAUSE_S", 0.01)
+    async with site() as server:
+        loop, left = asyncio.get_running_loop(), 3
+        real = loop.sock_accept
+
+        async def accept(listening: socket.socket) -> tuple[socket.socket, object]:
+            nonlocal left
+            left -= 1
+            if left >= 0:
+                raise OSError(errno.EMFILE, "Too many open files")
+            return await real(listening)
+
+        monkeypatch.setattr(loop, "sock_accept", accept)
+        for _ in range(2):  # the first is taken by the call that waited already
+            assert b"200 OK" in await server.ask()
+        assert server.acceptor.pauses == 3

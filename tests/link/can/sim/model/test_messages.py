@@ -1,0 +1,132 @@
+"""What programs on one simulated bus say to each other, to the octet, and what makes no sense."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msbot.errors import LocalProtocolError, RemoteProtocolError
+from msbot.link.can.controller import BusState
+from msbot.link.can.protocol.frames import Frame
+from msbot.link.can.sim.model.messages import (
+    MAX_MESSAGE,
+    BusFrame,
+    FrameRejected,
+    FrameSent,
+    FramesLost,
+    Hello,
+    Message,
+    Refused,
+    Restart,
+    Splitter,
+    StateTold,
+    Welcome,
+    decode,
+    encode,
+)
+from tests.link.can.protocol.test_bits import frames
+
+KEY = bytes(range(16))
+NUMBERS = st.integers(0, 0xFFFFFFFF)
+TIMES = st.floats(allow_nan=False)
+WORDS = st.text(max_size=90)
+MESSAGES: st.SearchStrategy[Message] = st.one_of(
+    st.builds(Hello, st.binary(min_size=16, max_size=16), WORDS, st.booleans(), st.booleans()),
+    st.builds(Welcome, st.integers(1, 0xFFFFFFFF), st.none() | st.integers(1, 0xFFFFFFFF), st.booleans()),
+    st.builds(Refused, WORDS),
+    st.builds(BusFrame, frames(), NUMBERS, TIMES),
+    st.builds(FrameSent, NUMBERS, TIMES),
+    st.builds(FrameRejected, NUMBERS, WORDS),
+    st.builds(
+        StateTold,
+        st.sampled_from([BusState.ACTIVE, BusState.PASSIVE, BusState.OFF]),
+        TIMES,
+        st.integers(0, 0xFFFF),
+        st.integers(0, 0xFFFF),
+        WORDS,
+    ),
+    st.builds(FramesLost, NUMBERS),
+    st.just(Restart()),
+)
+
+LITERAL = [
+    (Hello(KEY, "A", listen_only=True), "1800 01 4d735342 01 01 000102030405060708090a0b0c0d0e0f 41"),
+    (Welcome(500_000, 2_000_000, fd=True), "0b00 02 01 01 20a10700 80841e00"),
+    (BusFrame(Frame(0x123, b"\xde\xad"), 7, 1.0), "1500 04 07000000 000000000000f03f 23010000 00 00 dead"),
+    (FrameSent(7, 1.0), "0d00 05 07000000 000000000000f03f"),
+    (FramesLost(5), "0500 08 05000000"),
+    (Restart(), "0100 09"),
+]
+
+
+@pytest.mark.parametrize(("message", "octets"), LITERAL)
+def test_messages_to_the_octet(message: Message, octets: str) -> None:
+    assert encode(message) == bytes.fromhex(octets)
+    assert Splitter().receive(bytes.fromhex(octets)) == [message]
+
+
+@given(st.lists(MESSAGES, max_size=4), st.integers(1, 50))
+def test_messages_come_out_as_they_went_in_however_they_are_cut(messages: list[Message], size: int) -> None:
+    octets = b"".join(map(encode, messages))
+    assert all(len(encode(message)) <= MAX_MESSAGE + 2 for message in messages)
+    splitter, received = Splitter(), []
+    for start in range(0, len(octets), size):
+        received += splitter.receive(octets[start : start + size])
+    assert received == messages
+
+
+@given(st.binary(max_size=80))
+def test_any_octets_are_a_message_or_an_error(octets: bytes) -> None:
+    try:
+        message = decode(octets)
+    except RemoteProtocolError:
+        return
+    again = decode(encode(message)[2:])
+    unknown_time = isinstance(message, BusFrame | FrameSent | StateTold) and math.isnan(message.at)
+    assert unknown_time or again == message
+
+
+@given(st.lists(st.binary(max_size=40), max_size=8))
+def test_a_splitter_never_keeps_more_than_a_message(pieces: list[bytes]) -> None:
+    splitter = Splitter()
+    try:
+        for piece in pieces:
+            splitter.receive(piece)
+            assert len(splitter._buffer) <= MAX_MESSAGE + 2
+    except RemoteProtocolError:
+        assert not splitter._buffer
+
+
+@pytest.mark.parametrize(
+    ("octets", "words"),
+    [
+        ("0000", "impossible length"),
+        ("0102" + "00" * 513, "impossible length"),
+        ("0100 00", "unknown kind"),
+        ("0100 0a", "unknown kind"),
+        ("0500 01 4d735342", "Hello message that makes no sense"),
+        ("1700 01 48545450 01 00 000102030405060708090a0b0c0d0e0f", "another protocol"),
+        ("1700 01 4d735342 02 00 000102030405060708090a0b0c0d0e0f", "version 2, here it is 1"),
+        ("0b00 02 02 01 20a10700 80841e00", "Welcome of version 2"),
+        ("1400 04 07000000 000000000000f03f 00080000 00 00 de", "impossible frame"),
+        ("1400 04 07000000 000000000000f03f 01000000 08 01 de", "a remote frame is classic, carries no data"),
+        ("0e00 07 000000000000f03f 03 0000 0000", "StateTold message that makes no sense"),
+        ("474554202f20485454502f312e310d0a", "impossible length"),
+    ],
+)
+def test_nonsense_is_an_error_that_says_what(octets: str, words: str) -> None:
+    with pytest.raises(RemoteProtocolError, match=words):
+        Splitter().receive(bytes.fromhex(octets))
+
+
+def test_a_key_has_16_octets() -> None:
+    with pytest.raises(LocalProtocolError, match="16 octets"):
+        encode(Hello(b"short", "A"))
+
+
+def test_long_words_are_cut_where_a_letter_ends() -> None:
+    message = decode(encode(Refused("ä" * 300 + "!"))[2:])
+    assert message == Refused("ä" * 200)

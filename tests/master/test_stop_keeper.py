@@ -1,0 +1,91 @@
+"""STOP is kept in a file and in the store; the newer of the two holds, and a file that nobody can read means STOP."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+
+from msbot.master import StopKeeper, stop_file
+from msbot.pnp import MemoryStore, StopRecord
+
+STOP = StopRecord(3, True, "ann", "fire", 5)
+
+
+def keep(keeper: StopKeeper, record: StopRecord) -> str:
+    """Keep a record; gives the trouble."""
+    done = threading.Event()
+    found: list[str] = []
+
+    def tell(_record: StopRecord, trouble: str) -> None:
+        found.append(trouble)
+        done.set()
+
+    keeper.keep(record, tell)
+    assert done.wait(30)
+    keeper.close()
+    return found[0]
+
+
+def test_what_was_kept_is_there_for_the_next_master(tmp_path: Path) -> None:
+    path = tmp_path / "state" / "stop.json"
+    assert keep(StopKeeper(MemoryStore(), path), STOP) == ""
+    assert StopKeeper(MemoryStore(), path).load() == STOP, "the file alone is enough"
+    assert path.stat().st_mode & 0o077 == 0
+    assert [one.name for one in path.parent.iterdir()] == ["stop.json"], "no draft is left behind"
+
+
+def test_the_store_alone_is_enough(tmp_path: Path) -> None:
+    store = MemoryStore()
+    assert keep(StopKeeper(store), STOP) == ""
+    assert StopKeeper(store, tmp_path / "not there.json").load() == STOP
+
+
+def test_an_older_backup_does_not_end_a_stop_and_an_older_file_does_not_either(tmp_path: Path) -> None:
+    path = tmp_path / "stop.json"
+    keep(StopKeeper(MemoryStore(), path), STOP)
+    old = MemoryStore()
+    old.stop = StopRecord(2, False)
+    assert StopKeeper(old, path).load() == STOP
+    newer = MemoryStore()
+    newer.stop = StopRecord(3, False, "bob")
+    assert StopKeeper(newer, path).load() == newer.stop
+
+
+def test_a_file_that_cannot_be_read_means_stop(tmp_path: Path) -> None:
+    path = tmp_path / "stop.json"
+    path.write_text("{half")
+    record = StopKeeper(MemoryStore(), path).load()
+    assert record.holds
+    assert str(path) in record.reason
+
+
+def test_nothing_was_ever_said(tmp_path: Path) -> None:
+    assert StopKeeper(MemoryStore(), tmp_path / "stop.json").load() == StopRecord()
+
+
+class Away(MemoryStore):
+    """A database that takes nothing."""
+
+    def is_kept(self, timeout_s: float) -> bool:
+        return False
+
+
+@pytest.mark.parametrize(("store", "words"), [(MemoryStore(), ""), (Away(), "STOP is not stored: ")])
+def test_without_the_file_the_database_must_confirm(store: MemoryStore, words: str, tmp_path: Path) -> None:
+    (tmp_path / "a file").write_text("")
+    trouble = keep(StopKeeper(store, tmp_path / "a file" / "stop.json"), STOP)
+    assert trouble.startswith(words)
+    assert bool(trouble) == bool(words)
+
+
+def test_each_robot_of_each_database_has_its_own_file(tmp_path: Path) -> None:
+    files = {
+        stop_file(name, serial, database, tmp_path)
+        for name in ("R2", "R/2")
+        for serial in ("1", "2")
+        for database in ("/a/robot.db", "/b/robot.db")
+    }
+    assert len(files) == 8
+    assert {path.parent for path in files} == {tmp_path / "msbot" / "stop"}

@@ -1,0 +1,27 @@
+"""The standard messages: the classes a program uses are the types the library knows."""
+
+import pytest
+
+from msbot.config import FieldKind, standard_message_types
+from msbot.part.messages.message import fields_of
+from msbot.part.messages.standard import STANDARD_MESSAGES
+
+WORDS = {kind.value: kind for kind in FieldKind} | {"str": FieldKind.TEXT}
+
+
+def test_the_library_knows_each_class_and_there_is_a_class_for_each_type() -> None:
+    assert sorted(STANDARD_MESSAGES) == sorted(standard_message_types())
+
+
+@pytest.mark.parametrize("name", STANDARD_MESSAGES)
+def test_class_and_type_have_the_same_fields_in_the_same_order(name: str) -> None:
+    message_class = STANDARD_MESSAGES[name]
+    fields = [(field.name, WORDS[field.codec.word]) for field in fields_of(message_class)]
+    assert fields == list(standard_message_types()[name].fields.items())
+    assert message_class.decode(message_class().encode()) == message_class()
+
+
+@pytest.mark.parametrize("name", STANDARD_MESSAGES)
+def test_the_size_the_library_tells_is_that_on_the_wire(name: str) -> None:
+    size = standard_message_types()[name].size_bytes
+    assert size in (None, len(STANDARD_MESSAGES[name]().encode()))

@@ -1,0 +1,178 @@
+"""Every beginner's mistake is one sentence with its line, and a part never keeps silent: the sentences are read."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from msbot import HelloWorld, Part
+from msbot.errors import ConfigError, LocalProtocolError
+from msbot.part.join import plug
+from tests.part.test_part import Room, make_part, play
+from tests.part.wire import publishes
+
+HEAD = "from msbot import HelloWorld, Part\npart = Part('ABCD')\n"
+
+MISTAKES = {
+    "run is forgotten": (
+        HEAD + "@part.every(1.0)\ndef tell():\n    pass\n",
+        "program.py:2: part ABCD was made and never run: end the program with part.run(), "
+        "or msbot.run(part, ...) for several",
+    ),
+    "every without parentheses": (
+        HEAD + "@part.every\ndef tell():\n    pass\npart.run()\n",
+        "program.py:3: @part.every above tell needs the seconds in parentheses: @part.every(1.0)",
+    ),
+    "on without parentheses": (
+        HEAD + "@part.on\ndef hear(message):\n    pass\npart.run()\n",
+        'program.py:3: @part.on above hear needs port and message: @part.on("in", HelloWorld)',
+    ),
+    "on without a message": (
+        HEAD + "@part.on('in')\ndef hear(message):\n    pass\npart.run()\n",
+        "program.py:3: @part.on('in', ...) needs the class of the message: on('in', HelloWorld)",
+    ),
+    "on_join with parentheses": (
+        HEAD + "@part.on_join()\ndef begin():\n    pass\npart.run()\n",
+        "program.py:3: @part.on_join is written without parentheses",
+    ),
+    "a function with too many arguments": (
+        HEAD + "@part.every(1.0)\ndef tell(message):\n    pass\npart.run()\n",
+        "program.py:3: tell must take no arguments: write `def tell()`",
+    ),
+    "positional fields": (
+        HEAD + "HelloWorld(1, 'hello')\npart.run()\n",
+        "program.py:3: HelloWorld takes its fields by name: HelloWorld(index=..., message=...)",
+    ),
+    "publish before run": (
+        HEAD + "part.publish('out', HelloWorld(index=1, message='x'))\npart.run()\n",
+        "program.py:3: the part does not run: publish in a function below @part.every or @part.on",
+    ),
+    "publish in another thread": (
+        "import threading\n" + HEAD
+        + "thread = threading.Thread(target=lambda: part.publish('out', HelloWorld(index=1, message='x')))\n"
+        "thread.start()\nthread.join()\nimport os\nos._exit(0)\n",
+        "program.py:4 in <lambda>: the part does not run: publish in a function below @part.every or @part.on",
+    ),
+    "a value that does not fit": (
+        HEAD + "HelloWorld(index=-1, message='x')\npart.run()\n",
+        "program.py:3: HelloWorld.index cannot be -1: uint32 needs a whole number from 0 to 4294967295",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("program", "told"), MISTAKES.values(), ids=MISTAKES.keys())
+def test_a_mistake_is_one_sentence_with_its_line(program: str, told: str, tmp_path: Path) -> None:
+    (tmp_path / "program.py").write_text(program)
+    done = subprocess.run(
+        [sys.executable, "program.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.stderr == f"{told}\n"
+    assert done.stdout == ""
+
+
+def test_a_program_that_ends_with_its_own_error_is_told_that_only(tmp_path: Path) -> None:
+    (tmp_path / "program.py").write_text(HEAD + "1 / 0\n")
+    done = subprocess.run(
+        [sys.executable, "program.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.stderr.splitlines()[-1] == "ZeroDivisionError: division by zero"
+    assert "never run" not in done.stderr
+
+
+SLEEPER = """
+from msbot.part.handler_guard import Guard
+import asyncio
+from msbot.part.beginner import HandlerWatch
+import logging
+logging.basicConfig(format="%(message)s")
+
+def wait():
+    print(input())      # nothing comes before the sentence has been said
+
+async def main():
+    guard = Guard(print)
+    watch = HandlerWatch(lambda: guard.running)
+    guard.call(wait)
+    watch.end()
+
+asyncio.run(main())
+import os
+os._exit(0)
+"""
+
+
+def test_a_function_that_waits_is_told_of_while_it_does(tmp_path: Path) -> None:
+    (tmp_path / "program.py").write_text(SLEEPER)
+    with subprocess.Popen(
+        [sys.executable, "-u", "program.py"], cwd=tmp_path,
+        stdin=subprocess.PIPE, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        assert process.stderr is not None
+        said = process.stderr.readline()  # comes though the function has not returned
+        assert process.poll() is None
+        process.communicate("go on\n", timeout=60)
+    assert said.startswith("program.py:9: wait has not returned yet, and the part cannot beat meanwhile: ")
+
+
+# While it runs
+
+
+def test_no_master_is_told_after_two_seconds(caplog: pytest.LogCaptureFixture) -> None:
+    async def scenario(room: Room) -> None:
+        await room.master.kill()
+        room.plug(make_part())
+        await asyncio.sleep(1.9)
+        assert "no master" not in caplog.text
+        await asyncio.sleep(0.2)
+        assert "no master at" in caplog.text
+        assert "yet, still looking; is `msbot master` running?" in caplog.text
+
+    play(scenario)
+
+
+def test_a_robot_that_does_not_answer_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    async def scenario(room: Room) -> None:
+        room.plug(Part("NOBODY", robot="MSBOT_MASTER", uid=bytes(range(8))))
+        await asyncio.sleep(3.0)
+        assert "the robot does not answer part NOBODY; `msbot why NOBODY` beside the master says why" in caplog.text
+
+    play(scenario)
+
+
+def test_a_refusal_is_told_with_its_reason_and_every_new_reason_too(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+
+    async def scenario(room: Room) -> None:
+        room.master.refuse = plug.Refusal.DUPLICATE
+        room.plug(make_part())
+        await asyncio.sleep(1.0)
+        assert f"is refused: {plug.Refusal.DUPLICATE.words}" in caplog.text
+        room.master.refuse = plug.Refusal.NO_SLOT
+        await asyncio.sleep(3.0)
+        assert f"is refused: {plug.Refusal.NO_SLOT.words}" in caplog.text
+        assert caplog.text.count(plug.Refusal.NO_SLOT.words) == 1
+
+    play(scenario)
+
+
+def test_on_at_a_port_that_publishes(caplog: pytest.LogCaptureFixture) -> None:
+    async def scenario(room: Room) -> None:
+        part = make_part()
+        part.on("out", HelloWorld)(lambda message: None)
+        room.plug(part)
+        await asyncio.sleep(0.5)
+        assert "port 'out': publishes, so nothing comes in there: use part.publish('out', ...)" in caplog.text
+
+    play(scenario, {"ABCD": [publishes("out", "t")]})
+
+
+def test_errors_have_their_kinds() -> None:
+    part = Part("ABCD")
+    with pytest.raises(ConfigError, match="seconds in parentheses"):
+        part.every(print)  # type: ignore[arg-type]
+    with pytest.raises(LocalProtocolError, match="by name"):
+        HelloWorld(1, "x")  # type: ignore[call-arg]

@@ -1,0 +1,157 @@
+"""A student's mistakes: refused when handed over, reported once with file and line, never fatal."""
+
+import asyncio
+import logging
+
+import pytest
+
+from msbot.errors import ConfigError
+from msbot.part.handler_guard import Every, Guard, check_handler
+from msbot.runtime.virtual_time import run_virtual
+
+
+def one(message: object) -> None:
+    """Takes the message."""
+
+
+def none() -> None:
+    """Takes nothing."""
+
+
+def test_a_handler_with_the_right_arguments_is_taken() -> None:
+    assert check_handler(none) == "none"
+    assert check_handler(one, "message") == "one"
+    assert check_handler(print, "message") == "print"
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "words"),
+    [
+        (one, "", "one must take no arguments: write `def one()`"),
+        (none, "message", "none must take one argument, the message: write `def none(message)`"),
+        (3, "", "a handler must be a function, not 3"),
+    ],
+)
+def test_a_handler_with_other_arguments_is_refused(function: object, arguments: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        check_handler(function, arguments)  # type: ignore[arg-type]  # that is the mistake
+    assert str(caught.value) == words
+
+
+def test_an_async_handler_is_refused() -> None:
+    async def tick() -> None:
+        """Would never be awaited."""
+
+    with pytest.raises(ConfigError, match="must be a plain function"):
+        check_handler(tick)
+
+
+def test_an_error_is_reported_once_with_file_and_line(caplog: pytest.LogCaptureFixture) -> None:
+    def broken() -> None:
+        raise ZeroDivisionError("division by zero")
+
+    async def main() -> Guard:
+        guard = Guard(lambda _: None)
+        for _ in range(3):
+            guard.call(broken)
+        return guard
+
+    with caplog.at_level(logging.INFO, "msbot.part"):
+        guard = run_virtual(main())
+    assert guard.errors == 3
+    line = broken.__code__.co_firstlineno + 1
+    said = [record.getMessage() for record in caplog.records]
+    assert said == [
+        f"test_handler_guard.py:{line} in broken: ZeroDivisionError: division by zero (said once, counted from now on)"
+    ]
+
+
+def test_the_same_line_may_fail_in_two_ways(caplog: pytest.LogCaptureFixture) -> None:
+    errors = iter([ValueError("1"), TypeError("2"), ValueError("3")])
+
+    def broken() -> None:
+        raise next(errors)
+
+    async def main() -> None:
+        guard = Guard(lambda _: None)
+        for _ in range(3):
+            guard.call(broken)
+
+    run_virtual(main())
+    assert len(caplog.records) == 2
+
+
+def test_a_mistake_in_the_program_goes_to_the_owner_with_its_place() -> None:
+    told: list[ConfigError] = []
+
+    def broken() -> None:
+        raise ConfigError("no such port")
+
+    async def main() -> None:
+        Guard(told.append).call(broken)
+
+    run_virtual(main())
+    assert [str(error) for error in told] == [
+        f"test_handler_guard.py:{broken.__code__.co_firstlineno + 1} in broken: no such port"
+    ]
+
+
+def test_a_slow_handler_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
+    durations = iter([2.0, 3.0])
+
+    def slow() -> None:
+        loop = asyncio.get_running_loop()
+        loop._now += next(durations)  # type: ignore[attr-defined]  # as if it had slept
+
+    async def main() -> None:
+        guard = Guard(lambda _: None)
+        guard.call(slow)
+        guard.call(slow)
+
+    run_virtual(main())
+    assert [record.getMessage() for record in caplog.records] == [
+        "slow: took 2.0 s, and the part cannot beat meanwhile: keep it below 0.5 s"
+    ]
+
+
+def test_reports_are_bounded(caplog: pytest.LogCaptureFixture) -> None:
+    guard = Guard(lambda _: None)
+    for number in range(500):
+        guard.report(f"place {number}", "wrong")
+    assert len(caplog.records) == 100
+
+
+def test_every_calls_at_once_and_then_on_a_grid() -> None:
+    calls: list[float] = []
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        every = Every(0.25, lambda: calls.append(loop.time()))
+        every.start(Guard(lambda _: None))
+        await asyncio.sleep(1.1)
+        every.cancel()
+        await asyncio.sleep(1.0)
+        every.cancel()
+
+    run_virtual(main())
+    assert calls == [0.0, 0.25, 0.5, 0.75, 1.0]
+
+
+def test_every_skips_what_it_missed() -> None:
+    calls: list[float] = []
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+
+        def late() -> None:
+            calls.append(loop.time())
+            if len(calls) == 2:
+                loop._now += 2.5  # type: ignore[attr-defined]  # as if the machine had been busy
+
+        every = Every(1.0, late)
+        every.start(Guard(lambda _: None))
+        await asyncio.sleep(5.5)
+        every.cancel()
+
+    run_virtual(main())
+    assert calls == [0.0, 1.0, 3.5, 4.0, 5.0]

@@ -1,0 +1,114 @@
+"""STOP is counted truly: only a beat with its number confirms it, and whoever is silent is named."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msbot.pnp import StopRecord
+from msbot.pnp.emergency_stop import EmergencyStop
+
+AA, BB, CC = ((name.encode(), name) for name in ("AA", "BB", "CC"))
+
+
+def said(*parts: tuple[bytes, str]) -> EmergencyStop:
+    stop = EmergencyStop()
+    stop.say("ann", "hand in the gear", parts, 10.0, 1_000)
+    return stop
+
+
+def test_before_anybody_says_stop_there_is_nothing() -> None:
+    status = EmergencyStop().status()
+    assert (status.stopped, status.number, status.told, status.since_ns, status.latency_ms) == (False, 0, 0, None, None)
+
+
+def test_who_confirmed_and_in_how_many_ms_and_who_did_not() -> None:
+    stop = said(AA, BB, CC)
+    assert stop.confirm(b"AA", 1, 10.004)
+    assert stop.confirm(b"CC", 1, 10.25)
+    status = stop.status()
+    assert [(one.part, round(one.ms, 3)) for one in status.confirmed] == [("AA", 4.0), ("CC", 250.0)]
+    assert status.silent == ("BB",)
+    assert status.told == 3
+    assert status.latency_ms is None, "one has not confirmed"
+    assert stop.confirm(b"BB", 1, 10.5)
+    assert stop.status().latency_ms == 500.0
+
+
+def test_the_number_of_another_stop_confirms_nothing() -> None:
+    stop = said(AA)
+    stop.go("ann")
+    stop.say("bob", "", [AA], 20.0, 2_000)
+    assert not stop.confirm(b"AA", 1, 20.1)
+    assert stop.status().silent == ("AA",)
+    assert stop.confirm(b"AA", 2, 20.2)
+    assert not EmergencyStop().confirm(b"AA", 0, 0.0), "no STOP holds"
+
+
+def test_a_number_counts_by_its_lowest_16_bits() -> None:
+    stop = EmergencyStop(StopRecord(0x1_FFFF, False))
+    stop.say("ann", "", [AA], 0.0, 0)
+    assert stop.number == 0x2_0000
+    assert stop.confirm(b"AA", 0, 0.1)
+
+
+def test_a_part_that_begins_anew_must_confirm_again() -> None:
+    stop = said(AA, BB)
+    stop.confirm(b"AA", 1, 10.1)
+    stop.begin_anew(b"AA", "AA", 12.0)
+    assert stop.status().silent == ("BB", "AA")
+    stop.confirm(b"AA", 1, 12.3)
+    assert stop.status().confirmed[0].ms == pytest.approx(300)
+
+
+def test_a_part_that_comes_in_later_is_counted_from_then() -> None:
+    stop = said(AA)
+    stop.tell(b"CC", "CC", 30.0)
+    stop.confirm(b"CC", 1, 30.02)
+    assert [(one.part, round(one.ms)) for one in stop.status().confirmed] == [("CC", 20)]
+
+
+def test_a_part_that_says_goodbye_is_not_waited_for() -> None:
+    stop = said(AA, BB)
+    stop.leave(b"BB")
+    assert stop.status().silent == ("AA",)
+
+
+def test_stop_said_twice_is_one_stop_by_the_first_who_said_it() -> None:
+    stop = said(AA)
+    stop.confirm(b"AA", 1, 10.1)
+    stop.say("bob", "again", [AA, BB], 11.0, 2_000)
+    status = stop.status()
+    assert (status.by, status.since_ns, status.number, status.silent) == ("ann", 1_000, 1, ("BB",))
+    assert len(status.confirmed) == 1
+
+
+def test_go_ends_it_and_the_next_one_has_another_number() -> None:
+    stop = said(AA)
+    assert stop.go("bob") == 1
+    assert not stop.status().stopped
+    assert stop.status().told == 0
+    stop.say("ann", "", [AA], 1.0, 1)
+    assert stop.number == 2
+
+
+def test_a_stop_from_before_goes_on() -> None:
+    stop = EmergencyStop(StopRecord(7, True, "ann", "fire", 5))
+    stop.tell(b"AA", "AA", 1.0)
+    status = stop.status()
+    assert (status.stopped, status.by, status.reason, status.since_ns, status.silent) == (
+        True,
+        "ann",
+        "fire",
+        5,
+        ("AA",),
+    )
+
+
+@given(st.lists(st.tuples(st.integers(0, 9), st.booleans()), min_size=2, max_size=2))
+def test_of_two_records_the_later_one_holds_and_go_comes_after_its_stop(both: list[tuple[int, bool]]) -> None:
+    one, other = (StopRecord(number, holds) for number, holds in both)
+    assert not (one.is_newer_than(other) and other.is_newer_than(one))
+    if one.number == other.number and one.holds != other.holds:
+        assert (other if one.holds else one).is_newer_than(one if one.holds else other)

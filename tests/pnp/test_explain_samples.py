@@ -1,0 +1,256 @@
+"""Packets in words, with the messages on the topics."""
+
+from __future__ import annotations
+
+from struct import pack, unpack
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msbot.part import HelloWorld
+from msbot.part.join.plug import (
+    INVENTORY_REPLY_TOPIC,
+    INVENTORY_REPLY_TYPE,
+    INVENTORY_REQUEST_TOPIC,
+    INVENTORY_REQUEST_TYPE,
+    INVENTORY_SERVICE,
+    PROFILE_TOPIC,
+    PROFILE_TYPE,
+    Beat,
+    BeatReply,
+)
+from msbot.part.messages.standard import Level
+from msbot.pnp import KnownObject, Overhearer
+from msbot.pnp import thesis_programs as compat
+from msbot.pnp.explain_samples import value_words
+from msbot.xrce.messages import (
+    STREAM_BEST_EFFORT,
+    Create,
+    CreateClient,
+    Data,
+    Format,
+    Fragment,
+    Header,
+    ObjectVariant,
+    Submessage,
+    WriteData,
+    encode_message,
+)
+from msbot.xrce.objects import (
+    EndpointQos,
+    participant_variant,
+    reader_variant,
+    replier_variant,
+    requester_variant,
+    subscriber_variant,
+    topic_variant,
+    writer_variant,
+)
+
+QOS = EndpointQos()
+SAMPLE = HelloWorld(index=3, message="turn-on 2").encode()
+
+
+def packet(*submessages: Submessage, sequence_nr: int = 0) -> bytes:
+    return encode_message(Header(0x81, 0x80, sequence_nr), submessages, pad_end=False)
+
+
+def service(name: str, objects: int = 0x0017) -> bytes:
+    make = requester_variant if objects & 0xF == 7 else replier_variant
+    variant = make(
+        name, INVENTORY_REQUEST_TYPE, INVENTORY_REPLY_TYPE, INVENTORY_REQUEST_TOPIC, INVENTORY_REPLY_TOPIC, 0x11
+    )
+    return packet(Create(14, objects, variant))
+
+
+def after(setup: bytes, *said: bytes, up: bool) -> list[str]:
+    """What is noted below the submessages of the last packet."""
+    listener = Overhearer()
+    assert not notes(listener.explain(setup, 1, up=True))
+    lines: list[str] = []
+    for one in said:
+        lines = listener.explain(one, 1, up=up)
+    return notes(lines)
+
+
+def notes(lines: list[str]) -> list[str]:
+    return [line.strip() for line in lines if line.startswith(" ")]
+
+
+RING = packet(
+    Create(10, 0x0011, participant_variant("p", 0)),
+    Create(11, 0x0012, topic_variant("HelloWorldTopic_1_to_2", "HelloWorld", 0x11)),
+    Create(12, 0x0022, topic_variant("Light", "LightLevel", 0x11)),
+    Create(13, 0x0014, subscriber_variant(0x11)),
+    Create(14, 0x0015, writer_variant(0x12, 0x13, QOS)),
+    Create(15, 0x0016, reader_variant(0x12, 0x14, QOS)),
+    Create(16, 0x0025, writer_variant(0x22, 0x13, QOS)),
+    Create(17, 0x0035, writer_variant(0x92, 0x13, QOS)),
+)
+
+
+@pytest.mark.parametrize(
+    ("submessage", "note"),
+    [
+        (WriteData(20, 0x0015, SAMPLE), "HelloWorldTopic_1_to_2: HelloWorld(index=3, message='turn-on 2')"),
+        (Data(20, 0x0016, SAMPLE), "HelloWorldTopic_1_to_2: HelloWorld(index=3, message='turn-on 2')"),
+        (WriteData(20, 0x0025, b"\1\2\3\4"), "Light: a LightLevel"),
+        (WriteData(20, 0x0035, b"\1\2\3\4"), "unknown topic: a message"),
+        (WriteData(20, 0x0015, b"\1"), "HelloWorldTopic_1_to_2: makes no sense: "),
+    ],
+)
+def test_samples_are_shown_with_their_topic(submessage: Submessage, note: str) -> None:
+    (shown,) = after(RING, packet(submessage), up=isinstance(submessage, WriteData))
+    assert shown.startswith(note)
+
+
+def test_samples_of_unknown_objects_get_no_note() -> None:
+    assert after(RING, packet(WriteData(20, 0x0095, SAMPLE)), up=True) == []
+
+
+def test_topics_by_xml_are_known_too() -> None:
+    xml = (
+        "<dds><data_reader><topic><kind>NO_KEY</kind><name>msbot_masterTopic</name>"
+        "<dataType>HelloWorld</dataType></topic></data_reader></dds>"
+    )
+    setup = packet(Create(10, 0x0016, ObjectVariant(6, Format.XML, xml, None, 0x14, 0)))
+    assert after(setup, packet(Data(20, 0x0016, SAMPLE)), up=False) == [
+        f"{PROFILE_TOPIC}: HelloWorld(index=3, message='turn-on 2')"
+    ]
+    assert PROFILE_TYPE == "msbot_master"
+
+
+@pytest.mark.parametrize(
+    ("object_id", "submessage", "note"),
+    [
+        (0x0017, WriteData(20, 0x0017, Beat(lease=7).encode()), "request of msbot_inventory: Beat(lease=7)"),
+        (
+            0x0017,
+            Data(20, 0x0017, b"\0\x14\0\x17" + BeatReply(configuration_version=2).encode()),
+            "reply of msbot_inventory: BeatReply(configuration_version=2)",
+        ),
+        (0x0018, Data(20, 0x0018, bytes(24) + Beat(lease=7).encode()), "request of msbot_inventory: Beat(lease=7)"),
+        (
+            0x0018,
+            WriteData(20, 0x0018, bytes(24) + BeatReply(configuration_version=2).encode()),
+            "reply of msbot_inventory: BeatReply(configuration_version=2)",
+        ),
+        (0x0017, WriteData(20, 0x0017, b"\1"), "request of msbot_inventory: makes no sense: "),
+    ],
+)
+def test_the_inventory_service_is_understood(object_id: int, submessage: Submessage, note: str) -> None:
+    (shown,) = after(service(INVENTORY_SERVICE, object_id), packet(submessage), up=isinstance(submessage, WriteData))
+    assert shown.startswith(note)
+
+
+def test_the_thesis_own_service_is_understood() -> None:
+    setup = service(compat.SERVICE)
+    (request,) = after(setup, packet(WriteData(20, 0x0017, compat.encode_request("ABCD", "AA"))), up=True)
+    assert request.startswith("request of service_name: Claim(part_number='ABCD', local_name='AA'")
+    (reply,) = after(setup, packet(Data(20, 0x0017, bytes(4) + compat.encode_reply("ABCD"))), up=False)
+    assert reply == "reply of service_name: ABCD"
+
+
+def test_other_services_are_named() -> None:
+    assert after(service("adder"), packet(WriteData(20, 0x0017, b"\1")), up=True) == ["request of adder"]
+
+
+def pieces(whole: bytes) -> list[bytes]:
+    return [
+        packet(Fragment(whole[:20], last=False), sequence_nr=5),
+        packet(Fragment(whole[20:40], last=False), sequence_nr=6),
+        packet(Fragment(whole[40:], last=True), sequence_nr=7),
+    ]
+
+
+WHOLE = packet(WriteData(20, 0x0015, HelloWorld(index=3, message="a" * 40).encode()))[4:]
+
+
+def test_fragments_are_joined() -> None:
+    joined = after(RING, *pieces(WHOLE), up=True)
+    assert joined[0].startswith("together: WRITE_DATA to datawriter 0x0015")
+    assert joined[1].endswith(f"HelloWorld(index=3, message='{'a' * 40}')")
+
+
+def test_a_repeated_fragment_does_no_harm_and_a_missing_one_is_no_message() -> None:
+    one, two, three = pieces(WHOLE)
+    assert len(after(RING, one, two, one, two, three, up=True)) == 2
+    assert after(RING, one, three, up=True) == []
+    assert len(after(RING, one, three, one, two, three, up=True)) == 2, "the next message is whole again"
+
+
+def test_a_message_without_end_is_not_kept() -> None:
+    endless = [packet(Fragment(bytes(60_000), last=False), sequence_nr=number) for number in range(30)]
+    assert after(RING, *endless, packet(Fragment(b"", last=True), sequence_nr=30), up=True) == []
+
+
+def test_a_new_session_knows_nothing_of_the_old_one() -> None:
+    listener = Overhearer()
+    listener.explain(RING, 1, up=True)
+    login = encode_message(Header(0x80, 0, 0), [CreateClient(0xAABBCCDD, 0x81, 512)], pad_end=False)
+    listener.explain(login, 1, up=True)
+    assert notes(listener.explain(packet(WriteData(20, 0x0015, SAMPLE)), 1, up=True)) == []
+
+
+def test_sessions_are_kept_apart() -> None:
+    listener = Overhearer()
+    listener.explain(RING, 1, up=True)
+    assert notes(listener.explain(packet(WriteData(20, 0x0015, SAMPLE)), 2, up=True)) == []
+    assert notes(listener.explain(packet(WriteData(20, 0x0015, SAMPLE)), 1, up=True)) != []
+
+
+def test_an_object_that_cannot_be_read_is_forgotten() -> None:
+    broken = packet(Create(18, 0x0015, ObjectVariant(5, Format.BINARY, None, b"\xff", 0x13, 0)))
+    assert after(RING, broken, packet(WriteData(20, 0x0015, SAMPLE)), up=True) == []
+
+
+@given(st.lists(st.binary(max_size=60), max_size=6), st.booleans())
+def test_whatever_is_said_nothing_raises(said: list[bytes], up: bool) -> None:
+    listener = Overhearer()
+    listener.explain(RING, 1, up=True)
+    for octets in said:
+        listener.explain(octets, 1, up=up)
+        listener.explain(b"\x81\x80\0\0" + octets, 1, up=up)
+
+
+def test_a_session_that_began_before_anybody_listened_is_understood_by_what_the_master_knows() -> None:
+    known = {
+        0x15: KnownObject("dial", Level.type_name, "knob", "level"),
+        0x26: KnownObject("light", Level.type_name, "lamp", "bright"),
+    }
+    listener = Overhearer(
+        (Level,),
+        know=lambda peer, object_id: known.get(object_id) if peer == 7 else None,
+        units=lambda name: {"percent": "%"} if name == Level.type_name else {},
+    )
+    header = Header(0x81, STREAM_BEST_EFFORT, 1)
+
+    def hear(submessage: Submessage, peer: int, *, up: bool) -> tuple[list[str], list[str]]:
+        return listener.hear(encode_message(header, [submessage], pad_end=False), peer, up=up)
+
+    value = Level(percent=49.9).encode()
+    sentences, words = hear(WriteData(7, 0x15, value), 7, up=True)
+    assert sentences == ["knob says level 49.9 %"]
+    assert any("dial: " in line for line in words)
+    assert hear(Data(7, 0x26, value), 7, up=False)[0] == ["lamp hears bright 49.9 %"]
+    assert hear(WriteData(7, 0x15, value), 8, up=True)[0] == [], "nothing is known of that peer"
+    assert hear(WriteData(7, 0x15, b"x"), 7, up=True)[0] == [], "nonsense is said in the protocol's words"
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (unpack("<f", pack("<f", 49.9))[0], "49.9"),
+        (0.1, "0.1"),
+        (1 / 3, "0.333333333333333"),
+        (unpack("<f", pack("<f", 1 / 3))[0], "0.3333333"),
+        (float("inf"), "inf"),
+        (1e300, "1e+300"),
+        (True, "on"),
+        (7, "7"),
+        ([1.5, 2.0], "[1.5, 2]"),
+    ],
+)
+def test_a_value_is_said_as_its_type_means_it(value: object, words: str) -> None:
+    assert value_words(value) == words

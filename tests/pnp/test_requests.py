@@ -1,0 +1,147 @@
+"""Octets in, octets out, or silence (R50, R52, R53)."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from msbot.part.join import plug
+from msbot.pnp import Binding, Configuration, Refusal
+from msbot.pnp import thesis_programs as compat
+from msbot.pnp.requests import RequestHandler
+from msbot.runtime.tally import MOST_NAMES, OTHERS
+from tests.pnp.robot import Rig, configuration, uid
+
+KEY = 0xAAAAAAAA
+
+
+class Counter:
+    """A rig with a handler of requests in front of it."""
+
+    def __init__(self, *, explain: bool = False) -> None:
+        self.rig = Rig()
+        self.rig.join(KEY)
+        self.requests = RequestHandler(self.rig.inventory, explain=explain)
+
+    def ask(self, message: plug.ClaimMessage | plug.Beat | plug.ConfigurationRequest, key: int = KEY) -> bytes | None:
+        return self.requests.compact(message.encode(), key, self.rig.now)
+
+    def register(self) -> plug.VerdictMessage:
+        answer = self.ask(claim("ABCD"))
+        assert answer is not None
+        return plug.VerdictMessage.decode(answer)
+
+
+def claim(number: str) -> plug.ClaimMessage:
+    return plug.ClaimMessage(part_number=number, local_name="AA", uid=uid(1), session_nonce=7)
+
+
+def test_a_listed_part_gets_lease_version_and_beat_period_and_nothing_more() -> None:
+    counter = Counter()
+    verdict = counter.register()
+    assert verdict.lease
+    assert (verdict.configuration_version, verdict.beat_period_ms, verdict.reason) == (1, 1000, 0)
+    assert len(verdict.encode()) == 12
+    part = counter.rig.part(KEY)
+    assert (part.local_name, part.uid) == ("AA", uid(1))
+
+
+def test_a_stranger_hears_nothing() -> None:
+    counter = Counter()
+    assert counter.ask(claim("NOPE")) is None
+    assert counter.requests.compat(compat.encode_request("NOPE", "x"), KEY, counter.rig.now) is None
+    assert counter.requests.dropped == {}
+
+
+def test_a_robot_that_explains_tells_the_reason() -> None:
+    counter = Counter(explain=True)
+    answer = counter.ask(claim("NOPE"))
+    assert answer is not None
+    verdict = plug.VerdictMessage.decode(answer)
+    assert (verdict.lease, verdict.reason) == (0, Refusal.UNKNOWN_PART)
+
+
+def test_a_contested_claim_is_not_answered_even_by_a_robot_that_explains() -> None:
+    counter = Counter(explain=True)
+    counter.register()
+    counter.rig.join(KEY + 1)
+    assert counter.ask(claim("ABCD"), KEY + 1) is None
+
+
+def test_a_beat_is_answered_with_the_configurations_version_or_0() -> None:
+    counter = Counter()
+    lease = counter.register().lease
+    assert counter.ask(plug.Beat(lease=lease)) == plug.BeatReply(configuration_version=1).encode()
+    assert counter.ask(plug.Beat(lease=lease ^ 1)) == plug.BeatReply(configuration_version=0).encode()
+
+
+def test_the_configuration_travels_whole() -> None:
+    counter = Counter()
+    lease = counter.register().lease
+    answer = counter.ask(plug.ConfigurationRequest(lease=lease, have_version=0))
+    assert answer is not None
+    sent = plug.ConfigurationMessage.decode(answer)
+    ours = configuration("AA")
+    assert (sent.version, sent.slot) == (ours.version, ours.slot)
+    assert [(b.port, b.topic, b.topic_type, b.direction, b.reliable) for b in sent.bindings] == [
+        ("out", "HelloWorldTopic_1_to_2", "HelloWorld", plug.Direction.PUBLISH, 1),
+        ("in", "HelloWorldTopic_3_to_1", "HelloWorld", plug.Direction.SUBSCRIBE, 0),
+    ]
+    assert [(s.name, s.value) for s in sent.settings] == [("period_s", "1.0")]
+
+
+def test_a_configuration_for_an_unknown_lease_is_not_answered() -> None:
+    assert Counter().ask(plug.ConfigurationRequest(lease=5, have_version=0)) is None
+
+
+def test_a_configuration_that_cannot_be_encoded_is_counted_not_raised() -> None:
+    counter = Counter()
+    binding = Binding("p" * 300, "t", "T", publishes=True)
+    counter.rig.store.configurations["AA"] = Configuration(1, "AA", (binding,))
+    lease = counter.register().lease
+    assert counter.ask(plug.ConfigurationRequest(lease=lease, have_version=0)) is None
+    (reason,) = counter.requests.dropped
+    assert reason.startswith("answer: ")
+
+
+def test_an_original_program_gets_its_number_back_and_every_request_is_a_beat() -> None:
+    counter = Counter()
+    request = compat.encode_request("ABCD", "ABCD-local")
+    for beats in range(3):
+        assert counter.requests.compat(request, KEY, counter.rig.now) == compat.encode_reply("ABCD")
+        assert counter.rig.part(KEY).beats == beats
+
+
+def test_a_claim_for_a_uid_of_zeros_is_that_of_a_part_without_uid() -> None:
+    counter = Counter()
+    counter.ask(plug.ClaimMessage(part_number="ABCD", local_name="", uid=bytes(8), session_nonce=0))
+    assert counter.rig.part(KEY).uid == b""
+
+
+@pytest.mark.parametrize("body", [b"", b"abc", bytes(9), b"\xff" * 40])
+def test_nonsense_is_counted_by_reason_and_not_answered(body: bytes) -> None:
+    counter = Counter(explain=True)
+    assert counter.requests.compact(body, KEY, 0.0) is None
+    assert counter.requests.compat(body, KEY, 0.0) is None
+    assert sum(counter.requests.dropped.values()) == 2
+    assert all(reason.startswith("request: ") for reason in counter.requests.dropped)
+
+
+@given(st.binary(max_size=120), st.booleans())
+@settings(max_examples=200, deadline=None)
+def test_any_octets_at_all_never_raise(body: bytes, explain: bool) -> None:
+    counter = Counter(explain=explain)
+    counter.requests.compact(body, KEY, counter.rig.now)
+    counter.requests.compat(body.ljust(96, b"\0")[:96], KEY, counter.rig.now)
+
+
+def test_wrong_requests_of_all_sizes_are_counted_under_a_bounded_number_of_reasons() -> None:
+    counter = Counter()
+    for size in range(200, 1200):
+        assert counter.requests.compat(bytes(size), KEY, counter.rig.now) is None
+        request = size.to_bytes(4, "little") + bytes(92)
+        assert counter.requests.compat(request, KEY, counter.rig.now) is None
+    assert len(counter.requests.dropped) == MOST_NAMES + 1
+    assert sum(counter.requests.dropped.values()) == 2000
+    assert counter.requests.dropped[OTHERS] == 2000 - MOST_NAMES

@@ -1,0 +1,85 @@
+"""Users and keys: kept, changed, removed; who did it is recorded."""
+
+import pytest
+
+from msbot.config import Blueprint, Library
+from msbot.errors import ConfigError
+from msbot.registry import ROLES, KeyRecord, Registry
+from tests.registry.events import UID
+
+SECRET = bytes(range(16))
+
+
+def test_a_user_is_added_changed_and_removed(registry: Registry) -> None:
+    assert registry.users.all() == []
+    registry.users.keep("ann", "administrator", "setup", password_hash="salt")
+    edit = registry.users.keep("bob", "student", "ann", password_hash="", tokens=(("tablet", "abc"),))
+    assert (edit.kind, edit.who, edit.words) == ("user", "ann", "user bob added as student")
+    bob = registry.users.find("bob")
+    assert bob is not None
+    assert (bob.name, bob.role, bob.password_hash, bob.tokens) == ("bob", "student", "", (("tablet", "abc"),))
+    words = [
+        registry.users.keep("bob", "teacher", "ann", password_hash="").words,
+        registry.users.keep("bob", "teacher", "ann", password_hash="pepper").words,
+        registry.users.keep("bob", "teacher", "ann", password_hash="pepper", tokens=(("desk", "def"),)).words,
+        registry.users.remove("bob", "ann").words,
+    ]
+    assert words == [
+        "user bob is teacher now; was student",
+        "user bob changed: password",
+        "user bob changed: tokens",
+        "user bob (teacher) removed",
+    ]
+    assert [user.name for user in registry.users.all()] == ["ann"]
+    assert registry.users.find("bob") is None
+    assert [edit.words for edit in registry.edits.latest(None, 3)] == words[:0:-1]
+
+
+def test_somebody_stays_administrator(registry: Registry) -> None:
+    registry.users.keep("ann", "administrator", "setup", password_hash="salt")
+    words = "ann is the only administrator: make somebody else administrator first"
+    with pytest.raises(ConfigError, match=words):
+        registry.users.remove("ann", "ann")
+    with pytest.raises(ConfigError, match=words):
+        registry.users.keep("ann", "viewer", "ann", password_hash="salt")
+    registry.users.keep("bob", "administrator", "ann", password_hash="")
+    registry.users.remove("ann", "bob")
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "sentence"),
+    [
+        ("ann", "king", f"there is no role 'king'; there are {', '.join(ROLES)}"),
+        (" ", "viewer", "' ' is no name for a user: use letters"),
+        ("a\nb", "viewer", "'a\\\\nb' is no name for a user: use letters"),
+    ],
+)
+def test_a_user_that_cannot_be(registry: Registry, name: str, role: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        registry.users.keep(name, role, "x", password_hash="")
+    with pytest.raises(ConfigError, match="there is no user"):
+        registry.users.remove(name, "x")
+    assert registry.edits.latest(None) == []
+
+
+def test_a_part_has_one_key(registry: Registry, blueprint: Blueprint, library: Library) -> None:
+    store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
+    assert (registry.keys.find(UID), store.key_of(UID)) == (None, None)
+    assert registry.keys.keep(UID, b"old", "ann").words == f"part {UID.hex()} has a key"
+    edit = registry.keys.keep(UID, SECRET, "ann")
+    assert (edit.kind, edit.words) == ("key", f"part {UID.hex()} has another key")
+    assert (registry.keys.find(UID), store.key_of(UID)) == (SECRET, SECRET)
+    (key,) = registry.keys.all()
+    assert key == KeyRecord(UID, key.created_ns, "ann")
+    assert registry.keys.remove(UID, "ann").words == f"the key of part {UID.hex()} is removed"
+    assert registry.keys.find(UID) is None
+    with pytest.raises(ConfigError, match="has no key"):
+        registry.keys.remove(UID, "ann")
+    with pytest.raises(ConfigError, match="a part without a UID cannot have a key"):
+        registry.keys.keep(bytes(8), SECRET, "ann")
+
+
+def test_the_secret_stands_in_no_edit(registry: Registry) -> None:
+    registry.keys.keep(UID, SECRET, "ann")
+    registry.users.keep("ann", "administrator", "setup", password_hash="salted hash")
+    assert [name for name in ("salted hash", SECRET.hex()) if name in str(registry.edits.latest(None))] == []

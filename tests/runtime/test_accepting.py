@@ -1,0 +1,49 @@
+"""A server without descriptors rests, and goes on when there are some again."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+
+import pytest
+
+from msbot.runtime import accepting
+from msbot.runtime.accepting import EXHAUSTED, Acceptor
+from msbot.runtime.tally import Tally
+
+
+class Scarce(socket.socket):
+    """A listening socket of a process that has no descriptors left for a while."""
+
+    tries = 0
+    refusals = 3
+
+    def accept(self) -> tuple[socket.socket, object]:
+        self.tries += 1
+        if self.tries <= self.refusals:
+            raise OSError(errno.EMFILE, "Too many open files")
+        return super().accept()
+
+
+async def test_without_descriptors_it_pauses_instead_of_spinning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(accepting, "PAUSE_S", 0.01)
+    taken: list[socket.socket] = []
+    arrived = asyncio.Event()
+    dropped = Tally()
+
+    def take(connection: socket.socket) -> None:
+        taken.append(connection)
+        arrived.set()
+
+    with Scarce(socket.AF_INET, socket.SOCK_STREAM) as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        acceptor = Acceptor(listening, take, dropped)
+        with socket.create_connection(listening.getsockname()):
+            async with asyncio.timeout(30):
+                await arrived.wait()
+        acceptor.stop()
+        assert dropped == {EXHAUSTED: 3}
+        assert listening.tries < 10, "one try for each pause"
+    taken[0].close()

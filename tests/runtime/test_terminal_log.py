@@ -1,0 +1,101 @@
+"""What strangers put into log lines stays a text on one line, and floods are counted."""
+
+from __future__ import annotations
+
+import io
+import logging
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msbot.runtime.terminal_log import BURST, BURST_S, MOST_KINDS, REPEAT_S, SAME, TerminalHandler, plain
+
+
+class Terminal:
+    """A handler, its output, and a clock."""
+
+    def __init__(self) -> None:
+        self.stream = io.StringIO()
+        self.handler = TerminalHandler("%(message)s", self.stream)
+        self.now = 1000.0
+
+    def say(self, text: str, *arguments: object, line: int = 1) -> None:
+        record = logging.LogRecord("msbot.x", logging.WARNING, "x.py", line, text, arguments, None)
+        record.created = self.now
+        self.handler.handle(record)
+
+    @property
+    def lines(self) -> list[str]:
+        return self.stream.getvalue().splitlines()
+
+
+@pytest.mark.parametrize(
+    ("hostile", "shown"),
+    [
+        ("\x1b[31mred\x1b[0m", "\\x1b[31mred\\x1b[0m"),
+        ("name\n12:00:00 STOP was pressed by teacher", "name\\n12:00:00 STOP was pressed by teacher"),
+        ("\r\x9b2J", "\\r\\x9b2J"),
+        ("abc\u202edcba", "abc\\u202edcba"),
+        ("Motörchen ☂", "Motörchen ☂"),
+    ],
+)
+def test_a_text_from_outside_cannot_forge_or_colour_anything(hostile: str, shown: str) -> None:
+    terminal = Terminal()
+    terminal.say("part %s is refused", hostile)
+    assert terminal.lines == [f"part {shown} is refused"]
+
+
+@given(st.text())
+def test_any_text_is_one_printable_line(text: str) -> None:
+    assert len(f"{plain(text)}.".splitlines()) == 1
+    assert "\x1b" not in plain(text)
+
+
+def test_the_same_line_is_written_a_few_times_a_minute_and_counted_beyond() -> None:
+    terminal = Terminal()
+    for _ in range(200_000 // 1000):
+        terminal.say("no more file descriptors")
+    assert terminal.lines == ["no more file descriptors"] * SAME
+    terminal.now += REPEAT_S
+    terminal.say("no more file descriptors")
+    assert terminal.lines[SAME:] == [
+        f"({200 - SAME} more like it were not written) no more file descriptors",
+        "no more file descriptors",
+    ]
+
+
+def test_a_flood_of_one_kind_is_counted_although_each_line_differs_and_others_come_through() -> None:
+    terminal = Terminal()
+    for number in range(500):
+        terminal.say("client %d logged in", number)
+    terminal.say("STOP was pressed", line=2)
+    assert len(terminal.lines) == BURST + 1
+    assert terminal.lines[-1] == "STOP was pressed"
+    terminal.now += BURST_S
+    terminal.say("client %d logged in", 1000)
+    assert terminal.lines[BURST + 1] == f"({500 - BURST} more like it were not written) client 499 logged in"
+    assert terminal.lines[-1] == "client 1000 logged in"
+
+
+def test_what_is_remembered_is_bounded_and_told_at_the_end() -> None:
+    terminal = Terminal()
+    for number in range(3 * MOST_KINDS):
+        terminal.say("kind %d", number, line=number)
+    assert len(terminal.handler._lines) + len(terminal.handler._places) <= 2 * MOST_KINDS
+    for _ in range(SAME + 1):
+        terminal.say("again")
+    terminal.handler.close()
+    assert terminal.lines[-1] == "(1 more like it were not written) again"
+
+
+def test_a_traceback_keeps_its_lines_and_loses_its_escape_sequences() -> None:
+    terminal = Terminal()
+    try:
+        raise ValueError("\x1b[2Jgone")
+    except ValueError:
+        record = logging.LogRecord("msbot", logging.ERROR, "x.py", 9, "failed", None, sys.exc_info())
+    terminal.handler.handle(record)
+    assert terminal.lines[0] == "failed"
+    assert terminal.lines[-1] == "ValueError: \\x1b[2Jgone"

@@ -1,0 +1,101 @@
+"""Samples to and from typed programs: Cyclone DDS in C, Cyclone DDS in Python, Fast DDS in C++."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from msbot.space import Qos, Topic
+from msbot.space.dds import DdsSpace
+from tests.space.dds.foreign_programs import KINDS, TYPE, Command, command_of, message
+from tests.space.dds.peers import Inbox, program, until
+
+HELLO = Topic("HelloWorldTopic", TYPE)
+COUNT = 50
+
+
+def bodies(inbox: Inbox) -> list[bytes]:
+    """What came, without padding: some peers add up to three octets of it and do not say so."""
+    found = []
+    for payload in inbox.payloads:
+        size = 8 + int.from_bytes(payload[4:8], "little")
+        assert payload[size:] in (b"", b"\0", b"\0\0", b"\0\0\0")
+        found.append(payload[:size])
+    return found
+
+
+@pytest.fixture(params=KINDS)
+def peer(request: pytest.FixtureRequest, build_folder: Path) -> Command:
+    """A program of others."""
+    return command_of(request.param, build_folder)
+
+
+@pytest.mark.parametrize("reliability", ["reliable", "best_effort"])
+async def test_a_typed_program_hears_what_is_written_here(peer: Command, reliability: str) -> None:
+    reliable = reliability == "reliable"
+    with DdsSpace() as space:
+        writer = space.writer(HELLO, Qos(reliable=reliable, depth=COUNT), bytes(16))
+        async with program(*peer, "read", HELLO.name, str(COUNT), reliability, "volatile") as reader:
+            # Each side learns of the other when it does: what is written before both know is for nobody.
+            await until(lambda: (writer.write(message(0)), reader.heard)[1])
+            for number in range(1, 2 * COUNT):
+                writer.write(message(number))
+                if not reliable:
+                    await asyncio.sleep(0.002)
+            await until(lambda: len(reader.heard) == COUNT)
+            heard = reader.heard
+        numbers = [int(line.split()[1]) for line in heard]
+        assert heard == [f"got {number} hello {number}" for number in numbers]
+        assert numbers == sorted(numbers)
+        if reliable:
+            after = [number for number in numbers if number]
+            assert after == list(range(1, len(after) + 1))
+        assert writer.troubles() == ()
+
+
+@pytest.mark.parametrize("reliability", ["reliable", "best_effort"])
+async def test_what_a_typed_program_writes_is_heard_here(peer: Command, reliability: str) -> None:
+    reliable = reliability == "reliable"
+    with DdsSpace() as space:
+        inbox = Inbox()
+        reader = space.reader(HELLO, Qos(reliable=reliable, depth=COUNT), inbox)
+        async with program(*peer, "write", HELLO.name, str(COUNT), reliability, "volatile") as writer:
+            await writer.says("wrote")
+            await until(lambda: bodies(inbox)[-1:] == [message(COUNT - 1)], "the last one")
+        if reliable:
+            assert bodies(inbox) == [message(number) for number in range(COUNT)]
+        assert set(bodies(inbox)) <= {message(number) for number in range(COUNT)}
+        assert len({sample.writer for sample in inbox.samples}) == 1
+        assert reader.lost == 0
+
+
+async def test_a_typed_program_that_comes_late_gets_what_was_kept_here(peer: Command) -> None:
+    with DdsSpace() as space:
+        writer = space.writer(HELLO, Qos(transient_local=True, depth=5), bytes(16))
+        for number in range(12):
+            writer.write(message(number))
+        async with program(*peer, "read", HELLO.name, "5", "reliable", "transient_local") as reader:
+            await reader.says("got 11 hello 11")
+            heard = reader.heard
+        assert heard == [f"got {number} hello {number}" for number in range(7, 12)]
+
+
+async def test_a_reader_that_comes_late_gets_what_a_typed_program_has_kept(peer: Command) -> None:
+    async with program(*peer, "write", HELLO.name, "5", "reliable", "transient_local") as writer:
+        await writer.says("wrote")
+        with DdsSpace() as space:
+            inbox = Inbox()
+            space.reader(HELLO, Qos(transient_local=True, depth=10), inbox)
+            await until(lambda: len(inbox.samples) == 5)
+        assert bodies(inbox) == [message(number) for number in range(5)]
+
+
+async def test_a_typed_program_asks_for_more_than_is_offered(peer: Command) -> None:
+    with DdsSpace() as space:
+        writer = space.writer(HELLO, Qos(), bytes(16))
+        async with program(*peer, "read", HELLO.name, "1", "reliable", "transient_local"):
+            await until(writer.troubles)
+            words = "DURABILITY: the reader asks for TRANSIENT_LOCAL, the writer offers VOLATILE (a DDS peer)"
+            assert writer.troubles() == (f"{HELLO.name}: {words}",)

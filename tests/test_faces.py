@@ -1,0 +1,54 @@
+"""The rooms that others build on show a small face: what stands in `__all__` of a package; the rest is their own."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SOURCE = ROOT / "src"
+ROOMS = ("msbot.agent", "msbot.link", "msbot.space", "msbot.xrce")
+LARGEST = 48
+"""Names in one face: the submessages of DDS-XRCE with their numbers are that many."""
+
+
+def faces(room: str) -> dict[str, list[str]]:
+    """The packages of a room, and what each of them shows."""
+    folder = SOURCE.joinpath(*room.split("."))
+    packages = [".".join(path.parent.relative_to(SOURCE).parts) for path in folder.rglob("__init__.py")]
+    return {name: list(getattr(importlib.import_module(name), "__all__", [])) for name in packages}
+
+
+def foreign_imports(room: str) -> list[tuple[str, str, str]]:
+    """`(file, module, name)` for each import from the room by a file outside of it."""
+    found = []
+    for path in sorted((SOURCE / "msbot").rglob("*.py")):
+        file = path.relative_to(SOURCE)
+        if ".".join(file.with_suffix("").parts).startswith(room):
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module and f"{node.module}.".startswith(f"{room}."):
+                found += [(str(file), node.module, name.name) for name in node.names]
+            elif isinstance(node, ast.Import):
+                found += [(str(file), name.name, "") for name in node.names if f"{name.name}.".startswith(f"{room}.")]
+    return found
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_other_rooms_use_the_face_of_a_room_and_nothing_behind_it(room: str) -> None:
+    known = faces(room)
+    imports = foreign_imports(room)
+    assert imports
+    around = [(file, module, name) for file, module, name in imports if name not in known.get(module, ())]
+    assert around == [], "show the name in the package's __all__, or do without it"
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_face_is_small_and_shows_what_is_used(room: str) -> None:
+    for package, names in faces(room).items():
+        assert len(names) <= LARGEST, package
+        module = importlib.import_module(package)
+        assert [name for name in names if not hasattr(module, name)] == []

@@ -1,0 +1,97 @@
+"""Sessions: bounded for each person, told of when they end, and kept over a restart; in virtual time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from msbot.operations.rights import Role
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.kept_sessions import SessionFile
+from msbot.web.access.sessions import IDLE_S, MOST_SESSIONS, Session, Sessions
+from msbot.web.access.users import MemoryUsers
+from tests.web.access.test_accounts import Clock, PlainHasher, user
+
+
+def test_a_viewers_thousand_sign_ins_end_the_viewers_sessions_only() -> None:
+    clock = Clock()
+    sessions = Sessions(clock)
+    teacher = sessions.begin("teacher", Role.TEACHER)
+    viewers = []
+    for _ in range(MOST_SESSIONS + 5):
+        clock.now += 1
+        viewers.append(sessions.begin("viewer", Role.VIEWER))
+    assert sessions.is_fresh(teacher)
+    assert [sessions.is_fresh(one) for one in viewers].count(True) == MOST_SESSIONS - 1
+    assert not sessions.is_fresh(viewers[0])
+
+
+def test_who_listens_hears_of_ends_and_of_other_roles() -> None:
+    sessions, heard = Sessions(Clock()), list[Session]()
+    sessions.on_end(heard.append)
+    first, second = sessions.begin("bob", Role.STUDENT), sessions.begin("bob", Role.STUDENT)
+    sessions.change_role("bob", Role.STUDENT)
+    assert heard == []
+    sessions.change_role("bob", Role.TEACHER)
+    assert heard == [first, second]
+    sessions.end_all_of("bob", but=second)
+    assert heard == [first, second, first]
+    sessions.end(first)
+    assert heard == [first, second, first]
+
+
+def mode_of(path: Path) -> int:
+    return path.stat().st_mode
+
+
+def text_of(path: Path) -> str:
+    return path.read_text()
+
+
+def restarted(folder: Path, users: MemoryUsers, clock: Clock) -> tuple[Accounts, SessionFile]:
+    accounts = Accounts(users, clock=clock, hasher=PlainHasher())
+    file = SessionFile(accounts, folder / "sessions.json")
+    file.bring_back()
+    return accounts, file
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    tmp_path.chmod(0o700)
+    return tmp_path
+
+
+async def test_sessions_survive_a_restart_and_the_file_signs_nobody_in(folder: Path) -> None:
+    users, clock = MemoryUsers(user("ada"), user("bob")), Clock()
+    before, file = restarted(folder, users, clock)
+    ada, bob = await before.sign_in("ada", "correct horse", "a"), await before.sign_in("bob", "correct horse", "a")
+    device = before.device_of("ada")
+    await file.keep()
+    assert mode_of(folder / "sessions.json") & 0o077 == 0
+    assert ada.token not in text_of(folder / "sessions.json")
+    users.remove_user("bob", "ada")
+    clock.now = 5.0  # another boot's clock
+    after, _ = restarted(folder, users, clock)
+    found = after.session(ada.token)
+    assert found is not None
+    assert (found.name, found.role, found.csrf) == ("ada", Role.ADMINISTRATOR, ada.csrf)
+    assert after.session(bob.token) is None
+    assert after.device_of("ada") == device
+    clock.now += IDLE_S + 1
+    assert after.session(ada.token) is None
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"at": 1}', '{"at": "x", "sessions": [], "device_key": ""}'])
+def test_a_file_that_makes_no_sense_is_none(content: str, tmp_path: Path) -> None:
+    tmp_path.chmod(0o700)
+    (tmp_path / "sessions.json").write_text(content)
+    accounts, _ = restarted(tmp_path, MemoryUsers(user("ada")), Clock())
+    assert accounts.sessions.kept() == []
+
+
+def test_a_folder_of_somebody_else_is_not_believed(tmp_path: Path) -> None:
+    tmp_path.chmod(0o777)
+    (tmp_path / "sessions.json").write_text('{"at": 0, "sessions": [], "device_key": ""}')
+    accounts, _ = restarted(tmp_path, MemoryUsers(user("ada")), Clock())
+    assert accounts.sessions.kept() == []

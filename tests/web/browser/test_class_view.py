@@ -1,0 +1,40 @@
+"""A class on one computer: two masters, each with a database of its own, on one page, and one STOP for both."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from playwright.sync_api import Browser, expect
+
+from tests.e2e.processes import run, running
+from tests.web.browser.conftest import link_in, new_page
+
+
+def test_one_page_shows_both_robots_and_one_stop_reaches_them(browser: Browser, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+    with (
+        running("demo", "--robot", "rover", "--port", "0", cwd=tmp_path / "one") as first,
+        running("demo", "--robot", "thesis", "--port", "0", cwd=tmp_path / "two") as second,
+    ):
+        page = new_page(browser)
+        link = link_in(first)
+        other = link_in(second).partition("/enter")[0]
+        page.goto(link)
+        page.goto(link.partition("/enter")[0] + "/class")
+        tiles = page.locator("a.slot")
+        expect(tiles.filter(has_text="ROVER")).to_contain_text("all well")
+        ring = tiles.filter(has_text="MSBOT_MASTER")
+        expect(ring).to_have_attribute("href", other)
+        page.get_by_label("Search").fill("master")
+        expect(tiles).to_have_count(1)
+        page.get_by_label("Search").fill("")
+        expect(tiles).to_have_count(2)
+        page.get_by_role("button", name="STOP: every robot whose master runs on this computer").click()
+        expect(page.get_by_text("STOP: 2 robots were told")).to_be_visible()
+        expect(ring).to_contain_text("STOP is in force")
+        for robot in ("ROVER", "MSBOT_MASTER"):
+            status = json.loads(run("stop", "--status", "--json", "--robot", robot, cwd=tmp_path).stdout)
+            assert status["stopped"] is True, robot
+        page.context.close()

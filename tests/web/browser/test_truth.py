@@ -1,0 +1,168 @@
+"""What the page says is so: a dead master is seen, STOP is always there, cards show what parts do. In a browser."""
+
+from __future__ import annotations
+
+import re
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.e2e.processes import running
+from tests.web.browser.conftest import Site, go, new_page
+
+_POINTED = """() => {
+    const svg = document.querySelector('svg.curves'), box = svg.getBoundingClientRect();
+    const at = {clientX: box.x + box.width * 0.9, clientY: box.y + 60, bubbles: true};
+    svg.dispatchEvent(new PointerEvent('pointermove', at));
+    return document.querySelector('.cursor').textContent.includes('fan_power · percent:');
+}"""
+"""The drawing is another one twice a second, and moves while the page fills: it is pointed at until it answers."""
+DEAD = "document.documentElement.classList.contains('ms-dead')"
+
+
+@pytest.fixture
+def page(browser: Browser, demo: Site) -> Iterator[Page]:
+    """The robot page on a phone."""
+    visitor = new_page(browser, width=390, height=844)
+    visitor.goto(demo.link)
+    go(visitor, demo.base)
+    yield visitor
+    visitor.context.close()
+
+
+def press_go(page: Page) -> None:
+    page.get_by_role("button", name="Go on").click()
+    expect(page.get_by_text("STOP by")).to_have_count(0)
+
+
+def test_stop_tells_who_confirmed_it_and_the_cards_show_what_the_parts_do(page: Page) -> None:
+    fan = page.get_by_role("button", name="Open slot fan")
+    expect(fan).to_contain_text("active")
+    page.locator("#ms-stop").click()
+    expect(page.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP: .* ms\)"))
+    expect(page.get_by_text("parts have confirmed that they are in their safe state")).to_be_visible()
+    page.get_by_text("Confirmed by").click()
+    expect(page.get_by_text(re.compile(r"^fan \d+ ms"))).to_be_visible()
+    expect(fan).to_contain_text("stopped: it applies its safe values")
+    expect(fan).to_contain_text(re.compile(r"percent\s+0"))
+    press_go(page)
+    expect(fan).not_to_contain_text("stopped")
+
+
+def test_an_actuator_without_its_partner_shows_its_safe_value(page: Page) -> None:
+    lamp = page.get_by_role("button", name="Open slot headlight")
+    page.get_by_role("button", name="Unplug button").click()
+    expect(lamp).to_contain_text("partner lost: it applies its safe values")
+    expect(page.get_by_role("button", name="Open slot button")).to_contain_text("stale:")
+    page.get_by_role("button", name="Plug button in").click()
+    expect(lamp).not_to_contain_text("partner lost")
+
+
+def test_stop_is_reachable_with_the_drawer_open_and_back_closes_the_drawer(page: Page, demo: Site) -> None:
+    page.get_by_role("button", name="Open slot fan").click()
+    expect(page.get_by_role("heading", name="fan")).to_be_visible()
+    page.locator("#ms-stop").click()  # fails when something lies over it
+    expect(page.locator("#ms-stop-says")).to_contain_text("STOP")
+    page.go_back()
+    expect(page.get_by_role("heading", name="fan")).to_have_count(0)
+    expect(page.get_by_role("button", name="Open slot fan")).to_be_visible()
+    press_go(page)
+
+
+def test_stop_is_reachable_over_dialogs_toasts_and_the_menu(page: Page, demo: Site) -> None:
+    go(page, f"{demo.base}/admin")
+    page.get_by_role("button", name="Menu").click()
+    page.locator("#ms-stop").click(trial=True)
+    page.keyboard.press("Escape")
+    go(page, f"{demo.base}/arrivals")
+    page.get_by_role("button", name="Why?").first.click()
+    expect(page.get_by_role("dialog")).to_be_visible()
+    page.locator("#ms-stop").click(trial=True)
+    page.evaluate("for (let i = 0; i < 9; i++) Quasar.Notify.create({message: 'x '.repeat(400), multiLine: true})")
+    page.locator("#ms-stop").click(trial=True)
+
+
+def test_a_refused_setting_goes_back_and_other_tabs_follow(page: Page, demo: Site) -> None:
+    other = page.context.new_page()
+    for tab in (page, other):
+        go(tab, f"{demo.base}/?slot=fan")
+    field, elsewhere = (tab.get_by_label("start_at [%]") for tab in (page, other))
+    expect(field).to_have_value("15")
+    field.fill("700")
+    field.blur()
+    expect(page.get_by_role("alert").filter(has_text="it must be 0 to 50 %")).to_be_visible()
+    expect(field).to_have_value("15")
+    field.fill("20")
+    field.blur()
+    expect(elsewhere).to_have_value("20")
+    page.get_by_role("button", name="Forget what was set by hand").click()
+    expect(elsewhere).to_have_value("15")
+    other.close()
+
+
+def test_a_master_that_is_frozen_or_gone_is_seen_and_stop_says_so(browser: Browser, tmp_path: Path) -> None:
+    with running("demo", "--port", "0", cwd=tmp_path) as process:
+        site = Site(process)
+        page = new_page(browser)
+        page.goto(site.link)
+        go(page, site.base)
+        lost = page.locator("#ms-lost")
+        expect(page.get_by_role("button", name="Open slot knob")).to_contain_text("active")
+        assert not page.evaluate(DEAD)
+        process.send(signal.SIGSTOP)
+        page.wait_for_function(DEAD)
+        expect(lost).to_have_text(re.compile(r"The robot does not answer\. What is shown here is \d+ s old\."))
+        page.locator("#ms-stop").click()
+        expect(page.locator("#ms-stop-says")).to_contain_text("STOP was NOT delivered")
+        process.send(signal.SIGCONT)
+        page.wait_for_function(f"!{DEAD}")
+        # It went on trying.
+        expect(page.get_by_text("STOP by demo")).to_be_visible()
+        process.send(signal.SIGKILL)
+        page.wait_for_function(DEAD)
+        page.context.close()
+
+
+def test_wires_are_drawn_by_keyboard_and_by_mouse_and_undone(browser: Browser, demo: Site) -> None:
+    page = new_page(browser)
+    page.goto(demo.link)
+    go(page, f"{demo.base}/wires")
+    page.locator("[data-wired]").wait_for()  # the drawing listens
+    # By keyboard: hand.holding is wired to nothing yet, and fits what takes a Switch.
+    page.get_by_role("button", name="hand.holding (Switch): not wired").focus()
+    page.keyboard.press("Enter")
+    fits = page.locator(".port.fits")
+    expect(fits).to_have_count(2)  # headlight.on and horn.on
+    page.get_by_role("button", name="horn.on (Switch): hears obstacle").focus()
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("button", name="horn.on (Switch): hears hand_holding")).to_be_visible()
+    # By mouse: back to the bumper.
+    page.get_by_role("button", name="bumper.near (Switch)").drag_to(page.get_by_role("button", name="horn.on (Switch)"))
+    horn = page.get_by_role("button", name="horn.on (Switch): hears obstacle")
+    expect(horn).to_be_visible()
+    horn.focus()
+    page.keyboard.press("Delete")
+    expect(page.get_by_role("button", name="horn.on (Switch): not wired")).to_be_visible()
+    go(page, f"{demo.base}/journal")
+    page.get_by_role("tab", name="Changes by people").click()
+    page.get_by_role("button", name="Undo").first.click()
+    go(page, f"{demo.base}/wires")
+    expect(page.get_by_role("button", name="horn.on (Switch): hears obstacle")).to_be_visible()
+    page.context.close()
+
+
+def test_values_over_time_have_a_range_a_cursor_and_a_table(page: Page, demo: Site, tmp_path: Path) -> None:
+    page.set_viewport_size({"width": 1280, "height": 900})
+    go(page, f"{demo.base}/timeline")
+    page.get_by_text("10 s", exact=True).click()
+    curve = page.locator("svg.curves")
+    expect(curve.locator("polyline").first).to_be_attached()  # a flat line has no height to be seen by
+    page.wait_for_function(_POINTED)
+    expect(page.locator(".cursor")).to_be_visible()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Table (CSV)").click()
+    download.value.save_as(tmp_path / "values.csv")
+    assert (tmp_path / "values.csv").read_text().startswith("seconds ago,field,value,unit")

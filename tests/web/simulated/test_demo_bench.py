@@ -1,0 +1,131 @@
+"""The demo's simulated parts and bus, as the page plays with them."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from msbot.config import load_blueprint, load_library, write_sample
+from msbot.demo import DemoRobot, Wire
+from msbot.errors import ConfigError
+from msbot.pnp import MemoryStore
+from msbot.registry import open_registry
+from msbot.runtime.virtual_time import run_virtual
+from msbot.web.room import Seen
+from msbot.web.simulated.bench import NoBench
+from msbot.web.simulated.demo_bench import DemoBench, seen_of
+
+
+def play(
+    folder: Path, sample: str, scene: Callable[[DemoRobot, DemoBench, Seen], Awaitable[None]], *,
+    wire: Wire = Wire.CAN, spares: dict[str, str] | None = None,
+) -> None:  # fmt: skip
+    """Run a demo in virtual time, with what its page sees of it."""
+
+    async def main() -> None:
+        write_sample(folder / "robot.toml", sample)
+        library = load_library()
+        blueprint = load_blueprint(folder / "robot.toml", library)
+        with open_registry(folder / "robot.db") as registry:
+            record = registry.robots.apply_blueprint(blueprint, library)
+            robot = DemoRobot(
+                blueprint, registry.runs.begin(record), wire=wire, library=library, random=Random(1),
+                epoch_ns=lambda: 0, spares=spares,
+            )  # fmt: skip
+            seen = seen_of(robot, asyncio.get_running_loop().time)
+            async with asyncio.TaskGroup() as tasks:
+                running = tasks.create_task(robot.run())
+                await robot.master.ready.wait()
+                await asyncio.sleep(2.0)
+                assert isinstance(seen.bench, DemoBench)
+                await scene(robot, seen.bench, seen)
+                robot.finish()
+                await running
+
+    run_virtual(main())
+
+
+def test_a_knob_is_turned_and_the_fan_obeys(tmp_path: Path) -> None:
+    async def scene(robot: DemoRobot, bench: DemoBench, seen: Seen) -> None:
+        (turn, *_) = bench.controls("knob")
+        assert turn.kind == "number"
+        assert turn.least is not None
+        bench.operate("knob", turn.name, 100)  # a whole number will do
+        await asyncio.sleep(1.0)
+        assert next(control.value for control in bench.controls("knob") if control.name == turn.name) == 100.0
+        speed = bench.readings("fan")["speed"]
+        assert isinstance(speed, float)
+        assert speed > 1000
+        bench.operate("knob", turn.name, 0)
+        await asyncio.sleep(60.0)
+        assert bench.readings("fan")["speed"] == 0.0
+        with pytest.raises(ConfigError, match="wobble"):
+            bench.operate("knob", "wobble", 1)
+        with pytest.raises(ConfigError):
+            bench.operate("knob", turn.name, "much")
+        with pytest.raises(ConfigError):
+            bench.operate("knob", turn.name, True)
+
+    play(tmp_path, "rover", scene)
+
+
+def test_parts_are_pulled_and_plugged(tmp_path: Path) -> None:
+    async def scene(robot: DemoRobot, bench: DemoBench, seen: Seen) -> None:
+        assert bench.slots() == robot.names
+        assert bench.is_plugged("horn")
+        bench.unplug("horn")
+        bench.unplug("horn")
+        assert not bench.is_plugged("horn")
+        assert bench.controls("horn") == ()
+        with pytest.raises(ConfigError, match="horn has nothing that could be operated, or is not plugged in"):
+            bench.operate("horn", "x", 1)
+        await asyncio.sleep(6.5)
+        (horn,) = [
+            info for info in robot.master.inventory.view(asyncio.get_running_loop().time()) if info.slot == "horn"
+        ]
+        assert horn.state.value == "lost"
+        bench.plug("horn")
+        bench.plug("horn")
+        assert bench.is_plugged("horn")
+
+    play(tmp_path, "rover", scene)
+
+
+def test_of_the_thesis_three_the_pins_are_seen(tmp_path: Path) -> None:
+    async def scene(robot: DemoRobot, bench: DemoBench, seen: Seen) -> None:
+        assert bench.slots() == ("AA", "BB", "CC", "DD")
+        assert bench.controls("AA") == ()
+        await asyncio.sleep(2.0)
+        lit = [f"pin {pin}" for pin, level in enumerate(robot.board("BB").levels()) if level]
+        assert list(bench.readings("BB")) == lit != []
+        assert seen.frames.total > 20
+        assert seen.bus is not None
+        assert (seen.bus.bitrate, seen.bus.errors()) == (500_000, 0)
+        assert 0 < seen.bus.load_percent() < 100
+
+    play(tmp_path, "thesis", scene, spares={"DD": "BB"})
+
+
+def test_without_a_can_bus_there_is_none_to_see(tmp_path: Path) -> None:
+    async def main() -> None:
+        write_sample(tmp_path / "robot.toml")
+        blueprint = load_blueprint(tmp_path / "robot.toml", load_library())
+        robot = DemoRobot(blueprint, MemoryStore(), wire=Wire.UDP)
+        seen = seen_of(robot, asyncio.get_running_loop().time)
+        assert seen.bus is None
+        assert isinstance(seen.bench, DemoBench)
+        assert not seen.bench.is_plugged("AA")
+
+    run_virtual(main())
+
+
+def test_a_robot_without_simulated_parts_has_an_empty_bench() -> None:
+    bench = NoBench()
+    bench.plug("AA")
+    bench.unplug("AA")
+    bench.operate("AA", "x", 1)
+    assert (bench.slots(), bench.is_plugged("AA"), bench.controls("AA"), bench.readings("AA")) == ((), False, (), {})

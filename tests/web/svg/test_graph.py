@@ -1,0 +1,83 @@
+"""The drawing of the wires: who publishes what to whom, and no name that becomes markup."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from msbot.web.api.models import TopicLine, WirePort
+from msbot.web.language import language_named
+from msbot.web.svg.graph import wiring_svg
+from msbot.web.svg.plots import STATE_COLOURS
+from tests.web.pictures import HARMFUL, names, read, words
+
+SAY = language_named("en").say
+ends = st.builds(lambda slot, port: f"{slot}.{port}", names, names)
+
+
+def topic(name: str, publishers: list[str], subscribers: list[str], rate_hz: float = 0.0) -> TopicLine:
+    return TopicLine(
+        topic=name, type_name="Level", publishers=publishers, subscribers=subscribers, rate_hz=rate_hz, count=7,
+        fields={},
+    )  # fmt: skip
+
+
+def ports_of(*lines: TopicLine) -> list[WirePort]:
+    """The ports that the topics join."""
+    found = {}
+    for line in lines:
+        for is_source, many in ((True, line.publishers), (False, line.subscribers)):
+            for end in many:
+                slot, _, name = end.rpartition(".")
+                found[end, is_source] = WirePort(
+                    slot=slot, port=name, type_name=line.type_name, publishes=is_source, topic=line.topic
+                )  # fmt: skip
+    return list(found.values())
+
+
+def test_every_end_is_joined_to_its_topic_and_slots_lead_to_their_drawer() -> None:
+    lines = [topic("speed", ["knob.turn"], ["fan.power", "lamp.power"], 10.0)]
+    root = read(wiring_svg(lines, ports_of(*lines), {"knob": "active", "fan": "lost"}, SAY))
+    links = [link.get("href") for link in root.findall(".//{*}a")]
+    assert links == ["/?slot=knob", "/?slot=fan", "/?slot=lamp"]
+    colours = [box.get("stroke") for box in root.findall(".//{*}a/{*}rect")]
+    assert colours == [STATE_COLOURS[state] for state in ("active", "lost", "empty")]
+    text = words(root)
+    assert "10.0 Hz · 7" in text
+    assert [port.get("data-port") for port in root.findall(".//{*}g[@data-port]")] == [
+        "knob.turn", "fan.power", "lamp.power"
+    ]  # fmt: skip
+    assert root[0].get("aria-label") == "knob.turn to fan.power, lamp.power by speed"
+
+
+def test_flowing_wires_differ_from_silent_ones_in_more_than_colour() -> None:
+    both = [[topic("t", ["a.x"], ["b.y"], rate)] for rate in (2.0, 0.0)]
+    busy, silent = (wiring_svg(lines, ports_of(*lines), {}, SAY) for lines in both)
+    assert "stroke-dasharray" not in busy
+    assert "stroke-dasharray" in silent
+
+
+def test_a_slot_that_hears_itself_stands_on_both_sides() -> None:
+    line = topic("t", ["a.x"], ["a.y"])
+    assert len(read(wiring_svg([line], ports_of(line), {}, SAY)).findall(".//{*}a")) == 2
+
+
+def test_a_port_without_a_wire_is_there_and_says_so() -> None:
+    port = WirePort(slot="fan", port="power", type_name="Level", publishes=False)
+    root = read(wiring_svg([], [port], {}, SAY))
+    (drawn,) = root.findall(".//{*}g[@data-port]")
+    assert (drawn.get("role"), drawn.get("tabindex"), drawn.get("data-way")) == ("button", "0", "in")
+    assert drawn.get("aria-label") == "fan.power (Level): not wired"
+
+
+@settings(deadline=None)
+@given(
+    st.lists(
+        st.builds(topic, names, st.lists(ends, max_size=3), st.lists(ends, max_size=3), st.floats(0, 1e4)),
+        max_size=4, unique_by=lambda line: line.topic,
+    )
+)  # fmt: skip
+def test_any_names_are_drawn_as_text(lines: list[TopicLine]) -> None:
+    text = words(read(wiring_svg(lines, ports_of(*lines), {HARMFUL: HARMFUL}, SAY)))
+    for line in lines:
+        assert line.topic in text

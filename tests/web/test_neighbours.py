@@ -1,0 +1,63 @@
+"""The class view: robots of the database and of other masters, and one STOP that says whom it did not reach."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+
+from msbot.web.api.models import RobotTile
+from msbot.web.neighbours import Neighbour, Neighbours
+from msbot.web.pages.classroom import _for_visitor
+from msbot.web.service import with_neighbours
+
+
+def tile(name: str, *, running: bool = False, here: bool = False) -> RobotTile:
+    return RobotTile(
+        name=name, serial_number="1", running=running, here=here, owner="", slots=3, active=2, last_event="",
+        last_event_age_s=None,
+    )  # fmt: skip
+
+
+def master(robot: str, *, stopped: bool = False) -> Neighbour:
+    return Neighbour(robot, "1", f"http://127.0.0.1:{len(robot)}", 5, 4, stopped)
+
+
+def test_a_robot_of_the_database_gets_what_its_master_says() -> None:
+    (one,) = with_neighbours([tile("ROVER", running=True, here=True)], [master("ROVER", stopped=True)])
+    assert (one.here, one.address, one.slots, one.active, one.stopped, one.reachable) == (
+        True, "http://127.0.0.1:5", 5, 4, True, True,
+    )  # fmt: skip
+
+
+def test_a_robot_of_another_database_is_there_too_and_one_elsewhere_is_not_reachable() -> None:
+    tiles = {one.name: one for one in with_neighbours([tile("FAR", running=True)], [master("NEAR")])}
+    assert tiles["NEAR"].running
+    assert tiles["NEAR"].reachable
+    assert not tiles["FAR"].reachable
+
+
+def test_one_stop_for_all_says_how_many_it_did_not_reach() -> None:
+    asked: list[Mapping[str, object]] = []
+
+    def ask(request: Mapping[str, object]) -> tuple[list[dict[str, object]], int]:
+        asked.append(request)
+        answer = {"stopped": True, "told": 3, "confirmed": [{"part": "AA", "ms": 1.0}], "silent": ["BB", "CC"]}
+        return [{"robot": "A", **answer}, {"robot": "B", "error": "no"}, {"robot": "C", **answer}], 1
+
+    done = asyncio.run(Neighbours(ask).stop_all("ann", "enough"))
+    assert asked == [{"do": "stop", "who": "ann", "reason": "enough"}]
+    assert (done.told, done.confirmed, done.parts, done.silent) == (("A", "C"), 2, 6, 2)
+
+
+def test_what_a_master_says_of_itself_is_taken_as_far_as_it_makes_sense() -> None:
+    def ask(_: Mapping[str, object]) -> tuple[list[dict[str, object]], int]:
+        return [{"robot": "A", "serial_number": "7", "slots": "3", "active": "x", "stopped": "yes"}], 0
+
+    assert asyncio.run(Neighbours(ask).look()) == [Neighbour("A", "7", "", 3, 0, stopped=False)]
+
+
+def test_a_page_for_every_network_is_linked_by_the_name_that_the_visitor_came_by() -> None:
+    assert _for_visitor("http://0.0.0.0:8081", "lab-pc") == "http://lab-pc:8081"
+    assert _for_visitor("https://[::]:8081", "fe80::1") == "https://[fe80::1]:8081"
+    assert _for_visitor("http://127.0.0.1:8081", "lab-pc") == "http://127.0.0.1:8081"
+    assert _for_visitor("", "lab-pc") == ""

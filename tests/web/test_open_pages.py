@@ -1,0 +1,116 @@
+"""A page belongs to who opened it: every message of a websocket is checked against the session of that socket."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from fastapi import Request
+from nicegui import Client, core
+from nicegui.page import page as nicegui_page
+from socketio.exceptions import ConnectionRefusedError
+
+from msbot.operations.rights import Role
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.sessions import Session
+from msbot.web.access.users import MemoryUsers
+from msbot.web.open_pages import MADE_ANEW, OpenPages
+from tests.web.access.test_accounts import Clock, PlainHasher, user
+
+
+class Rig:
+    """Open pages with NiceGUI's handlers replaced by a list of what got through."""
+
+    def __init__(self) -> None:
+        self.through: list[tuple[str, str]] = []
+        handlers = core.sio.handlers["/"]
+        for name in ("connect", "handshake", "event", "javascript_response", "ack", "log"):
+            handlers[name] = self._note(name)
+        handlers["disconnect"] = lambda _sid: None
+        users = MemoryUsers(user("teacher", Role.TEACHER), user("eve", Role.VIEWER))
+        self.accounts = Accounts(users, clock=Clock(), hasher=PlainHasher())
+        self.pages = OpenPages(self.accounts)
+        self.closed: list[str] = []
+
+    def _note(self, name: str) -> Any:
+        def handler(sid: str, *_: object) -> bool:
+            self.through.append((name, sid))
+            return True
+
+        return handler
+
+    def open(self, session: Session) -> str:
+        request = Request({"type": "http", "headers": [], "path": "/", "state": {"session": session}})
+        return Client(nicegui_page("/"), request=request).id
+
+    async def connect(self, sid: str, session: Session | None, client_id: str) -> object:
+        environ = {"asgi.scope": {"state": {"session": session}}, "QUERY_STRING": f"client_id={client_id}"}
+        return await core.sio.handlers["/"]["connect"](sid, environ)
+
+    async def say(self, name: str, sid: str, client_id: str) -> object:
+        return await core.sio.handlers["/"][name](sid, {"client_id": client_id, "id": 1})
+
+
+@pytest.fixture
+def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
+    handlers = dict(core.sio.handlers["/"])
+    rig = Rig()
+
+    async def disconnect(sid: str) -> None:
+        rig.closed.append(sid)
+
+    monkeypatch.setattr(core.sio, "disconnect", disconnect)
+    yield rig
+    core.sio.handlers["/"].update(handlers)
+    Client.instances.clear()
+
+
+async def test_another_page_cannot_be_clicked_by_who_knows_its_number(rig: Rig) -> None:
+    teacher, eve = (rig.accounts.sessions.begin(name, role) for name, role in
+                    (("teacher", Role.TEACHER), ("eve", Role.VIEWER)))  # fmt: skip
+    theirs, own = rig.open(teacher), rig.open(eve)
+    assert await rig.connect("s1", teacher, theirs)
+    for client_id in (theirs, "of a master before"):
+        with pytest.raises(ConnectionRefusedError, match=MADE_ANEW):
+            await rig.connect("s2", eve, client_id)
+    assert await rig.connect("s2", eve, own)
+    assert await rig.connect("s3", None, own) is False
+    rig.through.clear()
+    for name in ("handshake", "event", "javascript_response", "ack", "log"):
+        assert await rig.say(name, "s2", theirs) is False
+        assert await rig.say(name, "unknown", theirs) is False
+        assert await rig.say(name, "s1", theirs)
+        assert await rig.say(name, "s2", own)
+    assert {sid for _, sid in rig.through} == {"s1", "s2"}
+    assert rig.pages.refused == 13
+
+
+async def test_pages_and_sockets_close_when_the_session_ends_or_the_role_changes(rig: Rig) -> None:
+    session = rig.accounts.sessions.begin("teacher", Role.TEACHER)
+    page = rig.open(session)
+    await rig.connect("s1", session, page)
+    rig.accounts.sign_out(session)
+    assert await rig.say("event", "s1", page) is False, "at once, before anything is closed"
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    assert page not in Client.instances
+    assert rig.closed == ["s1"]
+    other = rig.accounts.sessions.begin("teacher", Role.TEACHER)
+    page = rig.open(other)
+    await rig.connect("s2", other, page)
+    rig.accounts.sessions.change_role("teacher", Role.VIEWER)
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    assert page not in Client.instances
+    assert rig.closed == ["s1", "s2"]
+
+
+async def test_an_upload_belongs_to_the_page_of_its_session(rig: Rig) -> None:
+    teacher, eve = rig.accounts.sessions.begin("teacher", Role.TEACHER), rig.accounts.sessions.begin("eve", Role.VIEWER)
+    page = rig.open(teacher)
+    assert rig.pages.may_use(page, teacher)
+    assert not rig.pages.may_use(page, eve)
+    assert not rig.pages.may_use(page, None)
+    assert not rig.pages.may_use("nothing", teacher)
