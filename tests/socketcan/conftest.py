@@ -18,7 +18,7 @@ from tests.socketcan.machine import PATIENCE_S, REPORT, MachineRun, why_not
 
 HERE = Path(__file__).parent
 INSIDE = "MSBOT_VM" in os.environ
-WAIT_S = 4 * PATIENCE_S
+WAIT_S = 5 * PATIENCE_S
 """All machines, one after the other."""
 
 RUN = pytest.StashKey[MachineRun]()

@@ -4,6 +4,9 @@ Theory of operation. Every worker of the session has collected the same tests. T
 folder starts this file as a process of its own, which runs one machine after the other; a machine runs pytest on the
 tests that want it and keeps its reports. The process holds a lock from before its start to its end: whoever needs a
 result waits for the lock, then reads the reports.
+
+An emulated machine sometimes hangs while it boots. One that says nothing new for a while is switched off, and another
+one runs the tests that are still without a report.
 """
 
 from __future__ import annotations
@@ -24,6 +27,10 @@ REPORT = "MSBOT_VM_REPORT"
 """Environment variable: where pytest inside a machine puts its reports."""
 PATIENCE_S = 600
 """A machine that is not done after this time is switched off."""
+SILENCE_S = 150
+"""So is one that has reported nothing for this time; each test ends after less."""
+STARTS = 3
+"""A machine is started this many times while tests are without a report."""
 NOT_STARTED = 125
 """Exit status of the runner when the machine did not start or died."""
 PLUGINS = ("pytest_asyncio.plugin", "pytest_timeout", "no:cacheprovider")
@@ -104,9 +111,41 @@ def _run_machine(folder: Path) -> None:
     plugins = [word for name in PLUGINS for word in ("-p", name)]
     pytest = [sys.executable, "-m", "pytest", *plugins, "--confcutdir=tests/socketcan", f"@{folder / 'tests'}"]
     command = [str(RUNNER), *MACHINES[folder.name], "-t", str(PATIENCE_S), "-w", str(folder), "--", *pytest]
-    with open(folder / "output", "wb") as output:
-        done = subprocess.run(command, check=False, cwd=ROOT, env=environment, stdout=output, stderr=output)
-    (folder / "status").write_text(str(done.returncode))
+    for start in range(1, STARTS + 1):
+        with open(folder / "output", "wb") as output:
+            runner = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=output, stderr=output)
+            fell_silent = _watch(runner, folder / "reports")
+            if fell_silent:
+                output.write(f"switched off at start {start}: no test reported for {SILENCE_S} s\n".encode())
+        (folder / "status").write_text(str(runner.returncode))
+        left = _without_report(folder)
+        if not (fell_silent and left):
+            return
+        (folder / "tests").write_text("".join(f"{name}\n" for name in left))
+
+
+def _watch(runner: subprocess.Popen[bytes], reports: Path) -> bool:
+    """Wait for the machine's end; switch it off, and say so, when it falls silent."""
+    said = -1
+    while True:
+        try:
+            runner.wait(SILENCE_S)
+        except subprocess.TimeoutExpired:
+            now = reports.stat().st_size if reports.exists() else 0
+            if now == said or (said < 0 and now == 0):
+                runner.terminate()  # its trap ends the machine, too
+                runner.wait()
+                return True
+            said = now
+        else:
+            return False
+
+
+def _without_report(folder: Path) -> list[str]:
+    """The tests that have not come to their end, in their order."""
+    path = folder / "reports"
+    ended = {report["nodeid"] for report in _read(path) if report["when"] == "teardown"} if path.exists() else set()
+    return [name for name in (folder / "tests").read_text().splitlines() if name not in ended]
 
 
 if __name__ == "__main__":
