@@ -34,9 +34,9 @@ from msbot.link.can.adapters.remedies import Wanted
 from msbot.link.can.adapters.socketcan import SocketCanAdapter
 from msbot.link.can.adapters.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
 from msbot.link.can.filters import IdFilter
+from msbot.link.can.peer_framing import CanWire
 from msbot.link.can.protocol import CanIds, Frame
 from msbot.link.can.protocol.ids import COMPRESSION, join_frame, read_assign
-from msbot.link.can.wire import CanWire
 from msbot.space import MemorySpace
 from msbot.xrce import ClientSession, ClientSessionSettings, ClientState, compress, decompress
 from msbot.xrce.messages import (

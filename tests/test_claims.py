@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import msbot.errors
-from msbot.link.address import SCHEMES
+from msbot.link.link_address import SCHEMES
 from msbot.part.join.plug import ClaimMessage
 from tools import room_table
 

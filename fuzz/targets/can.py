@@ -16,8 +16,9 @@ from msbot.errors import LinkDown, LinkFull, LocalProtocolError
 from msbot.link import Link, Peer
 from msbot.link.can.controller import BusState, CanBusInfo, FrameHandler, StateHandler
 from msbot.link.can.eprosima_fd import MAX_PEERS, CanFdEprosimaLink
-from msbot.link.can.link import MASTER, CanMasterLink, CanPartLink
-from msbot.link.can.native import NativeEnd
+from msbot.link.can.native_link import MASTER, CanMasterLink, CanPartLink
+from msbot.link.can.native_link_base import NativeEnd
+from msbot.link.can.peer_framing import Codec
 from msbot.link.can.protocol.frames import FD_LENGTHS, FIRST, LAST, Frame, Joiner, check_frame, split
 from msbot.link.can.protocol.ids import (
     Assign,
@@ -30,7 +31,6 @@ from msbot.link.can.protocol.ids import (
     read_join,
     stop_frame,
 )
-from msbot.link.can.wire import Codec
 from msbot.xrce.compression.compact import compress, decompress
 
 MTU = 300

@@ -9,13 +9,13 @@ from random import Random
 
 from msbot.errors import LinkDown
 from msbot.link import Peer, Signal
-from msbot.link.can.link import CanMasterLink, CanPartLink
-from msbot.link.can.native import NativeEnd
+from msbot.link.can.native_link import CanMasterLink, CanPartLink
+from msbot.link.can.native_link_base import NativeEnd
+from msbot.link.can.peer_framing import Codec
 from msbot.link.can.protocol.ids import CanIds
 from msbot.link.can.protocol.node_ids import NodeIds
 from msbot.link.can.sim.driver import SimBusDriver
 from msbot.link.can.sim.model.bus import SimBus
-from msbot.link.can.wire import Codec
 from msbot.runtime.virtual_time import run_virtual
 
 HASH = 0x00C0FFEE

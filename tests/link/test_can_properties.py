@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.link import Signal
-from msbot.link.can.link import MASTER
+from msbot.link.can.native_link import MASTER
 from msbot.link.can.protocol.frames import WRONG_CHECK_BYTE, Joiner, split
 from msbot.link.can.protocol.node_ids import MemoryNodeIds
 from msbot.link.can.sim import SimBus

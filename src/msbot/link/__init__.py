@@ -1,6 +1,5 @@
 """Links carry whole, opaque packets between this process and its peers; `contract.py` says what a link is."""
 
-from msbot.link.address import open_link
 from msbot.link.base import BaseLink
 from msbot.link.contract import (
     Link,
@@ -14,6 +13,7 @@ from msbot.link.contract import (
     Tap,
 )
 from msbot.link.in_process import InprocEnd, InprocHub, inproc_pair
+from msbot.link.link_address import open_link
 from msbot.link.lossy import LossyLink
 
 __all__ = [

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from msbot.agent import Agent
 from msbot.errors import ConfigError, LinkDown, LinkFull, LocalProtocolError
 from msbot.link import Peer, Signal
-from msbot.link.can.end import BUS_LEFT
+from msbot.link.can.can_link_base import BUS_LEFT
 from msbot.link.can.eprosima_fd import GAVE_WAY, MAX_PEERS, WRONG_LENGTH, CanFdEprosimaLink
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.protocol.ids import CanIds, stop_frame

@@ -12,7 +12,7 @@ from msbot.agent import Agent
 from msbot.errors import ConfigError, LinkDown, LinkFull, LocalProtocolError
 from msbot.link import Peer, Signal
 from msbot.link.can import CanLegacyLink
-from msbot.link.can.end import BUS_LEFT
+from msbot.link.can.can_link_base import BUS_LEFT
 from msbot.link.can.legacy_link import COMPONENT, MASTER
 from msbot.link.can.protocol import Frame
 from msbot.link.can.protocol.frames import FRAME_LOST

@@ -1,13 +1,13 @@
 """Links over a CAN bus, and the controllers they need."""
 
-from msbot.link.can.address import CanSettings, open_can_bus
+from msbot.link.can.can_address import CanSettings, open_can_bus
+from msbot.link.can.can_link_base import CanEnd
 from msbot.link.can.controller import BusState, CanBus, CanBusInfo, FrameTap
-from msbot.link.can.end import CanEnd
 from msbot.link.can.eprosima_fd import CanFdEprosimaLink
 from msbot.link.can.legacy_link import CanLegacyLink
-from msbot.link.can.link import CanMasterLink, CanPartLink
+from msbot.link.can.native_link import CanMasterLink, CanPartLink
+from msbot.link.can.peer_framing import Codec
 from msbot.link.can.selftest import CheckResult, selftest
-from msbot.link.can.wire import Codec
 
 __all__ = [
     "BusState",

@@ -7,7 +7,8 @@ follows the packet is padding. There are no segments: longer messages are fragme
 Agent and client may both send with one identifier, which CAN does not allow: when they begin in the same bit, the
 frames destroy each other, both are repeated at once and may end in bus-off, from which the port returns. Two with
 something to say begin together whenever a frame ends, so nobody here answers before the other has been silent for the
-time of a frame. The native mode (`link.py`) has no such weakness; this one is for boards whose firmware is given.
+time of a frame. The native mode (`native_link.py`) has no such weakness; this one is for boards whose firmware cannot
+be changed.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from __future__ import annotations
 from typing import Final
 
 from msbot.errors import ConfigError, LinkFull, LocalProtocolError
+from msbot.link.can.can_link_base import CanEnd
 from msbot.link.can.controller import CanBus
-from msbot.link.can.end import CanEnd
 from msbot.link.can.protocol.frames import Frame, pad_fd
 from msbot.link.can.protocol.queue import QUEUE_FRAMES
 from msbot.link.contract import Peer

@@ -1,7 +1,8 @@
 """The CAN link of the thesis' firmware (R29): one component on a bus, identifiers 0x123 up and 0x120 down.
 
-For boards whose firmware is given. What it cannot do is the reason for the native mode (`link.py`): more than one
-component, addresses, messages beyond 1792 bytes, and the certainty that a message is the one that was sent.
+For boards whose firmware cannot be changed. What it cannot do is the reason for the native mode (`native_link.py`):
+more than one component, addresses, messages beyond 1792 bytes, and the certainty that a message is the one that was
+sent.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ from collections.abc import Callable
 from typing import Final
 
 from msbot.errors import ConfigError, LinkDown
+from msbot.link.can.can_link_base import CanEnd
 from msbot.link.can.controller import CanBus
-from msbot.link.can.end import CanEnd
 from msbot.link.can.protocol.frames import REPEAT_S, Frame
 from msbot.link.can.protocol.ids import CanIds
 from msbot.link.can.protocol.legacy_frames import DOWN, MTU, UP, LegacyJoiner, split_legacy

@@ -14,8 +14,8 @@ from collections.abc import Hashable, Iterable
 from msbot.errors import LinkDown
 from msbot.link.byte_frames import MAX_PACKET, TcpReceiver, encode_tcp
 from msbot.link.contract import LinkInfo, Peer, Signal
-from msbot.link.net.addresses import Address, addresses_of, cannot_listen, joined, serve_both_kinds
 from msbot.link.net.connection_budget import MAX_CONNECTIONS, ConnectionBudget
+from msbot.link.net.host_address import Address, addresses_of, cannot_listen, joined, serve_both_kinds
 from msbot.link.stream_link import Stream, StreamLink
 from msbot.runtime.accepting import Acceptor
 

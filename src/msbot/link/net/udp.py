@@ -16,7 +16,7 @@ from collections.abc import Callable, Hashable
 from msbot.errors import LinkDown, LinkFull
 from msbot.link.base import BaseLink
 from msbot.link.contract import LinkInfo, Peer, Signal
-from msbot.link.net.addresses import Address, addresses_of, cannot_listen, cannot_reach, joined, serve_both_kinds
+from msbot.link.net.host_address import Address, addresses_of, cannot_listen, cannot_reach, joined, serve_both_kinds
 
 UDP_MTU = 65507
 """Largest payload of a datagram over IPv4; DDS-XRCE clients announce much less."""

@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from msbot.errors import ConfigError
-from msbot.space.address import MAX_DOMAIN
+from msbot.space.space_address import MAX_DOMAIN
 
 MAX_PARTICIPANTS = 60
 """Participants on one computer that find each other without multicast."""

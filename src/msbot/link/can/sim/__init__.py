@@ -1,10 +1,10 @@
 """The simulated CAN bus: exact to the bit, in one process or between programs."""
 
-from msbot.link.can.sim.address import open_sim_bus
 from msbot.link.can.sim.driver import SimBusDriver
 from msbot.link.can.sim.model.bus import SimBus
 from msbot.link.can.sim.names import DEFAULT_NAME, check_free, rates_words
 from msbot.link.can.sim.server import SimBusServer
+from msbot.link.can.sim.sim_address import open_sim_bus
 
 __all__ = [
     "DEFAULT_NAME",

@@ -14,14 +14,14 @@ from typing import Final
 
 from msbot.errors import ConfigError, LinkDown
 from msbot.link.can.controller import CanBus
-from msbot.link.can.native import NativeEnd
+from msbot.link.can.native_link_base import NativeEnd
+from msbot.link.can.peer_framing import CanWire, Codec
 from msbot.link.can.protocol.frames import MTU, Frame
 from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION, NODES, CanIds, is_joining
 from msbot.link.can.protocol.join_master import MasterEvent, MasterJoin, Member, NodeEvicted, NodeJoined, NodeRefused
 from msbot.link.can.protocol.join_part import AddressLost, ComponentEvent, ComponentJoin
 from msbot.link.can.protocol.node_ids import MemoryNodeIds, NodeIds
 from msbot.link.can.protocol.queue import QUEUE_FRAMES
-from msbot.link.can.wire import CanWire, Codec
 from msbot.link.contract import Peer, Signal
 
 MASTER: Final = 0

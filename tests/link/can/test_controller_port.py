@@ -10,7 +10,7 @@ import pytest
 
 from msbot.errors import LinkDown, LinkFull
 from msbot.link.can.controller import BusState, CanBusInfo, FrameHandler, StateHandler
-from msbot.link.can.port import CanPort
+from msbot.link.can.controller_port import CanPort
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.protocol.ids import CanIds, stop_frame
 from msbot.runtime.virtual_time import run_virtual

@@ -14,11 +14,11 @@ from msbot.link.can import (
     CanPartLink,
     CanSettings,
     Codec,
+    can_address,
     open_can_bus,
 )
-from msbot.link.can import address as can_address
 from msbot.link.can.adapters.interface import Interface
-from msbot.link.can.address import parse_target
+from msbot.link.can.can_address import parse_target
 from msbot.link.can.protocol import MemoryNodeIds, NodeIds
 
 CODEC = Codec(bytes, bytes)

@@ -23,11 +23,11 @@ from msbot.link.can.controller import CanBusInfo
 from msbot.link.can.eprosima_fd import IDENTIFIERS, CanFdEprosimaLink
 from msbot.link.can.filters import IdFilter, eprosima_filters, legacy_filters, master_filters, part_filters
 from msbot.link.can.legacy_link import CanLegacyLink
-from msbot.link.can.link import CanMasterLink, CanPartLink
+from msbot.link.can.native_link import CanMasterLink, CanPartLink
+from msbot.link.can.peer_framing import Codec
 from msbot.link.can.protocol.ids import UID_SIZE, CanIds
 from msbot.link.can.protocol.legacy_frames import DOWN, UP
 from msbot.link.can.protocol.node_ids import NodeIds
-from msbot.link.can.wire import Codec
 from msbot.link.contract import Link
 
 CAN_EXAMPLE: Final = "can:can0?bitrate=500000"

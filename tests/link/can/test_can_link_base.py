@@ -10,9 +10,9 @@ import pytest
 from msbot.errors import LinkDown, LocalProtocolError, RemoteProtocolError
 from msbot.link import LinkCounters, Peer
 from msbot.link.can.controller import BusState
-from msbot.link.can.link import MASTER
+from msbot.link.can.native_link import MASTER
+from msbot.link.can.peer_framing import Codec
 from msbot.link.can.protocol.frames import MTU, Frame
-from msbot.link.can.wire import Codec
 from msbot.runtime.tally import MOST_NAMES, OTHERS
 from msbot.xrce import compress, decompress
 from tests.link.can_robot import End, Robot, node_of, play

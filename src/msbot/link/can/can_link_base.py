@@ -7,7 +7,7 @@ from typing import Final
 
 from msbot.link.base import BaseLink
 from msbot.link.can.controller import BusState, CanBus, FrameTap
-from msbot.link.can.port import CanPort
+from msbot.link.can.controller_port import CanPort
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.protocol.ids import CanIds, stop_words
 from msbot.link.can.protocol.queue import QUEUE_FRAMES

@@ -6,10 +6,10 @@ from abc import abstractmethod
 from typing import Final
 
 from msbot.errors import LocalProtocolError
+from msbot.link.can.can_link_base import CanEnd
 from msbot.link.can.controller import CanBus
-from msbot.link.can.end import CanEnd
+from msbot.link.can.peer_framing import CanWire, Codec
 from msbot.link.can.protocol.ids import CanIds
-from msbot.link.can.wire import CanWire, Codec
 from msbot.link.contract import Peer
 
 NOT_SENT: Final = "still waiting when the peer's address ended"

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from msbot.errors import ConfigError
 from msbot.link import Signal
-from msbot.link.can.link import MASTER, MASTERS_TOLD, NO_ADDRESS, CanMasterLink, CanPartLink
+from msbot.link.can.native_link import MASTER, MASTERS_TOLD, NO_ADDRESS, CanMasterLink, CanPartLink
 from msbot.link.can.protocol.bits import frame_bits
 from msbot.link.can.protocol.frames import FIRST, LAST, Frame
 from msbot.link.can.protocol.ids import Beacon, CanIds, beacon_frame

@@ -11,9 +11,9 @@ import pytest
 from msbot.errors import ConfigError
 from msbot.link import Signal, open_link
 from msbot.link.can import CanMasterLink, CanPartLink, CanSettings, Codec
-from msbot.link.can.sim.address import open_sim_bus, parse_sim
 from msbot.link.can.sim.client import SimBusWish
 from msbot.link.can.sim.names import existing_bus
+from msbot.link.can.sim.sim_address import open_sim_bus, parse_sim
 from tests.link.sim_programs import PATIENCE_S
 
 CODEC = Codec(bytes, bytes)

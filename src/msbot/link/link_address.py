@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from msbot.errors import ConfigError
-from msbot.link.can.address import (
+from msbot.link.can.can_address import (
     CAN_EXAMPLE,
     CANFD_EXAMPLE,
     LEGACY_EXAMPLE,
@@ -21,7 +21,7 @@ from msbot.link.can.address import (
     open_can_legacy,
     open_canfd,
 )
-from msbot.link.can.sim.address import SIM_EXAMPLE, open_sim
+from msbot.link.can.sim.sim_address import SIM_EXAMPLE, open_sim
 from msbot.link.contract import Link
 from msbot.link.net.tcp import TcpClientLink, TcpServerLink
 from msbot.link.net.udp import UdpClientLink, UdpServerLink

@@ -10,7 +10,7 @@ from typing import Final
 
 from msbot.errors import ConfigError
 from msbot.link.can.adapters.driver import CanDriver
-from msbot.link.can.address import CanSettings, flag, native_link, rate
+from msbot.link.can.can_address import CanSettings, flag, native_link, rate
 from msbot.link.can.protocol.ids import CanIds
 from msbot.link.can.sim.client import SimAdapter, SimBusWish, WhenAbsent
 from msbot.link.can.sim.names import check_name
