@@ -7,7 +7,7 @@ from msbot.agent import Agent, AgentSettings
 from msbot.agent.proxy import Proxy
 from msbot.agent.timers import MOST_STALE
 from msbot.xrce import AgentSession, ClientSession
-from msbot.xrce.streams.output import ReliableOutput
+from msbot.xrce.streams.sending_and_resending import ReliableOutput
 
 REASONS = 80
 """Different reasons that a table of drops may have; more means that a reason has something of the input in it."""

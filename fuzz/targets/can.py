@@ -31,7 +31,7 @@ from msbot.link.can.protocol.ids import (
     read_join,
     stop_frame,
 )
-from msbot.xrce.compression.compact import compress, decompress
+from msbot.xrce.compression.header_compression import compress, decompress
 
 MTU = 300
 """Small, so that it is met."""

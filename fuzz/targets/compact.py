@@ -10,7 +10,7 @@ from fuzz.case import Case, Step, Violation, plain
 from fuzz.corpus import packets
 from fuzz.mutate import LONGEST, mutate_octets
 from msbot.errors import RemoteProtocolError
-from msbot.xrce.compression.compact import LARGEST, compress, decompress
+from msbot.xrce.compression.header_compression import LARGEST, compress, decompress
 from msbot.xrce.messages import Header
 
 LARGEST_PLAIN = max(LARGEST, LONGEST) + 16

@@ -44,7 +44,7 @@ from msbot.part.messages.standard import Switch
 from msbot.registry import Registry, RobotRecord, open_registry
 from msbot.runtime.tally import Tally
 from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.compression import compact
+from msbot.xrce.compression import header_compression as compact
 from msbot.xrce.compression.dictionary import DICTIONARY
 from tests.agent.replay import VECTORS, load
 

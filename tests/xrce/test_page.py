@@ -13,9 +13,9 @@ from msbot.xrce.messages import SubmessageId
 from msbot.xrce.sessions import agent as agent_session
 from msbot.xrce.sessions import client as client_session
 from msbot.xrce.sessions import session
-from msbot.xrce.streams import fragments, sender
-from msbot.xrce.streams import input as input_streams
-from msbot.xrce.streams import output as output_streams
+from msbot.xrce.streams import fragments
+from msbot.xrce.streams import receiving_in_order as input_streams
+from msbot.xrce.streams import sending_and_resending as output_streams
 
 PAGE = (Path(__file__).parent.parent.parent / "docs/reference/xrce.md").read_text()
 
@@ -26,7 +26,7 @@ def test_numbers_and_names(member: SubmessageId | Status) -> None:
 
 
 @pytest.mark.parametrize(
-    "module", [session, agent_session, client_session, sender, output_streams, input_streams, fragments]
+    "module", [session, agent_session, client_session, session_output, output_streams, input_streams, fragments]
 )
 def test_every_reason_for_dropping_is_explained(module: ModuleType) -> None:
     reasons = [value for name, value in vars(module).items() if name.isupper() and isinstance(value, str)]

@@ -3,7 +3,7 @@
 Times are handed in as `now` in seconds of the caller's monotonic clock; octets go in, events and octets come out.
 """
 
-from msbot.xrce.compression.compact import compress, decompress
+from msbot.xrce.compression.header_compression import compress, decompress
 from msbot.xrce.explain import explain
 from msbot.xrce.messages.ids import Status
 from msbot.xrce.messages.whole import is_whole

@@ -22,7 +22,7 @@ from msbot.xrce.sessions import (
     TimeSynchronised,
     WindowOpened,
 )
-from msbot.xrce.streams.state import StreamState
+from msbot.xrce.streams.stream_state import StreamState
 from tests.xrce.pair import CLOCK_AHEAD_NS, Pair
 
 PARTICIPANT = ObjectVariant(1, 3, blob=b"\0\0", domain_id=0)

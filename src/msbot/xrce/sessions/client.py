@@ -72,7 +72,7 @@ from msbot.xrce.sessions.events import (
 from msbot.xrce.sessions.session import OTHER_SESSION, Session
 from msbot.xrce.sessions.settings import ClientSessionSettings
 from msbot.xrce.sessions.time_sync import answers, compare_clocks
-from msbot.xrce.streams.retries import Retries
+from msbot.xrce.streams.login_retries import Retries
 
 _IDS = struct.Struct(">HH")
 _WRITE_DATA_ID = SubmessageId.WRITE_DATA.value

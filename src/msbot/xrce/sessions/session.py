@@ -24,9 +24,9 @@ from msbot.xrce.messages.submessage import HEADER_SIZE, locate
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.sessions.events import WindowOpened
 from msbot.xrce.sessions.settings import SessionSettings
-from msbot.xrce.streams.input import BestEffortInput, ReliableInput
-from msbot.xrce.streams.sender import STREAM_LIMIT, Sender
-from msbot.xrce.streams.state import StreamState, last_number
+from msbot.xrce.streams.receiving_in_order import BestEffortInput, ReliableInput
+from msbot.xrce.streams.session_output import STREAM_LIMIT, SessionOutput
+from msbot.xrce.streams.stream_state import StreamState, last_number
 
 Event = TypeVar("Event")
 
@@ -80,7 +80,7 @@ class Session(ABC, Generic[Event]):
         self._gaps: dict[int, tuple[float, int]] = {}
         """Streams in which something is missing: when to say so again, and how often that was done."""
         envelope = Envelope(session_id, client_key, self.mtu, pads=pads)
-        self._sender = Sender(envelope, self.counters, settings, unacked)
+        self._sender = SessionOutput(envelope, self.counters, settings, unacked)
 
     def receive_packet(self, packet: bytes, now: float) -> bool:
         """Take one packet of the peer; if the result is True, call `next_event` until it returns None.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from msbot.xrce.streams.sequence import NOTHING_YET
+from msbot.xrce.streams.sequence_numbers import NOTHING_YET
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,15 @@ import pytest
 
 from msbot.xrce.messages.envelope import Envelope
 from msbot.xrce.sessions.counters import Memory, SessionCounters
-from msbot.xrce.streams.outbox import Outbox
-from msbot.xrce.streams.output import QUEUE_FULL, STALE_ACKNACK, TOO_LARGE, BestEffortOutput, ReliableOutput
 from msbot.xrce.streams.round_trip import RoundTrip
+from msbot.xrce.streams.sending_and_resending import (
+    QUEUE_FULL,
+    STALE_ACKNACK,
+    TOO_LARGE,
+    BestEffortOutput,
+    ReliableOutput,
+)
+from msbot.xrce.streams.waiting_messages import Outbox
 
 
 class Rig:

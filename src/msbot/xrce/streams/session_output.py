@@ -16,10 +16,10 @@ from msbot.xrce.messages.ids import STREAM_BEST_EFFORT, STREAM_NONE, STREAM_RELI
 from msbot.xrce.messages.streams import write_acknack
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.sessions.settings import SessionSettings
-from msbot.xrce.streams.outbox import Lane, Outbox
-from msbot.xrce.streams.output import TOO_LARGE, BestEffortOutput, ReliableOutput
 from msbot.xrce.streams.round_trip import RoundTrip
-from msbot.xrce.streams.state import StreamState
+from msbot.xrce.streams.sending_and_resending import TOO_LARGE, BestEffortOutput, ReliableOutput
+from msbot.xrce.streams.stream_state import StreamState
+from msbot.xrce.streams.waiting_messages import Lane, Outbox
 
 Stream = TypeVar("Stream", BestEffortOutput, ReliableOutput)
 
@@ -27,7 +27,7 @@ ANSWERS_FULL = "answer outside of the streams: queue full, oldest dropped"
 STREAM_LIMIT = "too many streams"
 
 
-class Sender:
+class SessionOutput:
     """The sending half of a session."""
 
     def __init__(

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from msbot.errors import RemoteProtocolError
 from msbot.xrce import compress, decompress
-from msbot.xrce.compression.compact import DEFLATED, ESCAPE, LARGEST
 from msbot.xrce.compression.dictionary import DICTIONARY, FIXED
+from msbot.xrce.compression.header_compression import DEFLATED, ESCAPE, LARGEST
 from msbot.xrce.messages import (
     Acknack,
     CreateClient,

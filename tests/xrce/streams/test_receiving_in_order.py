@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.xrce.sessions.counters import Memory, SessionCounters
-from msbot.xrce.streams.input import BEYOND_WINDOW, NO_MEMORY, BestEffortInput, ReliableInput
+from msbot.xrce.streams.receiving_in_order import BEYOND_WINDOW, NO_MEMORY, BestEffortInput, ReliableInput
 
 
 def make_reliable(window: int = 16, memory: int = 10_000) -> tuple[ReliableInput, SessionCounters]:

@@ -8,21 +8,21 @@ from msbot.errors import LocalProtocolError
 from msbot.xrce.messages.envelope import Envelope
 from msbot.xrce.sessions.counters import SessionCounters
 from msbot.xrce.sessions.settings import SessionSettings
-from msbot.xrce.streams.output import TOO_LARGE
-from msbot.xrce.streams.sender import ANSWERS_FULL, STREAM_LIMIT, Sender
+from msbot.xrce.streams.sending_and_resending import TOO_LARGE
+from msbot.xrce.streams.session_output import ANSWERS_FULL, STREAM_LIMIT, SessionOutput
 
 
-def make_sender(**changes: int) -> tuple[Sender, SessionCounters]:
+def make_sender(**changes: int) -> tuple[SessionOutput, SessionCounters]:
     counters = SessionCounters()
     settings = SessionSettings(**{"window": 4, "queue_limit": 4, "max_streams": 2, **changes})
-    return Sender(Envelope(0x81, 1, 24, pads=False), counters, settings), counters
+    return SessionOutput(Envelope(0x81, 1, 24, pads=False), counters, settings), counters
 
 
 def hexes(packets: list[bytes]) -> list[str]:
     return [packet.hex() for packet in packets]
 
 
-def reliable(sender: Sender, stream_id: int, *bodies: bytes) -> None:
+def reliable(sender: SessionOutput, stream_id: int, *bodies: bytes) -> None:
     stream = sender.reliable(stream_id)
     assert stream is not None
     for body in bodies:

@@ -21,10 +21,10 @@ from msbot.xrce.messages.envelope import Envelope, append_submessage
 from msbot.xrce.messages.message import Fragment, Heartbeat
 from msbot.xrce.messages.submessage import HEADER_SIZE
 from msbot.xrce.sessions.counters import Memory, SessionCounters
-from msbot.xrce.streams.outbox import Lane, Outbox
 from msbot.xrce.streams.round_trip import RoundTrip
-from msbot.xrce.streams.sequence import NOTHING_YET
-from msbot.xrce.streams.state import StreamState, last_number
+from msbot.xrce.streams.sequence_numbers import NOTHING_YET
+from msbot.xrce.streams.stream_state import StreamState, last_number
+from msbot.xrce.streams.waiting_messages import Lane, Outbox
 
 GUARD_MIN_S = 0.001
 """A message is not sent again twice within this time for ACKNACKs of the same gap."""

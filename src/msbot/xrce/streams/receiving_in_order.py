@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.streams.fragments import Joiner
-from msbot.xrce.streams.sequence import HALF, NOTHING_YET, distance, is_after
+from msbot.xrce.streams.sequence_numbers import HALF, NOTHING_YET, distance, is_after
 
 BITMAP_BITS = 16
 """How many messages one ACKNACK can report missing."""
