@@ -15,7 +15,7 @@ from random import Random
 from bench.machine import describe_machine
 from msbot.config import PartType, load_library
 from msbot.config.library.search import PartSearch
-from msbot.sim.world import World
+from msbot.sim.simulated_world import World
 
 QUERIES = ("servo", "ultrasonic range", "joystik", "light sensor i2c")
 MINUTE_S = 60.0

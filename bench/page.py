@@ -27,7 +27,7 @@ from bench.machine import describe_machine
 from msbot.config import load_blueprint, load_library
 from msbot.link import open_link
 from msbot.master import Master
-from msbot.operations.operations import RunningOperations
+from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry
 from msbot.sim import make_simulator
 
@@ -79,8 +79,8 @@ async def serve(parts: int, *, with_page: bool) -> None:
             master.add_link(link)
             async with asyncio.TaskGroup() as tasks:
                 if with_page:
+                    from msbot.web.assembly import Database, Seen, WebRoom
                     from msbot.web.frames import FrameRing
-                    from msbot.web.room import Database, Seen, WebRoom
                     from msbot.web.server import WebSettings
 
                     room = WebRoom(

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
-from msbot.operations.operations import RunningOperations
+from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry
 from msbot.runtime.virtual_time import run_virtual
 

@@ -39,7 +39,7 @@ def check_agent(agent: Agent, settings: AgentSettings) -> None:
         _check_proxy(proxy, settings)
     _check_shared(agent, proxies)
     hold("topics counted", len(agent.topics()), settings.max_topics + 1)
-    hold("marked clients", len(agent._pump._marked), settings.max_clients)
+    hold("marked clients", len(agent._flusher._marked), settings.max_clients)
     hold("gone", len(agent._clients._gone), settings.max_clients)
     for port in agent._ports:
         hold("members of a port", len(port.members), settings.max_clients)
@@ -49,7 +49,7 @@ def check_agent(agent: Agent, settings: AgentSettings) -> None:
         hold("reasons of a port", len(port.dropped), REASONS)
         if not port.blocked.keys() <= port.members.keys():
             raise Violation("a client is blocked on a port where it is not")
-    for timers in (agent._pump._timers, agent._pump._lives):
+    for timers in (agent._flusher._timers, agent._flusher._lives):
         hold("owners of timers", len(timers._due), settings.max_clients)
         hold("entries of timers", len(timers), MOST_STALE + 2 * len(timers._due))
         if not timers._due.keys() <= set(proxies):

@@ -4,7 +4,7 @@ import os
 
 from hypothesis import HealthCheck, settings
 
-from msbot.runtime.stop_call import GROUP_VARIABLE
+from msbot.runtime.stop_datagram import GROUP_VARIABLE
 
 # Tests run beside each other: a STOP of one must not reach the robots of another.
 os.environ[GROUP_VARIABLE] = f"test{os.getpid()}"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from itertools import count
 
-from msbot.agent.endpoint_sides import ReadSide, Shape
 from msbot.agent.pending_requests import make_guid
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.statistics import TopicTraffic
+from msbot.agent.topic_attachment import ReadSide, Shape
 from msbot.runtime.tally import Tally
 from msbot.space import Guid, MemorySpace, Space
 

@@ -7,7 +7,7 @@ import pytest
 from msbot.agent.endpoints import DataReader, DataWriter, Replier, Requester
 from msbot.agent.pending_requests import client_key_of, decode_identity, encode_identity
 from msbot.agent.reply_routing import ReplyExchange
-from msbot.agent.sample_identity import NoEchoShape
+from msbot.agent.sample_filters import NoEchoShape
 from msbot.space import MemorySpace, Qos, Sample, Topic
 from msbot.xrce.messages import DeliveryControl
 from tests.agent.hosts import FakeHost

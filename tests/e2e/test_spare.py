@@ -12,7 +12,7 @@ import pytest
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.demo import DemoEvent, DemoRobot, DemoSnapshot, Wire
-from msbot.operations.operations import RunningOperations
+from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry
 from msbot.runtime.virtual_time import run_virtual
 from tests.e2e.processes import run, running

@@ -21,7 +21,7 @@ import pytest
 
 from msbot.agent.status_files import find_files
 from msbot.cli.options import database_identity
-from msbot.runtime.stop_call import ask_masters
+from msbot.runtime.stop_datagram import ask_masters
 from tests.e2e.processes import Process, run, running
 from tests.e2e.test_processes import free_port
 from tests.registry import postgres

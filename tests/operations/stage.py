@@ -13,7 +13,7 @@ from msbot.config import load_blueprint, load_library, write_sample
 from msbot.errors import MsbotError
 from msbot.link import InprocHub, LinkInfo, LossyLink
 from msbot.master import Master
-from msbot.operations.operations import Operations, RunningOperations
+from msbot.operations.dispatch import Operations, RunningOperations
 from msbot.operations.outcome import Outcome
 from msbot.operations.table import OPERATIONS
 from msbot.part import HelloWorld, Part

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.operations.operations import perform
+from msbot.operations.dispatch import perform
 from msbot.operations.table import OPERATIONS
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 

@@ -14,7 +14,7 @@ import pytest
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.errors import ConfigError
 from msbot.master import Master
-from msbot.operations.operations import RunningOperations
+from msbot.operations.dispatch import RunningOperations
 from msbot.operations.outcome import Outcome
 from msbot.pnp import Claim, MemoryStore, PartType, Slot
 from msbot.runtime.virtual_time import run_virtual

@@ -10,7 +10,7 @@ import pytest
 
 from msbot.config import load_blueprint, load_library
 from msbot.errors import ConfigError, RegistryError
-from msbot.operations.operations import Operations, perform, stored_operations
+from msbot.operations.dispatch import Operations, perform, stored_operations
 from msbot.registry import open_registry
 from tests.operations.stage import AA_IS_A_DIAL, Deeds, Stage, play
 

@@ -12,7 +12,7 @@ import pytest
 
 from msbot.cli.change.verbs import WRITTEN_BY_HAND, verb
 from msbot.operations.blocking import Blocking, StoredBlocking
-from msbot.operations.operations import RunningOperations
+from msbot.operations.dispatch import RunningOperations
 from msbot.operations.placement import Placement
 from msbot.operations.settings import SlotSettings
 from msbot.operations.stored_placement import StoredPlacement

@@ -26,7 +26,7 @@ from msbot.config import Blueprint, Library, load_blueprint, load_library, write
 from msbot.errors import MsbotError
 from msbot.link import InprocHub, LinkInfo
 from msbot.master import Master
-from msbot.operations.operations import RunningOperations
+from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry, registry, upkeep
 from msbot.registry.engine import Address, make_engine
 from msbot.registry.tables import edits

@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import Engine, event
 from sqlalchemy.pool import ConnectionPoolEntry, PoolProxiedConnection
 
-from msbot.operations.operations import RunningOperations
+from msbot.operations.dispatch import RunningOperations
 from msbot.pnp import PartState
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 

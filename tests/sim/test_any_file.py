@@ -14,7 +14,7 @@ from msbot.config.library.reader import open_library_file, read_part_type
 from msbot.config.toml.document import parse_document
 from msbot.config.toml.problems import Problems
 from msbot.sim import message_class
-from msbot.sim.world import World
+from msbot.sim.simulated_world import World
 
 TEXTS = [
     entry.read_text() for entry in sorted((files("msbot.config.library") / "types").iterdir(), key=lambda e: e.name)

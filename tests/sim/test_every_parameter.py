@@ -7,7 +7,7 @@ from random import Random
 import pytest
 
 from msbot.config import ControlKind, Direction, FieldKind, Parameter, PartType, Scalar
-from msbot.sim.world import World
+from msbot.sim.simulated_world import World
 from tests.sim.robot import LIBRARY
 
 PLAYED_S = 30.0

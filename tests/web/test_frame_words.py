@@ -13,8 +13,8 @@ from msbot.demo import DemoRobot, Wire
 from msbot.link.can.protocol import parse_log_line
 from msbot.registry import open_registry
 from msbot.runtime.virtual_time import run_virtual
+from msbot.web.assembly import _known_object
 from msbot.web.frames import FrameRing
-from msbot.web.room import _known_object
 
 
 def heard_late(tmp_path: Path) -> FrameRing:

@@ -13,7 +13,7 @@ from msbot.xrce.messages import SubmessageId
 from msbot.xrce.sessions import agent as agent_session
 from msbot.xrce.sessions import client as client_session
 from msbot.xrce.sessions import session
-from msbot.xrce.streams import fragments
+from msbot.xrce.streams import fragments, session_output
 from msbot.xrce.streams import receiving_in_order as input_streams
 from msbot.xrce.streams import sending_and_resending as output_streams
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from msbot.agent.endpoint_sides import EndpointHost, ReadSide, Shape, WriteSide
 from msbot.agent.pending_requests import IDENTITY_SIZE, PendingRequests, decode_identity
-from msbot.agent.sample_identity import ReplyShape, RequestShape
+from msbot.agent.sample_filters import ReplyShape, RequestShape
+from msbot.agent.topic_attachment import EndpointHost, ReadSide, Shape, WriteSide
 from msbot.space import Deliver, Qos, Reader, Topic
 
 

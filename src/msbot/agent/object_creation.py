@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from msbot.agent.endpoint_sides import EndpointHost
 from msbot.agent.endpoints import DataReader, DataWriter, Endpoint, Replier, Requester
 from msbot.agent.limits import AgentSettings
+from msbot.agent.topic_attachment import EndpointHost
 from msbot.space import Qos, Topic
 from msbot.xrce.messages import ObjectKind
 from msbot.xrce.objects import Definition, ParticipantDef, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef

@@ -12,10 +12,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 
-from msbot.agent.endpoint_sides import EndpointHost
 from msbot.agent.endpoints import Endpoint
 from msbot.agent.limits import AgentSettings
 from msbot.agent.object_creation import Creator, Entity, NoSuchTopic
+from msbot.agent.topic_attachment import EndpointHost
 from msbot.errors import RemoteProtocolError
 from msbot.xrce import References, Status
 from msbot.xrce.messages import ObjectKind, ObjectVariant

@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import TYPE_CHECKING, Protocol
 
-from msbot.agent.endpoint_sides import ReadSide, Shape
 from msbot.agent.gate import ClientInfo, Gate
 from msbot.agent.limits import AgentSettings
 from msbot.agent.object_tree import ObjectBudget, ObjectTree
 from msbot.agent.pending_requests import client_key_of, make_guid
 from msbot.agent.reply_routing import ReplyExchange
-from msbot.agent.sample_identity import NoEchoShape
+from msbot.agent.sample_filters import NoEchoShape
 from msbot.agent.statistics import ClientView, ObjectView, StreamView, TopicTable, TopicTraffic
+from msbot.agent.topic_attachment import ReadSide, Shape
 from msbot.errors import RemoteProtocolError
 from msbot.link import Peer
 from msbot.runtime.tally import Tally

@@ -1,7 +1,7 @@
 """The agent: links, clients, and which packet belongs to whom.
 
 Theory of operation: a packet comes in by a call of its link and runs through to the booked samples of all readers
-in plain calls; every client that then has something to send is marked, and the pump sends for it.
+in plain calls; every client that then has something to send is marked, and the flusher sends for it.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from msbot.agent.client_table import ClientTable, Port
+from msbot.agent.flushing import Flusher
 from msbot.agent.gate import ClientInfo, Gate, OpenGate
 from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
 from msbot.agent.limits import AgentSettings
 from msbot.agent.object_tree import ObjectBudget
 from msbot.agent.proxy import Proxy, Surroundings
-from msbot.agent.pump import Pump
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.session_budget import SessionBudget
 from msbot.agent.statistics import ClientView, TopicTable
@@ -68,14 +68,14 @@ class Agent:
             open_session=self._open_session,
             end_session=self._end_session,
         )
-        self._pump = Pump(self._now, self._end_session)
+        self._flusher = Flusher(self._now, self._end_session)
         self._surroundings = Surroundings(
             space=space,
             gate=self._gate,
             settings=self._settings,
             clock=self._now,
             agent_id=agent_id or os.urandom(8),
-            mark=self._pump.mark,
+            mark=self._flusher.mark,
             replies=ReplyExchange(space),
             references=references,
             topics=TopicTable(self._settings.max_topics),
@@ -103,8 +103,8 @@ class Agent:
         link.attach(
             packet=partial(self._packet_received, port),
             signal=partial(self._signal_received, port),
-            room=partial(self._pump.room_gained, port),
-            burst_end=self._pump.flush,
+            room=partial(self._flusher.room_gained, port),
+            burst_end=self._flusher.flush,
         )
         if self._group is not None:
             self._tasks[port] = self._group.create_task(self._serve(port))
@@ -126,7 +126,7 @@ class Agent:
                     task.cancel()
         finally:
             self._group = None
-            self._pump.stop()
+            self._flusher.stop()
         if self._failure is not None:
             raise self._failure
 
@@ -199,7 +199,7 @@ class Agent:
 
     def _packet_received(self, port: Port, packet: bytes, peer: Peer, now: float) -> None:
         port.opened = True
-        self._pump.in_burst = port.link.info.in_bursts
+        self._flusher.in_burst = port.link.info.in_bursts
         if len(packet) < 4:
             port.dropped.count("packet shorter than a header")
             return
@@ -212,22 +212,22 @@ class Agent:
         if proxy is None or proxy.session.session_id != session_id:
             answer = self._handshake.answer(port, packet, peer, now)
             if answer is not None:
-                self._pump.send_one(port, answer, peer)
+                self._flusher.send_one(port, answer, peer)
             return
         if session_id < 0x80 and port.members.get(proxy) != peer:
             self._receive_from_elsewhere(proxy, port, packet, peer, now)
             return
         proxy.receive(packet, now)
         if proxy.is_over:
-            self._pump.send(proxy, now)
+            self._flusher.send(proxy, now)
             self._end_session(proxy, "session deleted")
 
     def _receive_from_elsewhere(self, proxy: Proxy, port: Port, packet: bytes, peer: Peer, now: float) -> None:
         """Answers go to where the packet came from; all else stays on the way to the address of the login."""
-        self._pump.send(proxy, now)
+        self._flusher.send(proxy, now)
         proxy.receive(packet, now)
         for answer in proxy.session.packets_to_send(now):
-            self._pump.send_one(port, answer, peer)
+            self._flusher.send_one(port, answer, peer)
         if proxy.is_over:
             self._end_session(proxy, "session deleted")
 
@@ -258,7 +258,7 @@ class Agent:
         )
         silence_s = dead_after_s(request, self._settings.dead_after_s)
         proxy = Proxy(info, open_session, self._surroundings, now, dead_after_s=silence_s, echo=wants_echo(request))
-        self._pump.watch_life(proxy, now + proxy.dead_after_s)
+        self._flusher.watch_life(proxy, now + proxy.dead_after_s)
         return proxy
 
     def _peer_gone(self, proxy: Proxy, reason: str, now: float) -> None:
@@ -270,7 +270,7 @@ class Agent:
         logger.info("client %08X on %s is %s", proxy.info.key, proxy.info.link, reason)
         self._clients.set_gone(proxy)
         proxy.leave(reason, now)
-        self._pump.watch_life(proxy, proxy.next_life_check(now) or now)
+        self._flusher.watch_life(proxy, proxy.next_life_check(now) or now)
         self._gate.left(proxy.info, reason)
         proxy.recheck()
 
@@ -287,7 +287,7 @@ class Agent:
             return
         proxy.is_over = True
         self._budget.remove(proxy)
-        self._pump.forget(proxy)
+        self._flusher.forget(proxy)
         proxy.close()
         logger.info("client %08X on %s has left: %s", proxy.info.key, proxy.info.link, reason)
         if proxy.gone is None:  # else the gate was told when it went

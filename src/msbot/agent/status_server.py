@@ -20,7 +20,7 @@ from pathlib import Path
 from msbot.agent.server import Agent
 from msbot.agent.status_files import leave_word, status_folder
 from msbot.errors import ConfigError
-from msbot.runtime.accepting import Acceptor
+from msbot.runtime.accept_connections import Acceptor
 from msbot.runtime.tally import Tally
 
 logger = logging.getLogger(__name__)

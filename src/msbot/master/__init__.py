@@ -4,7 +4,7 @@ STOP, which outlives the master, is kept and reached here.
 """
 
 from msbot.master.master import Master, SaysStop, first_error, profile_of, timing_of
-from msbot.master.stop_keeper import StopKeeper, stop_file
+from msbot.master.stop_persistence import StopKeeper, stop_file
 from msbot.master.stop_socket import StopSocket, answer_of
 from msbot.master.topics_in_dds import robot_space, ways_of
 

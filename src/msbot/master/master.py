@@ -18,7 +18,7 @@ from msbot.agent import Agent, AgentSettings
 from msbot.config import Blueprint
 from msbot.errors import ConfigError, LinkDown, MsbotError
 from msbot.link import InprocHub, Link, Peer, Signal
-from msbot.master.stop_keeper import StopKeeper
+from msbot.master.stop_persistence import StopKeeper
 from msbot.part import Client
 from msbot.pnp import Access, Inventory, Keys, PartStore, Profile, Timing
 from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus

@@ -6,7 +6,7 @@ could be lacking: the one socket exists from the start. Elsewhere the socket is 
 alone; where there are no such sockets at all, `msbot stop` takes the way of all other commands.
 
 Each request is one JSON object, and so is each answer: `stop`, `go`, `status`. The other end is
-`msbot.runtime.stop_call`.
+`msbot.runtime.stop_datagram`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Final
 from msbot.errors import ConfigError
 from msbot.master.master import Master
 from msbot.pnp import StopStatus
-from msbot.runtime.stop_call import CREDENTIALS, IS_ABSTRACT, IS_THERE, is_own, new_name, withdraw
+from msbot.runtime.stop_datagram import CREDENTIALS, IS_ABSTRACT, IS_THERE, is_own, new_name, withdraw
 
 MAX_REQUEST: Final = 4096
 MAX_ANSWER: Final = 150_000

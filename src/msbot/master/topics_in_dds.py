@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from msbot.config import Binding, Blueprint, Library
 from msbot.errors import ConfigError
 from msbot.ros_forms import form_of, topic_name
-from msbot.sim.classes import message_class
+from msbot.sim.message_classes import message_class
 from msbot.space import Space, SpaceAddress, Topic, Way, WaysOf, open_space
 
 ROBOTS = "msbot/"

@@ -21,7 +21,7 @@ from msbot.part import Message
 from msbot.part.messages.message import fields_of
 from msbot.pnp import HeldPort, StopStatus
 from msbot.registry import EditKind
-from msbot.sim.classes import message_class
+from msbot.sim.message_classes import message_class
 from msbot.space import Qos, Topic, Writer
 
 REPEAT_S = 0.5

@@ -9,7 +9,6 @@ from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
 from msbot.pnp.life import TRANSITIONS
 from msbot.pnp.load_forecast import Flow, Forecast, forecast
-from msbot.pnp.matching import Match, Matcher
 from msbot.pnp.model import (
     FAST_TIMING,
     THESIS_TIMING,
@@ -31,6 +30,7 @@ from msbot.pnp.model import (
 from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
 from msbot.pnp.services import InventoryService, MasterService
 from msbot.pnp.slot_assignment import TakeOver
+from msbot.pnp.slot_matching import Match, Matcher
 
 __all__ = [
     "FAST_TIMING",

@@ -14,8 +14,8 @@ from msbot.errors import RegistryError
 from msbot.part.join.plug import Refusal
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import Contest, InventoryRecord
-from msbot.pnp.matching import NO_UID, Match, Matcher
 from msbot.pnp.model import MAX_TEXT, Claim, Configuration, Evidence, PartState, PartStore, Timing, Verdict, identity_of
+from msbot.pnp.slot_matching import NO_UID, Match, Matcher
 from msbot.pnp.state_changes import StateChanges
 
 PENDING = Verdict()

@@ -22,7 +22,6 @@ from msbot.pnp.admission import PENDING, Admission, Adopter
 from msbot.pnp.hand_control import HandControl
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.matching import Match, Matcher
 from msbot.pnp.model import (
     THESIS_TIMING,
     Claim,
@@ -36,6 +35,7 @@ from msbot.pnp.model import (
     Verdict,
 )
 from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
+from msbot.pnp.slot_matching import Match, Matcher
 from msbot.pnp.state_changes import StateChanges
 from msbot.runtime.tally import Tally
 

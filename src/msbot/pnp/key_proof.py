@@ -27,8 +27,8 @@ from typing import TypeVar
 from msbot.errors import RegistryError
 from msbot.part.join import keys, plug
 from msbot.part.join.plug import Refusal
-from msbot.pnp.matching import NO_UID, Match
 from msbot.pnp.model import Claim, Evidence, PartState, PartStore
+from msbot.pnp.slot_matching import NO_UID, Match
 
 GOOD_FOR_S = 10.0
 """A question that old is not taken an answer to."""

@@ -13,8 +13,8 @@ from msbot.errors import RegistryError
 from msbot.part.join.plug import Refusal
 from msbot.pnp.inventory_index import InventoryIndex
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.matching import Matcher
 from msbot.pnp.model import Claim, Evidence, PartState, PartStore
+from msbot.pnp.slot_matching import Matcher
 from msbot.pnp.state_changes import StateChanges
 
 FRESH_S = 3.0

@@ -10,9 +10,9 @@ from msbot.part.join.plug import Refusal
 from msbot.pnp.hand_control import HandControl
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.matching import Matcher
 from msbot.pnp.model import Configuration, Evidence, PartEvent, PartState, PartStore
 from msbot.pnp.partners import Partners
+from msbot.pnp.slot_matching import Matcher
 
 
 class StateChanges:

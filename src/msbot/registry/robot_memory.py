@@ -12,7 +12,7 @@ from sqlalchemy import Connection, func, select
 
 from msbot.config import Blueprint
 from msbot.pnp import Configuration, PartType, Slot, StopRecord
-from msbot.registry import blueprint_reader, places, stops
+from msbot.registry import blueprint_reader, places, stop_record
 from msbot.registry.configurations import read_configurations
 from msbot.registry.records import UserRecord
 from msbot.registry.statements import list_slots, read_part_types
@@ -60,5 +60,5 @@ def read_memory(connection: Connection, robot_id: int) -> RobotMemory:
         keys={row.uid: bytes(row.key) for row in connection.execute(select(keys.c.uid, keys.c.key))},
         places=places.read(connection, robot_id),
         users=tuple(list_users(connection)),
-        stop=stops.read(connection, robot_id),
+        stop=stop_record.read(connection, robot_id),
     )

@@ -16,7 +16,7 @@ from msbot.config import Blueprint, parse_versions, split_number
 from msbot.errors import RegistryError
 from msbot.pnp import Claim, Configuration, PartEvent, PartState, PartType, Slot, StopRecord
 from msbot.registry import statements as store
-from msbot.registry import stops
+from msbot.registry import stop_record
 from msbot.registry.records import RobotRecord, UserRecord, uid_text
 from msbot.registry.robot_memory import RobotMemory
 from msbot.registry.writer import Writer
@@ -206,7 +206,7 @@ class RobotStore:
 
     def keep_stop(self, record: StopRecord) -> None:
         """See `PartStore.keep_stop`."""
-        self._writer.put(partial(stops.write, robot_id=self.robot.id, record=record))
+        self._writer.put(partial(stop_record.write, robot_id=self.robot.id, record=record))
 
     def is_kept(self, timeout_s: float) -> bool:
         """See `PartStore.is_kept`."""

@@ -6,9 +6,9 @@
 from __future__ import annotations
 
 from msbot.space.contract import Deliver, Guid, Qos, Reader, Sample, Space, Topic, Writer
+from msbot.space.dds_topics import Way, WaysOf
 from msbot.space.memory import MemorySpace
 from msbot.space.space_address import MEMORY, SpaceAddress, open_space, parse_space
-from msbot.space.ways import Way, WaysOf
 
 __all__ = [
     "MEMORY",

@@ -17,7 +17,7 @@ from dataclasses import replace
 from msbot.errors import LocalProtocolError
 from msbot.space.contract import Deliver, Guid, Qos, Sample, Topic
 from msbot.space.history import History, Store
-from msbot.space.matching import mismatch
+from msbot.space.qos_matching import mismatch
 from msbot.space.readers import Clock, MemoryReader, SelectiveReader, is_selective
 
 FEEDBACK_LIMIT = 1000

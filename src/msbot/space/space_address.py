@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from msbot.errors import ConfigError
 from msbot.space.contract import Space
+from msbot.space.dds_topics import WaysOf, as_it_is
 from msbot.space.memory import MemorySpace
-from msbot.space.ways import WaysOf, as_it_is
 
 MEMORY = "memory"
 DDS = "dds"

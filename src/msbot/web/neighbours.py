@@ -1,7 +1,7 @@
 """The masters of this computer, as the class view needs them: who is there, and one STOP for all.
 
-They are asked by the socket that STOP has (`msbot.runtime.stop_call`), all at once and in a thread, so that one that
-hangs keeps no page waiting.
+They are asked over STOP's own socket (`msbot.runtime.stop_datagram`), all at once and in a thread, so that a master
+that hangs keeps no page waiting.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from msbot.runtime.stop_call import ask_masters
+from msbot.runtime.stop_datagram import ask_masters
 
 Ask = Callable[[Mapping[str, object]], tuple[list[dict[str, object]], int]]
 """Asks every master of this user; gives the answers, and how many run and do not answer."""

@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from msbot.link import Link
 from msbot.link.can import CanEnd
 from msbot.link.can.protocol import Frame
+from msbot.web.assembly import Seen
 from msbot.web.frames import FrameRing
-from msbot.web.room import Seen
 from msbot.web.views import BusMeter
 
 _WINDOW_S = 1.0

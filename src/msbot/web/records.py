@@ -12,7 +12,7 @@ from typing import NoReturn
 
 from msbot.config import Library, blueprint_toml, compare_text, parse_blueprint
 from msbot.errors import RegistryError
-from msbot.operations.operations import RunningOperations
+from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Role, role_named
 from msbot.pnp import PartState
 from msbot.registry import EditKind, EditRecord, JournalEntry, PartRecord, Registry, RobotRecord, UserRecord, upkeep

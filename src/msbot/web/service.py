@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from msbot.errors import ConfigError
-from msbot.operations.operations import RunningOperations
+from msbot.operations.dispatch import RunningOperations
 from msbot.operations.outcome import Outcome
 from msbot.operations.rights import Asker, Right, role_named
 from msbot.registry import EditRecord

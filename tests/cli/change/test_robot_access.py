@@ -16,7 +16,7 @@ from msbot.cli import msbot
 from msbot.cli.change.robot_access import details_of, perform, running_master
 from msbot.cli.options import database_identity
 from msbot.errors import ConfigError, MsbotError
-from msbot.operations.operations import perform as perform_request
+from msbot.operations.dispatch import perform as perform_request
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
 

@@ -17,7 +17,7 @@ from msbot.runtime.virtual_time import run_virtual
 from msbot.web.server import WebSettings
 
 if TYPE_CHECKING:
-    from msbot.web.room import WebRoom
+    from msbot.web.assembly import WebRoom
 
 LINK = "http://127.0.0.1:8080/setup?token=x"
 

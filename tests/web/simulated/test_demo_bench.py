@@ -15,7 +15,7 @@ from msbot.errors import ConfigError
 from msbot.pnp import MemoryStore
 from msbot.registry import open_registry
 from msbot.runtime.virtual_time import run_virtual
-from msbot.web.room import Seen
+from msbot.web.assembly import Seen
 from msbot.web.simulated.bench import NoBench
 from msbot.web.simulated.demo_bench import DemoBench, seen_of
 

@@ -6,7 +6,7 @@ import json
 
 import click
 
-from msbot.cli.change.stop_access import say_go
+from msbot.cli.change.stop_route import say_go
 from msbot.cli.options import robot_options
 
 

@@ -126,7 +126,7 @@ def _on_database(path: str, robot: str | None, request: Mapping[str, object]) ->
         raise ConfigError(
             f"no master runs here, and there is no database {path}: start `msbot master`, or name one with --db"
         )
-    from msbot.operations.operations import perform, stored_operations  # a running robot needs no SQLAlchemy here
+    from msbot.operations.dispatch import perform, stored_operations  # a running robot needs no SQLAlchemy here
     from msbot.registry import open_registry
 
     with open_registry(path, create=False) as registry:

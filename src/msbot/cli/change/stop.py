@@ -8,7 +8,7 @@ from datetime import datetime
 
 import click
 
-from msbot.cli.change.stop_access import say_stop, stop_status
+from msbot.cli.change.stop_route import say_stop, stop_status
 from msbot.cli.options import robot_options
 
 PATIENCE_S = 2.0

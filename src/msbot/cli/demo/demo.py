@@ -31,14 +31,14 @@ from msbot.demo import DemoRobot, Wire
 from msbot.errors import ConfigError, MsbotError
 from msbot.link.can.sim import SimBusServer, check_free
 from msbot.master import StopSocket, first_error, robot_space
-from msbot.operations.operations import RunningOperations, perform
+from msbot.operations.dispatch import RunningOperations, perform
 from msbot.registry import Registry, RobotRecord, open_registry
 from msbot.space import SpaceAddress
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from msbot.web.room import WebRoom
+    from msbot.web.assembly import WebRoom
 
 _Deeds = Mapping[str, Callable[[str], None]]
 
@@ -251,7 +251,7 @@ def _make_page(
     robot: DemoRobot, operations: RunningOperations, library: Library, database: tuple[Registry, RobotRecord, str],
     wishes: PageWishes,
 ) -> WebRoom:  # fmt: skip
-    from msbot.web.room import Database, WebRoom
+    from msbot.web.assembly import Database, WebRoom
     from msbot.web.simulated.demo_bench import seen_of
 
     seen = seen_of(robot, asyncio.get_running_loop().time)

@@ -30,7 +30,7 @@ from msbot.config import Blueprint, Library, open_blueprint
 from msbot.link import open_link
 from msbot.link.can import CanSettings, Codec
 from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
-from msbot.operations.operations import RunningOperations, perform
+from msbot.operations.dispatch import RunningOperations, perform
 from msbot.pnp import PartEvent
 from msbot.registry import open_registry
 from msbot.registry import waiting_restore as held
@@ -39,7 +39,7 @@ from msbot.space import SpaceAddress
 from msbot.xrce import compress, decompress, is_whole
 
 if TYPE_CHECKING:
-    from msbot.web.room import WebRoom
+    from msbot.web.assembly import WebRoom
 
 CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 
@@ -114,8 +114,8 @@ async def _main(  # noqa: PLR0917 - what the command was given
 
         if not page.off:
             with made_to_stay():
+                from msbot.web.assembly import Database, WebRoom
                 from msbot.web.real_buses import seen_of_links
-                from msbot.web.room import Database, WebRoom
 
                 database = Database(registry, robot, db)
                 room = WebRoom(

@@ -15,7 +15,7 @@ import click
 from msbot.errors import ConfigError
 
 if TYPE_CHECKING:
-    from msbot.web.room import WebRoom
+    from msbot.web.assembly import WebRoom
     from msbot.web.server import WebSettings
 
 DEFAULT_PORT = 8080

@@ -17,7 +17,7 @@ from msbot.link.contract import LinkInfo, Peer, Signal
 from msbot.link.net.connection_budget import MAX_CONNECTIONS, ConnectionBudget
 from msbot.link.net.host_address import Address, addresses_of, cannot_listen, joined, serve_both_kinds
 from msbot.link.stream_link import Stream, StreamLink
-from msbot.runtime.accepting import Acceptor
+from msbot.runtime.accept_connections import Acceptor
 
 logger = logging.getLogger(__name__)
 

@@ -32,7 +32,7 @@ POLICIES = {
 """Names of policies by the library's numbers."""
 
 COMPARED = frozenset(["RELIABILITY", "DURABILITY", "OWNERSHIP", "DEADLINE", "PARTITION"])
-"""Policies that `msbot.space.matching` compares itself, with both values."""
+"""Policies that `msbot.space.qos_matching` compares itself, with both values."""
 
 
 @contextlib.contextmanager

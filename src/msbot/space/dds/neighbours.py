@@ -13,7 +13,7 @@ from msbot.space.dds.domain import Domain
 from msbot.space.dds.library import ALIVE, ANY_STATE, PUBLICATIONS, SUBSCRIPTIONS, BuiltinEndpoint, Library, SampleInfo
 from msbot.space.dds.native_qos import qos_of
 from msbot.space.dds.waiter import Waiter
-from msbot.space.matching import mismatch, partitions_meet
+from msbot.space.qos_matching import mismatch, partitions_meet
 
 MAX_NEIGHBOURS = 8192
 """Endpoints of others that are remembered; what does not match more is not explained."""

@@ -16,9 +16,9 @@ from msbot.space.dds.native_qos import COMPARED, POLICIES
 from msbot.space.dds.neighbours import Neighbours, obstacle
 from msbot.space.dds.raw_type import BATCH, Serialiser
 from msbot.space.dds.waiter import Waiter
+from msbot.space.dds_topics import Convert
 from msbot.space.memory import MAX_TROUBLES
 from msbot.space.readers import MemoryReader, SelectiveReader
-from msbot.space.ways import Convert
 
 SUBSCRIPTION_MATCHED = 1 << 12
 REQUESTED_INCOMPATIBLE = 1 << 4

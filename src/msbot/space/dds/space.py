@@ -31,9 +31,9 @@ from msbot.space.dds.raw_type import Serialiser
 from msbot.space.dds.reader import REQUESTED_STATUSES, DdsReader, Inlet, ReplyInlet, RequestInlet
 from msbot.space.dds.waiter import Waiter
 from msbot.space.dds.writer import OFFERED_STATUSES, DdsWriter, Outlet, ServiceWriter
+from msbot.space.dds_topics import Way, WaysOf, as_it_is
 from msbot.space.memory import MemorySpace
 from msbot.space.readers import MemoryReader
-from msbot.space.ways import Way, WaysOf, as_it_is
 
 RETRY_S = 0.005
 """How soon a write is tried again that a slow peer had no room for."""

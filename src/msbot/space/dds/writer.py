@@ -14,8 +14,8 @@ from msbot.space.dds.library import TIMEOUT, Incompatible, Library, Matched
 from msbot.space.dds.native_qos import COMPARED, POLICIES
 from msbot.space.dds.neighbours import Neighbours, obstacle
 from msbot.space.dds.raw_type import Serialiser
+from msbot.space.dds_topics import Convert
 from msbot.space.memory import MAX_TROUBLES, MemoryWriter
-from msbot.space.ways import Convert
 
 PUBLICATION_MATCHED = 1 << 11
 OFFERED_INCOMPATIBLE = 1 << 3

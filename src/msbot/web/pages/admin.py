@@ -17,7 +17,7 @@ from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done, UserLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.pieces import file_button, heading, panel, set_html, show_dialog
+from msbot.web.pages.page_elements import file_button, heading, panel, set_html, show_dialog
 from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
 

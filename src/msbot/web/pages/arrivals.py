@@ -11,7 +11,7 @@ from msbot.operations.rights import Right
 from msbot.web.api.models import PartLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.pieces import heading, show_dialog
+from msbot.web.pages.page_elements import heading, show_dialog
 from msbot.web.pages.simulator import simulator_panel
 from msbot.web.service import Service
 from msbot.web.svg.drawings import state_chip

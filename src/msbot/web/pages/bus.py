@@ -12,7 +12,7 @@ from nicegui.events import GenericEventArguments
 from msbot.web.api.models import FrameLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.pieces import set_html
+from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
 
 ROWS = 60

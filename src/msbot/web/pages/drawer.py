@@ -14,7 +14,7 @@ from msbot.web.api.models import SlotCard
 from msbot.web.html import render
 from msbot.web.pages.by_hand import hand_panel
 from msbot.web.pages.layout import Page
-from msbot.web.pages.pieces import heading, set_html, show_dialog
+from msbot.web.pages.page_elements import heading, set_html, show_dialog
 from msbot.web.pages.simulator import simulator_panel
 from msbot.web.pages.values import values_panel
 from msbot.web.svg.drawings import HELD_WORDS, draw, fields_html, sparkline, state_chip

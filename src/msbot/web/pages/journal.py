@@ -11,7 +11,7 @@ from msbot.errors import MsbotError
 from msbot.web.api.models import EditLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.pieces import set_html
+from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
 from msbot.web.svg.drawings import state_chip
 

@@ -25,7 +25,7 @@ from msbot.web.html import Markup, render
 from msbot.web.language import COOKIE as LANGUAGE_COOKIE
 from msbot.web.language import Language, language_of, languages
 from msbot.web.pages.help import help_button, offer_tour
-from msbot.web.pages.pieces import set_html
+from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service, done_of
 
 _log = logging.getLogger(__name__)

@@ -16,7 +16,7 @@ from msbot.web.api.models import PartLine, PortLine, Robot, SlotCard
 from msbot.web.html import Markup, render
 from msbot.web.pages.drawer import open_drawer
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.pieces import set_html
+from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
 from msbot.web.svg.drawings import HELD_WORDS, beat_ring, draw, fields_html, main_port, sparkline, state_chip
 

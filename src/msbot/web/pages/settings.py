@@ -10,7 +10,7 @@ from msbot.errors import MsbotError
 from msbot.operations.rights import Right
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.pieces import file_button, heading
+from msbot.web.pages.page_elements import file_button, heading
 from msbot.web.pages.values import values_panel
 from msbot.web.service import MAX_BLUEPRINT, Service
 

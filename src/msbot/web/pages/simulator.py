@@ -9,7 +9,7 @@ from nicegui import ui
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Control, Done, Scalar
 from msbot.web.pages.layout import Page
-from msbot.web.pages.pieces import heading
+from msbot.web.pages.page_elements import heading
 from msbot.web.svg.drawings import fields_html
 
 

@@ -10,7 +10,7 @@ from nicegui import ui
 from msbot.web.api.models import Lane
 from msbot.web.html import Markup, render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.pieces import heading, set_html
+from msbot.web.pages.page_elements import heading, set_html
 from msbot.web.service import Service
 from msbot.web.svg.plots import Curve, bars_svg, curve_svg, curves_csv
 

@@ -13,7 +13,7 @@ from msbot.operations.rights import Right
 from msbot.web.api.models import TopicLine, WirePort
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.pieces import set_html
+from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
 from msbot.web.svg.drawings import value_words
 from msbot.web.svg.graph import rate_words, wiring_svg

@@ -9,8 +9,8 @@ from msbot.demo import DemoRobot
 from msbot.errors import ConfigError
 from msbot.link.can.sim import SimBusDriver
 from msbot.web.api.models import Control, Scalar
+from msbot.web.assembly import Seen
 from msbot.web.frames import FrameRing
-from msbot.web.room import Seen
 from msbot.web.views import BusMeter
 
 

@@ -22,7 +22,7 @@ from msbot.config import (
     Simulator,
     standard_message_types,
 )
-from msbot.sim.world import MOST_WAITING, World, fit
+from msbot.sim.simulated_world import MOST_WAITING, World, fit
 
 TYPES = standard_message_types()
 LEVEL, SWITCH, HELLO = TYPES["Level"], TYPES["Switch"], TYPES["HelloWorld"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msbot.agent.pending_requests import UNASKED, PendingRequests, encode_identity
-from msbot.agent.sample_identity import NoEchoShape, ReplyShape, RequestShape
+from msbot.agent.sample_filters import NoEchoShape, ReplyShape, RequestShape
 from msbot.space import Sample
 
 ASKER = bytes(range(16))

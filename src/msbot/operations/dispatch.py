@@ -23,7 +23,7 @@ from msbot.operations.rights import Asker, user_of_computer
 from msbot.operations.running_robot import RunningRobot
 from msbot.operations.settings import SlotSettings
 from msbot.operations.showing import Showing
-from msbot.operations.stopping import Stopping
+from msbot.operations.stop_and_go import Stopping
 from msbot.operations.stored_placement import StoredPlacement
 from msbot.operations.stored_robot import StoredRobot
 from msbot.operations.table import OPERATIONS, Kept

@@ -6,7 +6,7 @@ import pytest
 
 from msbot.errors import RegistryError
 from msbot.pnp import Claim, MemoryStore, PartState, PartType, Refusal, Slot
-from msbot.pnp.matching import Match, Matcher
+from msbot.pnp.slot_matching import Match, Matcher
 from tests.pnp.robot import ABCD, EFGH, sample_store, uid
 
 OTHER = PartType("LED1", "lamp")

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.space import MemorySpace, Qos, Sample, Topic
-from msbot.space.matching import mismatch, partitions_meet
+from msbot.space.qos_matching import mismatch, partitions_meet
 
 LIGHT = Topic("light", "Light")
 

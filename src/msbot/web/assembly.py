@@ -11,7 +11,7 @@ from functools import partial
 from msbot.config import Blueprint, Library
 from msbot.errors import RegistryError
 from msbot.master import Master
-from msbot.operations.operations import RunningOperations
+from msbot.operations.dispatch import RunningOperations
 from msbot.part import Message
 from msbot.pnp import KnownObject
 from msbot.registry import Registry, RobotRecord

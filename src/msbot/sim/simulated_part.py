@@ -1,7 +1,7 @@
 """A part of any library type, simulated: it joins its robot over a link as real ones do; a person plays with it.
 
 Nothing about the robot is simulated: the part goes through both steps, beats, gets its settings and obeys STOP. Only
-the world behind it (the air, the light, the motor) is, in `msbot.sim.world`.
+the world behind it (the air, the light, the motor) is, in `msbot.sim.simulated_world`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from msbot.config import Control, Direction, Library, Operand, PartType, Port, S
 from msbot.errors import ConfigError
 from msbot.part import ExpectedRobot, JoinState, Message, Part
 from msbot.part.messages.message import fields_of
-from msbot.sim.classes import message_class
-from msbot.sim.world import World
+from msbot.sim.message_classes import message_class
+from msbot.sim.simulated_world import World
 
 ANY_ROBOT = "*"
 SHORTEST_TICK_S = 0.02

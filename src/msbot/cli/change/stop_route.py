@@ -6,7 +6,7 @@ from pathlib import Path
 
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, database_identity, user_name
 from msbot.errors import ConfigError
-from msbot.runtime.stop_call import IS_THERE, ask_masters
+from msbot.runtime.stop_datagram import IS_THERE, ask_masters
 
 Answer = dict[str, object]
 

@@ -9,7 +9,7 @@ from random import Random
 
 from msbot.config import Direction, FieldKind, Output, PartType, Port, Scalar, Simulator, format_text
 from msbot.part.messages.wire_types import FLOAT32_MAX
-from msbot.sim.gauge import Gauge, as_number, number
+from msbot.sim.simulated_reading import Gauge, as_number, number
 
 STEP_S = 0.02
 """Longest step in which something that moves is computed."""

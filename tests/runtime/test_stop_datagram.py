@@ -7,7 +7,7 @@ import socket
 
 import pytest
 
-from msbot.runtime.stop_call import GROUP_VARIABLE, IS_ABSTRACT, ask_masters, new_name
+from msbot.runtime.stop_datagram import GROUP_VARIABLE, IS_ABSTRACT, ask_masters, new_name
 
 pytestmark = pytest.mark.skipif(not IS_ABSTRACT, reason="names of sockets without files are known to Linux only")
 

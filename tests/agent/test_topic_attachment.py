@@ -6,7 +6,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from msbot.agent.endpoint_sides import ReadSide, WriteSide
+from msbot.agent.topic_attachment import ReadSide, WriteSide
 from msbot.space import MemorySpace, Qos, Topic
 from msbot.xrce.messages import DeliveryControl
 from tests.agent.hosts import FakeHost

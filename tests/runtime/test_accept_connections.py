@@ -8,8 +8,8 @@ import socket
 
 import pytest
 
-from msbot.runtime import accepting
-from msbot.runtime.accepting import EXHAUSTED, Acceptor
+from msbot.runtime import accept_connections
+from msbot.runtime.accept_connections import EXHAUSTED, Acceptor
 from msbot.runtime.tally import Tally
 
 
@@ -27,7 +27,7 @@ class Scarce(socket.socket):
 
 
 async def test_without_descriptors_it_pauses_instead_of_spinning(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(accepting, "PAUSE_S", 0.01)
+    monkeypatch.setattr(accept_connections, "PAUSE_S", 0.01)
     taken: list[socket.socket] = []
     arrived = asyncio.Event()
     dropped = Tally()

@@ -1,4 +1,4 @@
-"""The pump: sends what the clients' sessions have, as much as each link takes, and wakes them when it is time.
+"""Flushing: sends what the clients' sessions have, as much as each link takes, and wakes them when it is time.
 
 Theory of operation. Every client that has something to send is marked; all marked ones are served at the end of the
 burst of packets that caused it, or of the turn of the loop. What a link has no room for waits in the client's outbox,
@@ -22,7 +22,7 @@ from msbot.link import Peer
 EndSession = Callable[[Proxy, str], None]
 
 
-class Pump:
+class Flusher:
     """Serves the clients of one agent on its event loop."""
 
     def __init__(self, clock: Callable[[], float], end_session: EndSession) -> None:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.config import Reading, Scalar
-from msbot.sim.gauge import Gauge, as_number, number
+from msbot.sim.simulated_reading import Gauge, as_number, number
 
 
 class Follower:
