@@ -230,10 +230,14 @@ static void verdict_given(msbot_part *part, const uint8_t *verdict, uint32_t now
             enter(part, MSBOT_REFUSED, now_us);
         }
     } else if (claims(part) || beats(part)) {
+        bool moved = part->state == MSBOT_ACTIVE && lease != part->lease;
         part->lease = lease;
         part->beat_us = 1000U * (period_ms < SHORTEST_BEAT_MS ? SHORTEST_BEAT_MS : period_ms);
         if (claims(part)) {
             enter(part, MSBOT_CONFIGURING, now_us);
+        } else if (moved) {
+            part->version = 0; /* two slots may be of the same version */
+            fetch(part, now_us);
         }
     }
 }

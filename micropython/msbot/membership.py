@@ -187,10 +187,14 @@ class Membership:
     def _verdict(self, lease, period, reason, now):
         self._heard_at = now
         if lease and self.state in _CLAIMS + _BEATS:
+            moved = self.state is _S.ACTIVE and lease != self._lease
             self._lease = lease
             self._period = max(period, _SHORTEST_BEAT)
             if self.state in _CLAIMS:  # else the claim was repeated on a slow bus
                 self._change(_S.CONFIGURING, "registered, fetching the configuration", now)
+            elif moved:
+                self.version = 0  # two slots may be of the same version
+                self._fetch(now)
         elif not lease:
             from .words import refusal
 

@@ -180,6 +180,25 @@ def test_a_wire_can_be_moved_while_it_runs(firmware: Firmware, tmp_path: Path) -
     play(tmp_path, scene, changes=changes)
 
 
+def test_put_into_another_slot_it_fetches_that_ones_configuration(firmware: Firmware, tmp_path: Path) -> None:
+    """Also when both configurations have the same version."""
+    slot = '[[slot]]\nname = "board"\npart = "PIN-BOARD"\n'
+    spare = '[[slot]]\nname = "spare"\npart = "PIN-BOARD"\n\n[slot.settings]\nrepeat_s = 0.5\n'
+
+    async def scene(robot: Robot) -> None:
+        part = robot.plug(board(firmware))
+        await asyncio.sleep(1)
+        part.story.clear()
+        now = asyncio.get_running_loop().time()
+        (info,) = robot.master.inventory.view(now)
+        robot.master.inventory.rearrange({info.client_key: "spare"}, now, "moved by ann")
+        await asyncio.sleep(SOON_S)
+        assert part.state is PartState.ACTIVE
+        assert "repeat_s=0.5" in part.story
+
+    play(tmp_path, scene, changes=((slot, slot + 'local_name = "board"\n\n' + spare),))
+
+
 def test_stop_holds_until_go(firmware: Firmware, tmp_path: Path) -> None:
     async def scene(robot: Robot) -> None:
         hand = lever(robot)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from msbot import Count, HelloWorld, Level, Message, Text, Trigger, float32, int16, uint64
 from msbot.config import Options
-from tests.homes.world import Part, Robot, World
+from tests.homes.world import SLOT, SPARE_SLOT, Part, Robot, World
 
 KEY = bytes.fromhex("00112233445566778899aabbccddeeff")
 JOINED_AT_S = 1.0
@@ -108,6 +108,15 @@ async def settings(world: World) -> None:
     world.note("gain is gone")
     world.configure(tuple(before.items()))
     await asyncio.sleep(0.3)
+
+
+async def moved(world: World) -> None:
+    await begin(world)
+    for here, there in ((SLOT, SPARE_SLOT), (SPARE_SLOT, SLOT)):
+        world.note(f"from slot {here} to slot {there}")
+        world.move(here, there)
+        await asyncio.sleep(5.0)
+        world.note(world.part_states())
 
 
 async def safe_values(world: World) -> None:
@@ -307,6 +316,7 @@ SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
     "lost_and_back": Scene(wired("out out Count"), lost_and_back),
     "messages": Scene(wired("mood out Mood", "other in Mood"), messages),
     "mistake": Scene(wired("out out HelloWorld"), mistake),
+    "moved": Scene(Robot(settings=(("gain", "1"),), spare_settings=(("gain", "2"),)), moved),
     "no_key": Scene(KEYED, refused),
     "partner_lost": Scene(SAFE, partner_lost),
     "publish": Scene(wired("out out HelloWorld"), publish),

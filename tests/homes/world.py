@@ -34,6 +34,7 @@ from msbot.xrce.compression.dictionary import DICTIONARY, FIXED
 CODEC = Codec(compress, decompress)
 SLOT = "mine"
 PARTNER_SLOT = "partner"
+SPARE_SLOT = "spare"
 UID = bytes.fromhex("00112233445566aa")
 PARTNER_UID = bytes.fromhex("00112233445566bb")
 
@@ -51,6 +52,8 @@ class Robot:
     options: Options = field(default_factory=Options)
     keys: tuple[tuple[bytes, bytes], ...] = ()
     """UID and key."""
+    spare_settings: tuple[tuple[str, str], ...] = ()
+    """Settings of a second slot, into which only a person puts the program's part."""
 
 
 class Home(Protocol):
@@ -83,12 +86,14 @@ class World:
         self.lines = MemoryLines()
         mine = [Binding(port, port, kind, publishes=way == "out", reliable=True) for port, way, kind in robot.bindings]
         others = [replace(binding, publishes=not binding.publishes) for binding in mine]
+        spare = Slot(SPARE_SLOT, robot.number)
         self.store = MemoryStore(
             types=(PartType(robot.number, "the program's"), PartType("PARTNER", "partner")),
-            slots=(Slot(SLOT, robot.number), Slot(PARTNER_SLOT, "PARTNER")),
+            slots=(Slot(SLOT, robot.number), Slot(PARTNER_SLOT, "PARTNER"), spare),
             configurations=(
                 Configuration(1, SLOT, tuple(mine), robot.settings),
                 Configuration(1, PARTNER_SLOT, tuple(others), ()),
+                Configuration(1, SPARE_SLOT, (), robot.spare_settings),
             ),
         )
         self.store.keys.update(robot.keys)
@@ -133,6 +138,12 @@ class World:
         old = self.store.configurations[SLOT]
         self.store.configurations[SLOT] = replace(old, version=old.version + 1, settings=settings)
         self.master.inventory.configuration_changed(SLOT)
+
+    def move(self, slot: str, to: str) -> None:
+        """Somebody puts the part of a slot into another one."""
+        now = asyncio.get_running_loop().time()
+        key = next(info.client_key for info in self.master.inventory.view(now) if info.slot == slot)
+        self.master.inventory.rearrange({key: to}, now, "moved by ann")
 
     def identify(self) -> None:
         """Somebody asks which part the program's is."""
