@@ -140,7 +140,9 @@ class PartWorld:
             case "honest" if self._requests:
                 self.answer(honest_answer(self._requests[-1][1]))
             case "restart":
-                self.agent.disconnect(self.part._client.key if self.part._client is not None else 0, "fuzz")
+                self.agent.disconnect(
+                    self.part._runner._client.key if self.part._runner._client is not None else 0, "fuzz"
+                )
 
     def _write(self, entity: Entity, payload: bytes) -> None:
         try:
@@ -151,7 +153,7 @@ class PartWorld:
     def check(self) -> None:
         """Nothing was raised, nothing grows; a part that is active knows its slot."""
         the_loop().check()
-        client = self.part._client
+        client = self.part._runner._client
         if client is None:
             raise Violation("the part has ended by itself")
         hold("objects", len(client.entities), MOST_OBJECTS)

@@ -15,7 +15,7 @@ import msbot
 from bench.micropython import measure
 from tests.homes import micro
 from tests.homes.runners import NODE
-from tests.homes.world import Part, Program
+from tests.homes.world import Part
 from tools.board_package import compile_package
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/part.md").read_text()
@@ -60,8 +60,7 @@ def test_the_table_names_all_that_a_part_is_and_does() -> None:
     table = rows()
     micro.forget()
     home = micro.load().Part("X")
-    public = {name for kind in (Program, Part) for name in vars(kind) if not name.startswith("_")}
-    public |= {name for name in vars(Part("X")) if not name.startswith("_")}
+    public = {name for name in (*vars(Part), *vars(Part("X"))) if not name.startswith("_")}
     listed = [table["verbs of a part"], table["properties of a part"]]
     assert set().union(*(names[0] for names in listed)) == {name for name in public if has(home, name)}
     assert set().union(*(names[1] for names in listed)) == {name for name in public if not has(home, name)}

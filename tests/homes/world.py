@@ -25,7 +25,6 @@ from msbot.part import Part
 from msbot.part.join.keys import prove
 from msbot.part.join.plug import Refusal
 from msbot.part.messages.standard import STANDARD_MESSAGES
-from msbot.part.program import Program
 from msbot.pnp import Binding, Configuration, MemoryStore, PartType, Slot
 from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce import compress, decompress
@@ -246,6 +245,6 @@ class _Wire(asyncio.Transport):
 
 __all__ = [
     "CODEC", "DICTIONARY", "FIXED", "STANDARD_MESSAGES", "UID", "CanPartLink", "Frame", "Home", "Joiner", "MemoryLines",
-    "Part", "Program", "Refusal", "Robot", "SerialReceiver", "SimCanBus", "UdpServerLink", "World", "compress",
+    "Part", "Refusal", "Robot", "SerialReceiver", "SimCanBus", "UdpServerLink", "World", "compress",
     "decompress", "encode_serial", "prove", "run_virtual", "split",
 ]  # fmt: skip

@@ -458,8 +458,8 @@ def test_rubbish_profiles_and_replies_are_ignored() -> None:
         client.on_request = mumble
         await asyncio.sleep(1.0)
         assert part.state is JoinState.ACTIVE
-        assert part._membership is not None
-        assert part._membership.dropped >= 2
+        assert part._runner._membership is not None
+        assert part._runner._membership.dropped >= 2
 
     play(scenario)
 
@@ -608,7 +608,7 @@ def test_a_port_has_one_function() -> None:
     part = make_part()
     part.on("in", HelloWorld)(lambda message: None)
     with pytest.raises(ConfigError, match="port 'in' has a function already"):
-        part.on("in", HelloWorld)
+        part.on("in", HelloWorld)(lambda message: None)
 
 
 def test_a_part_that_does_not_run_says_so() -> None:

@@ -97,7 +97,7 @@ def test_a_servo_goes_there_in_its_time_and_to_the_middle_on_stop() -> None:
         assert bench.unit.readings()["arm"] == pytest.approx(90 + 0.45 * 100, abs=8)
         await asyncio.sleep(2)
         assert bench.unit.readings()["arm"] == 170
-        bench.unit.part._signal_received(Signal.STOP, None, "test", 0.0)
+        bench.unit.part._runner._signal_received(Signal.STOP, None, "test", 0.0)
         await asyncio.sleep(2)
         assert bench.unit.readings()["arm"] == 90
         assert bench.unit.part.state is JoinState.ACTIVE
@@ -107,7 +107,7 @@ def test_a_servo_goes_there_in_its_time_and_to_the_middle_on_stop() -> None:
 
 def test_settings_that_change_hold_at_once_and_nonsense_changes_nothing() -> None:
     async def scene(bench: Bench) -> None:
-        settings = bench.unit.part._settings
+        settings = bench.unit.part._runner.settings
         assert bench.unit.readings()["metres"] == pytest.approx(1.0, abs=0.02)
         settings.take([Setting(name="offset_m", value="0.5"), Setting(name="period_s", value="1.0")])
         assert bench.unit.readings()["metres"] == pytest.approx(1.5, abs=0.02)
@@ -177,8 +177,8 @@ def test_only_the_port_whose_partner_is_lost_becomes_safe() -> None:
         await asyncio.sleep(1)
         left = bench.part_type.port("left")
         assert left is not None
-        bench.unit.part._safety._messages["left"] = Level(percent=0.0)
-        bench.unit.part._safety.enter("left")
+        bench.unit.part._runner.safety._messages["left"] = Level(percent=0.0)
+        bench.unit.part._runner.safety.enter("left")
         await asyncio.sleep(1)
         assert bench.unit.readings() == {"left_motor": 0, "right_motor": 80}
 

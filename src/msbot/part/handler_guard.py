@@ -106,11 +106,13 @@ class Every:
     def __init__(self, period_s: float, function: Callable[[], object]) -> None:
         self.period_s = period_s
         self.function = function
+        self._guard: Guard | None = None
         self._timer: asyncio.TimerHandle | None = None
 
     def start(self, guard: Guard) -> None:
-        """Call it in the next turn of the loop, and then every period."""
+        """Have the guard call it in the next turn of the loop, and then every period."""
         self.cancel()
+        self._guard = guard
         loop = asyncio.get_running_loop()
         self._arm(loop, loop.time(), guard)
 
@@ -118,15 +120,15 @@ class Every:
         """Call it no more."""
         if self._timer is not None:
             self._timer.cancel()
-            self._timer = None
+            self._timer = self._guard = None
 
-    def change(self, period_s: float, guard: Guard) -> None:
+    def change(self, period_s: float) -> None:
         """Have another period; one that runs begins anew with it, at once."""
         if period_s == self.period_s:
             return
         self.period_s = period_s
-        if self._timer is not None:
-            self.start(guard)
+        if self._guard is not None:
+            self.start(self._guard)
 
     def _arm(self, loop: asyncio.AbstractEventLoop, due_at: float, guard: Guard) -> None:
         self._timer = loop.call_at(due_at, self._due, loop, due_at, guard)

@@ -9,45 +9,38 @@
         part.publish("out", HelloWorld(index=1, message="hello"))
 
     part.run()
+
+A part is two things: the `Program` that its functions are, and the `ProgramRunner` that calls them in a robot.
 """
 
 from __future__ import annotations
 
-import asyncio
-import logging
-import threading
 import time
 from collections.abc import Callable, Mapping
 from random import Random, SystemRandom
+from typing import TypeVar
 
-from msbot.errors import ConfigError, LocalProtocolError, RemoteProtocolError
-from msbot.link import Link, Peer, Signal
-from msbot.part.beginner import SILENCE_S, part_is_run, part_was_made, silence_words
+from msbot.errors import ConfigError
+from msbot.link import Link
+from msbot.part.beginner import part_is_run, part_was_made
 from msbot.part.boards.gpio import UsbGpio
-from msbot.part.client.client import Client
 from msbot.part.client.settings import ClientSettings
 from msbot.part.counters import PartCounters
-from msbot.part.join.joining import ANY, PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
-from msbot.part.join.keys import check_key, parse_key, prove
-from msbot.part.join.membership import Membership
-from msbot.part.join.plug import (
-    STOP_SETTING,
-    TEXT_OCTETS,
-    UID_OCTETS,
-    ClaimMessage,
-    ConfigurationMessage,
-    Notice,
-    NoticeKind,
-)
+from msbot.part.join.joining import ANY, ExpectedRobot, JoinState
+from msbot.part.join.keys import check_key, parse_key
+from msbot.part.join.plug import TEXT_OCTETS, UID_OCTETS
 from msbot.part.messages.message import Message
-from msbot.part.ports import Ports
-from msbot.part.program import Program
-from msbot.part.safe_state import Safety
+from msbot.part.program import Action, Listener, PortAction, Program, When
+from msbot.part.program_runner import Identity, ProgramRunner
+from msbot.part.settings import V
 
-_log = logging.getLogger("msbot.part")
+_M = TypeVar("_M", bound=Message)
+_A = TypeVar("_A", bound=Action)
+_P = TypeVar("_P", bound=PortAction)
+_F = TypeVar("_F")
 
 
-class Part(Program):
+class Part:
     """One part of a robot: a part number, ports, and functions that are called when something happens.
 
     All functions are called in one thread, one after the other, and must return quickly.
@@ -88,20 +81,107 @@ class Part(Program):
         """The part's key; `run` gives it the one that is kept for the part."""
         self._board = board
         self._random = random or SystemRandom()
-        super().__init__(self._mistaken)
-        self._safety = Safety(self._listeners, self._when["safe"], self._guard)
-        self._counters = PartCounters()
-        self._slot = ""
-        self._configurations = 0
-        self._mistake: ConfigError | None = None
-        self._joining = Joining(self.robot)
-        self._client: Client | None = None
-        self._ports: Ports | None = None
-        self._membership: Membership | None = None
-        self._loop_thread = 0
+        self._program = Program()
+        self._runner = ProgramRunner(self._program)
         part_was_made(self)
 
-    # What a student's program says.
+    # What a student's program declares.
+
+    def every(self, period: float | str) -> Callable[[_A], _A]:
+        """Call the function below every so many seconds while the part is active (the first time at once).
+
+        Args:
+            period: seconds, or the name of the setting that has them; a change of the setting counts at once.
+
+        Raises:
+            ConfigError: the period is not positive, or what is below is no plain function without arguments.
+        """
+        if callable(period):
+            name = getattr(period, "__name__", "...")
+            raise ConfigError(f"@part.every above {name} needs the seconds in parentheses: @part.every(1.0)")
+        if not isinstance(period, str) and not period > 0:
+            raise ConfigError(f"every({period}): the period must be more than 0 seconds")
+
+        def remember(function: _A) -> _A:
+            self._program.add_timed(period, function)
+            return function
+
+        return remember
+
+    def on(
+        self, port: str, message_class: type[_M] | None = None, *, optional: bool = False
+    ) -> Callable[[Callable[[_M], object]], Callable[[_M], object]]:
+        """Call the function below with each message that comes in at the port.
+
+        Args:
+            port: the part's own name for it.
+            message_class: what comes in.
+            optional: the robot need not use the port; otherwise it is said when it does not.
+
+        Raises:
+            ConfigError: not a message class, a port with two functions, or no plain function of one argument.
+        """
+        if callable(port):
+            name = getattr(port, "__name__", "...")
+            raise ConfigError(f'@part.on above {name} needs port and message: @part.on("in", HelloWorld)')
+        if not (isinstance(message_class, type) and issubclass(message_class, Message)):
+            what = "" if message_class is None else f", not {message_class!r}"
+            raise ConfigError(f"@part.on({port!r}, ...) needs the class of the message{what}: on({port!r}, HelloWorld)")
+
+        def remember(function: Callable[[_M], object]) -> Callable[[_M], object]:
+            self._program.add_listener(port, Listener(message_class, function, optional))  # type: ignore[arg-type]  # decoded as _M
+            return function
+
+        return remember
+
+    def on_setting(self, name: str, kind: type[V] = str) -> Callable[[Callable[[V], object]], Callable[[V], object]]:  # type: ignore[assignment]  # the kind follows the argument
+        """Call the function below with the setting's value, before `on_join`, and whenever it changes.
+
+        Raises:
+            ConfigError: the kind is none of bool, int, float, str; or no plain function of one argument.
+        """
+
+        def remember(function: Callable[[V], object]) -> Callable[[V], object]:
+            self._program.add_follower(name, kind, function)
+            return function
+
+        return remember
+
+    def on_join(self, function: _A | None = None) -> _A:
+        """Call the function below whenever the part has become active."""
+        return self._remember("join", function)
+
+    def on_lost(self, function: _A | None = None) -> _A:
+        """Call the function below whenever the part is no longer active though it did not end; see `reason`."""
+        return self._remember("lost", function)
+
+    def on_end(self, function: _A | None = None) -> _A:
+        """Call the function below once when the part ends."""
+        return self._remember("end", function)
+
+    def on_stop(self, function: _A | None = None) -> _A:
+        """Call the function below when somebody says STOP, after every port has its safe value."""
+        return self._remember("stop", function)
+
+    def on_go(self, function: _A | None = None) -> _A:
+        """Call the function below when somebody says GO: messages reach the part's functions again."""
+        return self._remember("go", function)
+
+    def on_identify(self, function: _A | None = None) -> _A:
+        """Call the function below when somebody asks which part this is: let it blink, beep or move."""
+        return self._remember("identify", function)
+
+    def on_partner_lost(self, function: _P | None = None) -> _P:
+        """Call the function below with the name of a port for which nobody sends any more."""
+        handler = _given("on_partner_lost", function)
+        self._program.add_partner_lost(handler)
+        return handler
+
+    def safe_state(self, function: _A | None = None) -> _A:
+        """Call the function below when nobody is in command any more: master or partner lost, STOP, part ended."""
+        return self._remember("safe", function)
+
+    # What it does.
 
     def publish(self, port: str, message: Message) -> bool:
         """Send a message out of a port; False when there was no room for it (counted as `not_sent`).
@@ -110,39 +190,36 @@ class Part(Program):
             LocalProtocolError: the part is not active: nobody publishes before both steps are done.
             ConfigError: no such port, or a message of another type; the part ends with this sentence.
         """
-        if self._ports is None or self._joining.state is not JoinState.ACTIVE:
-            if self._client is None:
-                raise LocalProtocolError("the part does not run: publish in a function below @part.every or @part.on")
-            raise LocalProtocolError(
-                f"the part is {self.state.value}, not active ({self.reason}): publish after on_join"
-            )
-        if threading.get_ident() != self._loop_thread:
-            name = threading.current_thread().name
-            raise LocalProtocolError(
-                f"publish was called from another thread ({name}): call it in a function below @part.every or @part.on"
-            )
-        sent = self._ports.publish(port, message)
-        if sent:
-            self._counters.messages_out += 1
-        else:
-            self._counters.not_sent += 1
-        return sent
+        return self._runner.publish(port, message)
+
+    # What it reads.
 
     def bound(self, port: str) -> bool:
         """Whether the robot uses that port of the part now."""
-        return self._ports is not None and port in self._ports
+        return self._runner.is_bound(port)
 
-    # What a student's program reads.
+    def setting(self, name: str, kind: type[V] = str, default: V | None = None) -> V:  # type: ignore[assignment]  # the kind follows the argument
+        """The value of a setting, for example `part.setting("period_s", float)`.
+
+        Args:
+            name: name of the parameter in the library.
+            kind: bool, int, float or str.
+            default: what holds when this robot does not set it (and before the part is active).
+
+        Raises:
+            ConfigError: it is not set and there is no default, or its value is not of that kind.
+        """
+        return self._runner.settings.value(name, kind, default)
 
     @property
     def state(self) -> JoinState:
         """Where the part stands; its `.value` is a word."""
-        return self._joining.state
+        return self._runner.joining.state
 
     @property
     def reason(self) -> str:
         """Why it is in that state, in words."""
-        return self._joining.reason
+        return self._runner.joining.reason
 
     @property
     def board(self) -> UsbGpio:
@@ -158,30 +235,27 @@ class Part(Program):
     @property
     def slot(self) -> str:
         """The slot the part sits in, "" before it is active for the first time."""
-        return self._slot
+        return self._runner.slot
 
     @property
     def settings(self) -> Mapping[str, str]:
         """The slot's settings, as text; changes while the part runs. `setting` gives one with its type."""
-        return self._settings.texts
+        return self._runner.settings.texts
 
     @property
     def stopped(self) -> bool:
         """Whether STOP was said and GO was not: no message reaches a function, and nothing should move."""
-        return self._safety.stopped
+        return self._runner.safety.stopped
 
     @property
     def busy_with(self) -> tuple[str, float] | None:
         """The function that runs at this moment and since when, by the loop's clock; None: none does."""
-        return self._guard.running
+        return self._runner.guard.running
 
     @property
     def counters(self) -> PartCounters:
         """What happened since the part began to run."""
-        self._counters.beats = self._joining.beats
-        self._counters.missed_beats = self._joining.missed_beats
-        self._counters.handler_errors = self._guard.errors
-        return self._counters
+        return self._runner.counters
 
     # Running.
 
@@ -211,187 +285,26 @@ class Part(Program):
             ConfigError: the program or its robot is wrong in a way that running on cannot mend.
             LocalProtocolError: the part runs already.
         """
-        if self._client is not None:
-            raise LocalProtocolError(f"part {self.local_name} runs already")
         part_is_run(self)
-        self._loop_thread = threading.get_ident()
         if self.uid is None:
             self.uid = self._random.randbytes(UID_OCTETS)
-        self._joining = Joining(self.robot, PATIENT if link.info.shared_bus else QUICK)
-        self._mistake = None
-        self._configurations = 0
-        self._settings.forget()
-        # Not derived from the UID: two devices with one UID must be seen as two (they would take over each
-        # other's session without a word).
-        client = Client(
-            link,
-            key=self._random.randrange(1, 1 << 32),
-            settings=settings,
-            epoch_ns=epoch_ns,
-            random=self._random,
-        )
-        claim = ClaimMessage(
-            part_number=self.part_number,
-            local_name=self.local_name,
-            uid=self.uid,
-            session_nonce=self._random.getrandbits(32),
-        )
-        membership = Membership(
-            client,
-            self._joining,
-            claim,
-            profile_once=link.info.shared_bus,
-            prove=self._prove,
-            changed=self._changed,
-            configure=self._configure,
-            noticed=self._noticed,
-            obeyed_stop=lambda: self._safety.number,
-        )
-        client.on_topic = self._sample_received
-        client.on_signal = self._signal_received
-        self._client, self._membership = client, membership
-        self._ports = Ports(client, membership.participant, membership.subscriber)
-        membership.start()
-        loop = asyncio.get_running_loop()
-        told = [loop.call_later(after_s, self._tell_of_silence, link.info.name) for after_s in SILENCE_S]
-        try:
-            await client.run()
-        finally:
-            for timer in told:
-                timer.cancel()
-            membership.end("ended")
-            self._client = self._ports = self._membership = None
-        if self._mistake is not None:
-            raise self._mistake
+        identity = Identity(self.part_number, self.local_name, self.robot, self.uid, lambda: self.key)
+        await self._runner.run(link, identity, random=self._random, settings=settings, epoch_ns=epoch_ns)
 
     def end(self) -> None:
         """End `run_async` politely: the session is deleted, the master knows at once."""
-        if self._client is not None and self._membership is not None:
-            self._membership.end("ended")
-            self._client.close_soon()
+        self._runner.end()
 
-    def _tell_of_silence(self, link: str) -> None:
-        if words := silence_words(self._joining.state, link, self.local_name):
-            _log.warning("%s", words)
+    def _remember(self, when: When, function: _A | None) -> _A:
+        handler = _given("safe_state" if when == "safe" else f"on_{when}", function)
+        self._program.add_action(when, handler)
+        return handler
 
-    def _prove(self, nonce: bytes) -> bytes | None:
-        if self.key is None or self.uid is None or self._client is None:
-            return None
-        return prove(
-            self.key,
-            nonce,
-            self.uid,
-            part_number=self.part_number,
-            local_name=self.local_name,
-            session_key=self._client.key,
-        )
 
-    def _changed(self, change: Changed) -> None:
-        _log.info("%s is %s: %s", self.local_name, change.after.value, change.reason)
-        assert self._ports is not None
-        if change.after is JoinState.ACTIVE:
-            self._tell("join")
-            for timed in self._timed:
-                timed.start(self._guard)
-        elif change.before is JoinState.ACTIVE:
-            for timed in self._timed:
-                timed.cancel()
-            # Whoever takes the part back says STOP again if it still holds.
-            self._safety.leave()
-        if change.after is JoinState.ENDED:
-            self._tell("end")
-        elif change.before is JoinState.ACTIVE:
-            self._tell("lost")
-        if change.after is JoinState.LOST:
-            # The next agent hears of topics only from a part that has joined its robot.
-            self._ports.unbind_all()
-
-    def _configure(self, configuration: ConfigurationMessage) -> None:
-        assert self._ports is not None
-        self._configurations += 1
-        self._slot = configuration.slot
-        settings = [setting for setting in configuration.settings if setting.name != STOP_SETTING]
-        self._safety.configure(self._settings.take(settings))
-        for setting in configuration.settings:
-            if setting.name == STOP_SETTING and setting.value.isdecimal():
-                self._stop_said("it holds in the robot that the part has joined", int(setting.value))
-        self._ports.bind(configuration.bindings)
-        for port, listener in self._listeners.items():
-            fault = self._ports.fault_of(port, listener.message_class.type_name, optional=listener.optional)
-            if fault:
-                self._guard.report(f"port {port!r}", fault)
-        self._settings.tell()
-
-    def _noticed(self, notice: Notice) -> None:
-        match notice.kind:
-            case NoticeKind.STOP:
-                self._stop_said("said by the master", notice.number)
-            case NoticeKind.GO:
-                if self._safety.go(notice.number):
-                    self._tell("go")
-            case NoticeKind.IDENTIFY:
-                _log.info("%s: somebody asks which part this is", self.local_name)
-                self._tell("identify")
-            case NoticeKind.PARTNER_LOST:
-                self._partner_lost_at(notice)
-
-    def _stop_said(self, reason: str, number: int | None = None) -> None:
-        before = self._safety.number
-        is_news = self._safety.stop(reason, number)
-        if is_news:
-            self._tell("stop")
-        if self._membership is not None and self._safety.number not in (0, before):
-            self._membership.beat_soon()
-
-    def _partner_lost_at(self, notice: Notice) -> None:
-        assert self._ports is not None
-        port = self._ports.port_at(notice.binding)
-        if port is None or notice.number != self._joining.configuration_version:
-            return
-        _log.info("%s: nobody sends to port %s any more", self.local_name, port)
-        self._safety.enter(port)
-        for function in self._partner_lost:
-            self._guard.call(function, port)
-
-    def _sample_received(self, object_id: int, _request_id: int, payload: bytes) -> None:
-        assert self._membership is not None
-        assert self._ports is not None
-        if self._membership.take_sample(object_id, payload):
-            return
-        bound = self._ports.port_of(object_id)
-        listener = self._listeners.get(bound.binding.port) if bound is not None else None
-        if bound is None or listener is None or self._joining.state is not JoinState.ACTIVE:
-            self._counters.dropped += 1
-            return
-        if listener.message_class.type_name != bound.binding.topic_type:
-            self._counters.dropped += 1
-            return
-        try:
-            message = listener.message_class.decode(payload)
-        except RemoteProtocolError as error:
-            self._counters.dropped += 1
-            self._guard.report(
-                f"port {bound.binding.port!r}", f"a message that cannot be read: {error}", kind="unreadable"
-            )
-            return
-        if self._safety.stopped:
-            self._counters.held += 1
-            return
-        self._counters.messages_in += 1
-        self._guard.call(listener.function, message)
-
-    def _signal_received(self, signal: Signal, _peer: Peer | None, reason: str, _now: float) -> None:
-        if signal is Signal.STOP:
-            self._stop_said(reason)
-
-    def _mistaken(self, error: ConfigError) -> None:
-        """A handler asked for a port that is not there, or with the wrong type."""
-        if self._configurations > 1:
-            # It worked with an earlier configuration: not the program is wrong, and the robot goes on.
-            self._guard.report(str(error), "since the configuration has changed")
-            return
-        self._mistake = self._mistake or error
-        self.end()
+def _given(decorator: str, function: _F | None) -> _F:
+    if function is None:
+        raise ConfigError(f"@part.{decorator} is written without parentheses")
+    return function
 
 
 def _name(what: str, text: str) -> str:

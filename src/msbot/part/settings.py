@@ -24,33 +24,32 @@ _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 
 
 @dataclass(frozen=True, slots=True)
-class _Follower:
+class Follower:
+    """A function that hears of a setting."""
+
     read: Callable[[str], Value]
+    """Makes the value of the text; ConfigError: the text is none, and nobody hears of it."""
     function: Callable[..., object]
 
 
 class Settings:
-    """What the present configuration sets, and the functions that want to know when it changes."""
+    """What the present configuration sets.
 
-    def __init__(self, guard: Guard) -> None:
+    Args:
+        guard: calls the followers.
+        followers: name of a setting -> who wants to know when it changes; may grow.
+    """
+
+    def __init__(self, guard: Guard, followers: Mapping[str, Iterable[Follower]]) -> None:
         self._guard = guard
+        self._followers = followers
         self._texts: dict[str, str] = {}
-        self._followers: dict[str, list[_Follower]] = {}
         self._told: dict[str, str] = {}
 
     @property
     def texts(self) -> Mapping[str, str]:
         """The settings by name, as text."""
         return MappingProxyType(self._texts)
-
-    def follow(self, name: str, kind: type[V], function: Callable[[V], object]) -> None:
-        """Call the function with the value when it is known, and whenever it changes.
-
-        Raises:
-            ConfigError: a setting cannot be of that kind.
-        """
-        check_kind(name, kind)
-        self._followers.setdefault(name, []).append(_Follower(lambda text: read_value(name, text, kind), function))
 
     def value(self, name: str, kind: type[V], default: V | None = None) -> V:
         """The value of a setting; the default when this robot does not set it.
@@ -89,7 +88,7 @@ class Settings:
                 for follower in followers:
                     self._tell(name, text, follower)
 
-    def _tell(self, name: str, text: str, follower: _Follower) -> None:
+    def _tell(self, name: str, text: str, follower: Follower) -> None:
         try:
             value = follower.read(text)
         except ConfigError as error:

@@ -1,0 +1,289 @@
+"""Runs a student's program as a part of a robot: joins it, ties the ports to topics, calls the program's functions.
+
+How a part joins is decided in `join`, what makes it safe in `safe_state`; this file brings what comes in to them, and
+tells the program what came of it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from random import Random
+
+from msbot.errors import ConfigError, LocalProtocolError, RemoteProtocolError
+from msbot.link import Link, Peer, Signal
+from msbot.part.beginner import SILENCE_S, silence_words
+from msbot.part.client.client import Client
+from msbot.part.client.settings import ClientSettings
+from msbot.part.counters import PartCounters
+from msbot.part.handler_guard import Guard
+from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
+from msbot.part.join.keys import prove
+from msbot.part.join.membership import Membership
+from msbot.part.join.plug import STOP_SETTING, ClaimMessage, ConfigurationMessage, Notice, NoticeKind
+from msbot.part.messages.message import Message
+from msbot.part.ports import Ports
+from msbot.part.program import Program, When
+from msbot.part.safe_state import Safety
+from msbot.part.settings import Settings
+
+_log = logging.getLogger("msbot.part")
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who a part says it is, and which robot it looks for."""
+
+    part_number: str
+    local_name: str
+    robot: ExpectedRobot
+    uid: bytes
+    key: Callable[[], bytes | None]
+    """What it proves its UID with; asked at each challenge, because a part may get its key while it runs."""
+
+    def prove(self, nonce: bytes, session_key: int) -> bytes | None:
+        """The answer to a challenge in that session; None = the part has no key."""
+        key = self.key()
+        if key is None:
+            return None
+        return prove(
+            key,
+            nonce,
+            self.uid,
+            part_number=self.part_number,
+            local_name=self.local_name,
+            session_key=session_key,
+        )
+
+
+class ProgramRunner:
+    """Runs one program, as often as `run` is awaited; what it counts and shows stays between the runs."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.guard = Guard(self._mistaken)
+        self.settings = Settings(self.guard, program.followers)
+        self.safety = Safety(program.listeners, program.when["safe"], self.guard)
+        self.joining = Joining(ExpectedRobot())
+        """Where the part stands; that of the last run when none runs."""
+        self.slot = ""
+        """The slot the part sits in, "" before it is active for the first time."""
+        self._local_name = ""
+        self._counters = PartCounters()
+        self._configurations = 0
+        self._mistake: ConfigError | None = None
+        self._client: Client | None = None
+        self._ports: Ports | None = None
+        self._membership: Membership | None = None
+        self._loop_thread = 0
+
+    @property
+    def counters(self) -> PartCounters:
+        """What happened since the part began to run."""
+        self._counters.beats = self.joining.beats
+        self._counters.missed_beats = self.joining.missed_beats
+        self._counters.handler_errors = self.guard.errors
+        return self._counters
+
+    def is_bound(self, port: str) -> bool:
+        """Whether the robot uses that port of the part now."""
+        return self._ports is not None and port in self._ports
+
+    def publish(self, port: str, message: Message) -> bool:
+        """Send a message out of a port (`Part.publish`)."""
+        if self._ports is None or self.joining.state is not JoinState.ACTIVE:
+            if self._ports is None:
+                raise LocalProtocolError("the part does not run: publish in a function below @part.every or @part.on")
+            raise LocalProtocolError(
+                f"the part is {self.joining.state.value}, not active ({self.joining.reason}): publish after on_join"
+            )
+        if threading.get_ident() != self._loop_thread:
+            name = threading.current_thread().name
+            raise LocalProtocolError(
+                f"publish was called from another thread ({name}): call it in a function below @part.every or @part.on"
+            )
+        sent = self._ports.publish(port, message)
+        if sent:
+            self._counters.messages_out += 1
+        else:
+            self._counters.not_sent += 1
+        return sent
+
+    async def run(
+        self,
+        link: Link,
+        identity: Identity,
+        *,
+        random: Random,
+        settings: ClientSettings | None,
+        epoch_ns: Callable[[], int],
+    ) -> None:
+        """Run the program over that link until `end` or cancellation (`Part.run_async`)."""
+        if self._client is not None:
+            raise LocalProtocolError(f"part {self._local_name} runs already")
+        self._loop_thread = threading.get_ident()
+        self._local_name = identity.local_name
+        self.joining = Joining(identity.robot, PATIENT if link.info.shared_bus else QUICK)
+        self._mistake = None
+        self._configurations = 0
+        self.settings.forget()
+        # Not derived from the UID: two devices with one UID must be seen as two (they would take over each
+        # other's session without a word).
+        client = Client(link, key=random.randrange(1, 1 << 32), settings=settings, epoch_ns=epoch_ns, random=random)
+        claim = ClaimMessage(
+            part_number=identity.part_number,
+            local_name=identity.local_name,
+            uid=identity.uid,
+            session_nonce=random.getrandbits(32),
+        )
+        membership = Membership(
+            client,
+            self.joining,
+            claim,
+            profile_once=link.info.shared_bus,
+            prove=lambda nonce: identity.prove(nonce, client.key),
+            changed=self._changed,
+            configure=self._configure,
+            noticed=self._noticed,
+            obeyed_stop=lambda: self.safety.number,
+        )
+        client.on_topic = self._sample_received
+        client.on_signal = self._signal_received
+        self._client, self._membership = client, membership
+        self._ports = Ports(client, membership.participant, membership.subscriber)
+        membership.start()
+        loop = asyncio.get_running_loop()
+        told = [loop.call_later(after_s, self._tell_of_silence, link.info.name) for after_s in SILENCE_S]
+        try:
+            await client.run()
+        finally:
+            for timer in told:
+                timer.cancel()
+            membership.end("ended")
+            self._client = self._ports = self._membership = None
+        if self._mistake is not None:
+            raise self._mistake
+
+    def end(self) -> None:
+        """End `run` politely: the session is deleted, the master knows at once."""
+        if self._client is not None and self._membership is not None:
+            self._membership.end("ended")
+            self._client.close_soon()
+
+    def _tell(self, when: When) -> None:
+        for function in self.program.when[when]:
+            self.guard.call(function)
+
+    def _tell_of_silence(self, link: str) -> None:
+        if words := silence_words(self.joining.state, link, self._local_name):
+            _log.warning("%s", words)
+
+    def _changed(self, change: Changed) -> None:
+        _log.info("%s is %s: %s", self._local_name, change.after.value, change.reason)
+        assert self._ports is not None
+        if change.after is JoinState.ACTIVE:
+            self._tell("join")
+            for timed in self.program.timed:
+                timed.start(self.guard)
+        elif change.before is JoinState.ACTIVE:
+            for timed in self.program.timed:
+                timed.cancel()
+            # Whoever takes the part back says STOP again if it still holds.
+            self.safety.leave()
+        if change.after is JoinState.ENDED:
+            self._tell("end")
+        elif change.before is JoinState.ACTIVE:
+            self._tell("lost")
+        if change.after is JoinState.LOST:
+            # The next agent hears of topics only from a part that has joined its robot.
+            self._ports.unbind_all()
+
+    def _configure(self, configuration: ConfigurationMessage) -> None:
+        assert self._ports is not None
+        self._configurations += 1
+        self.slot = configuration.slot
+        settings = [setting for setting in configuration.settings if setting.name != STOP_SETTING]
+        self.safety.configure(self.settings.take(settings))
+        for setting in configuration.settings:
+            if setting.name == STOP_SETTING and setting.value.isdecimal():
+                self._stop_said("it holds in the robot that the part has joined", int(setting.value))
+        self._ports.bind(configuration.bindings)
+        for port, listener in self.program.listeners.items():
+            fault = self._ports.fault_of(port, listener.message_class.type_name, optional=listener.optional)
+            if fault:
+                self.guard.report(f"port {port!r}", fault)
+        self.settings.tell()
+
+    def _noticed(self, notice: Notice) -> None:
+        match notice.kind:
+            case NoticeKind.STOP:
+                self._stop_said("said by the master", notice.number)
+            case NoticeKind.GO:
+                if self.safety.go(notice.number):
+                    self._tell("go")
+            case NoticeKind.IDENTIFY:
+                _log.info("%s: somebody asks which part this is", self._local_name)
+                self._tell("identify")
+            case NoticeKind.PARTNER_LOST:
+                self._partner_lost_at(notice)
+
+    def _stop_said(self, reason: str, number: int | None = None) -> None:
+        before = self.safety.number
+        is_news = self.safety.stop(reason, number)
+        if is_news:
+            self._tell("stop")
+        if self._membership is not None and self.safety.number not in (0, before):
+            self._membership.beat_soon()
+
+    def _partner_lost_at(self, notice: Notice) -> None:
+        assert self._ports is not None
+        port = self._ports.port_at(notice.binding)
+        if port is None or notice.number != self.joining.configuration_version:
+            return
+        _log.info("%s: nobody sends to port %s any more", self._local_name, port)
+        self.safety.enter(port)
+        for function in self.program.partner_lost:
+            self.guard.call(function, port)
+
+    def _sample_received(self, object_id: int, _request_id: int, payload: bytes) -> None:
+        assert self._membership is not None
+        assert self._ports is not None
+        if self._membership.take_sample(object_id, payload):
+            return
+        bound = self._ports.port_of(object_id)
+        listener = self.program.listeners.get(bound.binding.port) if bound is not None else None
+        if bound is None or listener is None or self.joining.state is not JoinState.ACTIVE:
+            self._counters.dropped += 1
+            return
+        if listener.message_class.type_name != bound.binding.topic_type:
+            self._counters.dropped += 1
+            return
+        try:
+            message = listener.message_class.decode(payload)
+        except RemoteProtocolError as error:
+            self._counters.dropped += 1
+            self.guard.report(
+                f"port {bound.binding.port!r}", f"a message that cannot be read: {error}", kind="unreadable"
+            )
+            return
+        if self.safety.stopped:
+            self._counters.held += 1
+            return
+        self._counters.messages_in += 1
+        self.guard.call(listener.function, message)
+
+    def _signal_received(self, signal: Signal, _peer: Peer | None, reason: str, _now: float) -> None:
+        if signal is Signal.STOP:
+            self._stop_said(reason)
+
+    def _mistaken(self, error: ConfigError) -> None:
+        """A handler asked for a port that is not there, or with the wrong type."""
+        if self._configurations > 1:
+            # It worked with an earlier configuration: not the program is wrong, and the robot goes on.
+            self.guard.report(str(error), "since the configuration has changed")
+            return
+        self._mistake = self._mistake or error
+        self.end()
