@@ -7,9 +7,11 @@ import sys
 
 import pytest
 
-PLAY = """
+PLAYED = """
 import asyncio, subprocess, multiprocessing, ssl, tempfile, signal, socket, sys, os, getpass, logging.handlers
 import click, rich.live, nicegui, sqlalchemy, alembic, uvicorn, pydantic, serialx
+
+loop = asyncio.new_event_loop()  # before the sockets are gone that it is made of
 
 class NotHere:
     missing = MISSING
@@ -27,6 +29,8 @@ for name in dir(socket):
 for name in ("getuid", "geteuid", "nice", "mkfifo", "openpty") if windows else ():
     delattr(os, name)
 sys.platform = PLATFORM
+"""
+IMPORT_ALL = """
 import importlib, pkgutil, msbot
 failed = []
 for module in pkgutil.walk_packages(msbot.__path__, "msbot."):
@@ -38,15 +42,40 @@ for module in pkgutil.walk_packages(msbot.__path__, "msbot."):
         failed.append(f"{module.name}: {type(error).__name__}: {error}")
 print("\\n".join(failed))
 """
+OPEN_CAN = """
+from msbot.errors import LinkDown
+from msbot.link import open_link
+
+async def main():
+    try:
+        await open_link("can:can0").run()
+    except LinkDown as error:
+        print(error)
+
+loop.run_until_complete(main())
+"""
 MISSING = {
     "win32": ("fcntl", "termios", "tty", "pty", "resource", "grp", "pwd", "readline"),
     "darwin": (),
 }
 
 
+def played(platform: str, script: str) -> str:
+    """What a script prints on that system."""
+    setting = PLAYED.replace("MISSING", repr(MISSING[platform]), 1).replace("PLATFORM", repr(platform))
+    run = subprocess.run([sys.executable, "-c", setting + script], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    return run.stdout.strip()
+
+
 @pytest.mark.parametrize("platform", MISSING)
 def test_every_module_can_be_imported_elsewhere(platform: str) -> None:
-    script = PLAY.replace("MISSING", repr(MISSING[platform]), 1).replace("PLATFORM", repr(platform))
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
-    assert run.stdout.strip() == ""
+    assert played(platform, IMPORT_ALL) == ""
+
+
+@pytest.mark.parametrize("platform", MISSING)
+def test_socketcan_elsewhere_is_one_sentence_without_commands_of_linux(platform: str) -> None:
+    said = played(platform, OPEN_CAN)
+    assert said.startswith("can:can0: SocketCAN is a part of Linux"), said
+    assert "ip link" not in said
+    assert "can:slcan:COM3" in said

@@ -43,6 +43,7 @@ class Robot:
         self.access = Access(self.inventory, clock=loop.time)
         self.agent = Agent(MemorySpace(), gate=self.access, epoch_ns=epoch_ns, agent_id=b"agent-id")
         self.access.recheck = self.agent.recheck
+        self.inventory.watch.last_heard, self.inventory.watch.probe = self.agent.last_heard, self.agent.probe
         inside, self.outside = InprocHub(), InprocHub()
         self.outside.server.info = LinkInfo("wire", 65535)
         self.agent.add_link(inside.server)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from random import Random
 
+from msbot.link import LossyLink
 from msbot.part import Client, Entity, HelloWorld
 from msbot.pnp import Binding, MemoryStore, PartState
 from msbot.pnp import thesis_programs as compat
@@ -25,11 +27,15 @@ class Program:
     """What uclient_AA, BB and CC do: create everything by XML, then publish and ask once a second, from the start."""
 
     def __init__(self, robot: Robot, key: int, number: str, writes: str, reads: str) -> None:
-        self.client = Client(robot.outside.connect(), key=key, epoch_ns=epoch_ns)
+        self.wire = LossyLink(robot.outside.connect(), random=Random(1))
+        self.client = Client(self.wire, key=key, epoch_ns=epoch_ns)
         self.number = number
         self.heard: list[str] = []
         self.replies = 0
         self.silent = False
+        """Asks no more, and so neither claims nor beats."""
+        self.is_held_up = False
+        """Its loop never gets to its own lines, because samples keep coming; its library answers what it must."""
         participant = self._create(
             ObjectKind.PARTICIPANT, "<dds><participant><rtps><name>p</name></rtps></participant></dds>"
         )
@@ -57,6 +63,10 @@ class Program:
         await self.client.until_all_statuses(1.0)
         count = 0
         while True:
+            await self.client.connect()
+            if self.is_held_up:
+                await asyncio.sleep(1.0)
+                continue
             count += 1
             self.client.write(self.writer, HelloWorld(index=count, message=f"{self.number} {count}").encode())
             if not self.silent:
@@ -134,12 +144,13 @@ def test_a_program_with_an_unknown_part_number_is_neither_answered_nor_heard() -
     play(scene, sample_store(), ("NOPE", "HelloWorldTopic_1_to_2", "HelloWorldTopic_3_to_1"))
 
 
-def test_a_silent_program_is_delisted_and_heard_no_more_until_it_asks_again() -> None:
+def test_a_program_that_falls_silent_is_delisted_and_heard_no_more_until_it_asks_again() -> None:
     async def scene(robot: Robot, aa: Program, bb: Program) -> None:
         await asyncio.sleep(3.5)
-        aa.silent = True
+        aa.silent, aa.wire.drop = True, 1.0
         await asyncio.sleep(7.0)
         assert robot.state(0xAAAAAAAA) is PartState.LOST
+        aa.wire.drop = 0.0
         before = len(bb.heard)
         await asyncio.sleep(3.0)
         assert len(bb.heard) == before
@@ -147,6 +158,36 @@ def test_a_silent_program_is_delisted_and_heard_no_more_until_it_asks_again() ->
         await asyncio.sleep(3.0)
         assert robot.state(0xAAAAAAAA) is PartState.ACTIVE
         assert len(bb.heard) > before
+
+    play(scene, sample_store())
+
+
+def test_whoever_only_listens_is_asked_for_a_sign_of_life() -> None:
+    async def scene(robot: Robot, aa: Program, bb: Program) -> None:
+        await asyncio.sleep(3.5)
+        before = robot.agent.last_heard(0xBBBBBBBB)
+        bb.is_held_up, aa.is_held_up = True, True
+        await asyncio.sleep(1.6)
+        assert before is not None
+        assert (robot.agent.last_heard(0xBBBBBBBB) or 0.0) > before + 1.0
+        await asyncio.sleep(8.0)
+        assert robot.state(0xBBBBBBBB) is PartState.ACTIVE
+
+    play(scene, sample_store())
+
+
+def test_a_program_that_samples_keep_from_asking_stays_active_without_a_flicker() -> None:
+    async def scene(robot: Robot, aa: Program, bb: Program) -> None:
+        changes: list[PartState] = []
+        await asyncio.sleep(3.5)
+        robot.inventory.on_event(lambda event: changes.append(event.to_state))
+        bb.is_held_up = True
+        await asyncio.sleep(30.0)
+        assert changes == []
+        assert len(bb.heard) > 30
+        bb.wire.drop = 1.0
+        await asyncio.sleep(8.0)
+        assert changes == [PartState.LATE, PartState.LOST]
 
     play(scene, sample_store())
 

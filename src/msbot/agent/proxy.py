@@ -175,9 +175,13 @@ class Proxy:
         if self._probes >= self._settings.probes:
             return None
         self._probes += 1
+        self.probe()
+        return now + self._settings.probe_period_s
+
+    def probe(self) -> None:
+        """Ask the client for a sign of life."""
         self.session.probe()
         self._surroundings.mark(self)
-        return now + self._settings.probe_period_s
 
     def log_in_again(self, info: ClientInfo, mtu: int, now: float) -> None:
         """The client has lost its streams, not its objects; it may speak from another address now."""

@@ -157,6 +157,17 @@ class Agent:
         self._end_session(proxy, reason)
         return True
 
+    def last_heard(self, client_key: int) -> float | None:
+        """When that client's latest packet came, whatever was in it; None: it has no session."""
+        proxy = self._clients.by_key(client_key)
+        return None if proxy is None else proxy.last_heard
+
+    def probe(self, client_key: int) -> None:
+        """Ask that client for a sign of life; any packet is one (`last_heard`)."""
+        proxy = self._clients.by_key(client_key)
+        if proxy is not None:
+            proxy.probe()
+
     def troubles(self, client_key: int) -> tuple[str, ...]:
         """Who should meet that client's writers and readers in the space now and cannot, one sentence each."""
         proxy = self._clients.by_key(client_key)

@@ -91,6 +91,7 @@ class Master:
             signal=self._link_signalled,
         )
         self.access.recheck = self.agent.recheck
+        self.inventory.watch.last_heard, self.inventory.watch.probe = self.agent.last_heard, self.agent.probe
         self.stop_listeners: list[Callable[[StopStatus], object]] = []
         """Called after every STOP and GO; for the journal."""
         self._keeper = StopKeeper(store, stop_file)

@@ -22,6 +22,7 @@ from msbot.pnp.admission import PENDING, Admission, Adopter
 from msbot.pnp.hand_control import HandControl
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
+from msbot.pnp.life_watch import LifeWatch
 from msbot.pnp.model import (
     THESIS_TIMING,
     Claim,
@@ -38,9 +39,6 @@ from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
 from msbot.pnp.slot_matching import Match, Matcher
 from msbot.pnp.state_changes import StateChanges
 from msbot.runtime.tally import Tally
-
-STANDBY_SILENCE_S = 6.0
-"""A part that stands by and claims no more for that long, or for the longest detection time, is gone."""
 
 
 class Inventory:
@@ -72,8 +70,8 @@ class Inventory:
         self._admission = Admission(store, self._index, self._matcher, self._changes, timing)
         self._assignment = SlotAssignment(store, self._index, self._matcher, self._changes)
         self._take_over_handlers: list[Callable[[TakeOver], None]] = []
-        self._tick_at = now + timing.tick_s
-        self._watch_at = now + timing.beat_s / 2
+        self.watch = LifeWatch(self._index, self._changes, timing, now)
+        """Who is late, who is lost."""
 
     # What is told
 
@@ -329,46 +327,12 @@ class Inventory:
 
     def timer(self) -> float:
         """When `handle_timer` wants to be called next."""
-        return min(self._tick_at, self._watch_at)
+        return self.watch.timer()
 
     def handle_timer(self, now: float) -> None:
-        """Do what is due: show late parts, count life down.
-
-        When this process was held up, only one tick is made up for: the beats of that time wait in some queue, and
-        nobody may be delisted for our own delay.
-        """
-        if now >= self._watch_at:
-            self._watch_at = now + self.timing.beat_s / 2
-            self._watch(now)
-        if now >= self._tick_at:
-            self._tick_at += self.timing.tick_s
-            if self._tick_at <= now:
-                self._tick_at = now + self.timing.tick_s
-            self._tick(now)
+        """Do what is due: show late parts, count life down."""
+        self.watch.handle_timer(now)
         self._publish(now)
-
-    def _watch(self, now: float) -> None:
-        patience = max(STANDBY_SILENCE_S, self.timing.longest_detection_s)
-        for record in list(self._index.records):
-            if record.state is PartState.ACTIVE and record.life.is_late(now):
-                self._late(record, now)
-            elif record.state is PartState.STANDBY and now - record.heard_at > patience:
-                self._changes.retire(record, PartState.LOST, now, f"claimed no more for {now - record.heard_at:.1f} s")
-
-    def _tick(self, now: float) -> None:
-        for record in list(self._index.holders.values()):
-            if not record.life.tick():
-                continue
-            if record.state is PartState.ACTIVE:
-                self._late(record, now)
-            silence = f"no beat for {record.life.silence_s(now):.1f} s"
-            rule = f"{self.timing.life} ticks of {self.timing.tick_s:g} s without a beat"
-            self._changes.retire(record, PartState.LOST, now, f"{silence}: life status 0", ((rule, silence),))
-
-    def _late(self, record: InventoryRecord, now: float) -> None:
-        silence = f"no beat for {record.life.silence_s(now):.1f} s"
-        rule = f"a beat every {self.timing.beat_s:g} s, late after {self.timing.late_s:g} s"
-        self._changes.move(record, PartState.LATE, now, silence, ((rule, silence),))
 
     # Helpers
 

@@ -82,12 +82,13 @@ class SocketCanAdapter:
     async def open(self, owner: ChannelOwner) -> SocketCanChannel:
         """See `Adapter`."""
         wanted, name = self.wanted, self.info.name
+        if not hasattr(socket, "AF_CAN"):
+            # Before anything else is looked at: commands of Linux are of no use there.
+            raise LinkDown(f"{name}: {ELSEWHERE}")
         try:
             found = self.find(wanted.name)
         except OSError as error:
-            raise LinkDown(
-                f"{name}: {open_error(wanted, error) if hasattr(socket, 'AF_CAN') else ELSEWHERE}"
-            ) from error
+            raise LinkDown(f"{name}: {open_error(wanted, error)}") from error
         problem = why_not(wanted, found, can_interfaces() if found is None or not found.is_can else [])
         if problem or found is None:
             raise LinkDown(f"{name}: {problem}")

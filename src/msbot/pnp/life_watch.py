@@ -1,0 +1,100 @@
+"""Who is late and who is lost: looks at every part in time, and counts its life status down. Pure.
+
+A part of MsBOT lives by its beats. Of the thesis' own programs any packet counts: while samples reach one every
+second, its client library never returns to the program's own lines, and no request comes. One that is silent for a
+beat is asked for a packet, because a program that only listens on a best-effort stream has nothing to say by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from msbot.pnp.inventory_index import InventoryIndex
+from msbot.pnp.inventory_record import InventoryRecord
+from msbot.pnp.model import PartState, Timing
+from msbot.pnp.state_changes import StateChanges
+
+STANDBY_SILENCE_S = 6.0
+"""A part that stands by and claims no more for that long, or for the longest detection time, is gone."""
+
+
+class LifeWatch:
+    """Moves silent parts to late and lost.
+
+    Args:
+        index: the parts.
+        changes: where changes are made.
+        timing: the robot's periods.
+        now: the present time; ticks count from here.
+    """
+
+    def __init__(self, index: InventoryIndex, changes: StateChanges, timing: Timing, now: float) -> None:
+        self.last_heard: Callable[[int], float | None] = lambda _: None
+        """When the latest packet of the client with that key came, whatever was in it; the agent knows."""
+        self.probe: Callable[[int], object] = lambda _: None
+        """Have the agent ask the client with that key for a packet."""
+        self._index = index
+        self._changes = changes
+        self._timing = timing
+        self._tick_at = now + timing.tick_s
+        self._watch_at = now + timing.beat_s / 2
+
+    def timer(self) -> float:
+        """When `handle_timer` wants to be called next."""
+        return min(self._tick_at, self._watch_at)
+
+    def handle_timer(self, now: float) -> None:
+        """Do what is due: show late parts, count life down.
+
+        When this process was held up, only one tick is made up for: the beats of that time wait in some queue, and
+        nobody may be delisted for our own delay.
+        """
+        if now >= self._watch_at:
+            self._watch_at = now + self._timing.beat_s / 2
+            self._watch(now)
+        if now >= self._tick_at:
+            self._tick_at += self._timing.tick_s
+            if self._tick_at <= now:
+                self._tick_at = now + self._timing.tick_s
+            self._tick(now)
+
+    def _watch(self, now: float) -> None:
+        patience = max(STANDBY_SILENCE_S, self._timing.longest_detection_s)
+        for record in list(self._index.records):
+            self._listen(record, now)
+            if record.state is PartState.ACTIVE and record.life.is_late(now):
+                self._late(record, now)
+            elif record.state is PartState.STANDBY and now - record.heard_at > patience:
+                self._changes.retire(record, PartState.LOST, now, f"claimed no more for {now - record.heard_at:.1f} s")
+
+    def _tick(self, now: float) -> None:
+        for record in list(self._index.holders.values()):
+            self._listen(record, now)
+            if not record.life.tick():
+                continue
+            if record.state is PartState.ACTIVE:
+                self._late(record, now)
+            silence = f"no beat for {record.life.silence_s(now):.1f} s"
+            rule = f"{self._timing.life} ticks of {self._timing.tick_s:g} s without a beat"
+            self._changes.retire(record, PartState.LOST, now, f"{silence}: life status 0", ((rule, silence),))
+
+    def _listen(self, record: InventoryRecord, now: float) -> None:
+        """Take any packet of a thesis program as a sign of life."""
+        if record.claim is None or record.claim.layout != "compat" or not record.is_registered:
+            return
+        at, known_at = self.last_heard(record.client_key), record.life.last_beat_at
+        if at is None or known_at is None:
+            return
+        if now - at > self._timing.beat_s:
+            self.probe(record.client_key)
+        if at <= known_at:
+            return
+        record.heard_at = at
+        record.life.refresh(at)
+        if record.state is PartState.LATE:
+            self._changes.move(record, PartState.ACTIVE, now, f"heard again after {at - known_at:.1f} s")
+
+    def _late(self, record: InventoryRecord, now: float) -> None:
+        silence = f"no beat for {record.life.silence_s(now):.1f} s"
+        rule = f"a beat every {self._timing.beat_s:g} s, late after {self._timing.late_s:g} s"
+        self._changes.move(record, PartState.LATE, now, silence, ((rule, silence),))
