@@ -13,7 +13,7 @@ from sqlalchemy import Engine, create_engine, make_url, text
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.registry import Registry, open_registry
-from msbot.registry.tables import metadata
+from msbot.registry.database.tables import metadata
 from tests.registry.postgres import MISSING, NEEDED, find_server, running_server
 
 BACKENDS = ("sqlite", "postgresql")

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from functools import partial
 
 from msbot.config import Endpoint, Scalar
-from msbot.registry import EditKind, EditRecord, Registry, RobotRecord, blocks, places, slot_values, wires
-from msbot.registry.undo import undo
+from msbot.registry import EditKind, EditRecord, Registry, RobotRecord
+from msbot.registry.edits import blocks, slot_values, wires
+from msbot.registry.edits import part_places as places
+from msbot.registry.edits.undo import undo
 
 
 class Hand:

@@ -27,10 +27,11 @@ from msbot.errors import MsbotError
 from msbot.link import InprocHub, LinkInfo
 from msbot.master import Master
 from msbot.operations.dispatch import RunningOperations
-from msbot.registry import open_registry, registry, upkeep
-from msbot.registry.engine import Address, make_engine
-from msbot.registry.tables import edits
-from msbot.registry.undo import read_cell
+from msbot.registry import open_registry, registry
+from msbot.registry.database.engine import Address, make_engine
+from msbot.registry.database.tables import edits
+from msbot.registry.edits.undo import read_cell
+from msbot.registry.maintenance import upkeep
 from msbot.runtime.virtual_time import run_virtual
 from tests.operations.stage import AA_IS_A_DIAL, DIAL, Deeds, Stage
 

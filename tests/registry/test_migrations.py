@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Engine, create_engine, make_url, text
 
-from msbot.registry import open_registry, schema, upkeep
-from msbot.registry.engine import make_engine, parse_address
-from msbot.registry.schema import Migrations, bring_up_to_date, folder_migrations, own_migrations
+from msbot.registry import open_registry
+from msbot.registry.database import schema
+from msbot.registry.database.engine import make_engine, parse_address
+from msbot.registry.database.schema import Migrations, bring_up_to_date, folder_migrations, own_migrations
+from msbot.registry.maintenance import upkeep
 from tests.registry.hand import Hand
 
 FIRST_ROWS = (

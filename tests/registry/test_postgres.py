@@ -13,9 +13,9 @@ from msbot.config import Blueprint, Library
 from msbot.errors import RegistryError
 from msbot.pnp import PartState
 from msbot.registry import open_registry
-from msbot.registry.engine import make_engine, parse_address
+from msbot.registry.database.engine import make_engine, parse_address
+from tests.registry.database.test_schema import BROKEN, NEXT, NOW, _migrations
 from tests.registry.events import changed
-from tests.registry.test_schema import BROKEN, NEXT, NOW, _migrations
 
 HOLDER = """
 import sys

@@ -8,7 +8,7 @@ import pytest
 
 from msbot.config import Library, parse_versions
 from msbot.registry import Registry
-from tests.registry.test_blueprint_store import EYE, LEG, ROBOT
+from tests.registry.blueprint.test_blueprint_store import EYE, LEG, ROBOT
 
 
 @pytest.mark.parametrize(

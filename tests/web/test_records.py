@@ -8,7 +8,7 @@ from pathlib import Path
 from msbot.config import blueprint_toml
 from msbot.operations.rights import Role
 from msbot.registry import open_registry
-from msbot.registry import waiting_restore as held
+from msbot.registry.maintenance import waiting_restore as held
 from msbot.web.access.users import User
 from msbot.web.records import RegistryUsers, robot_tiles
 from tests.operations.stage import AA_IS_A_DIAL

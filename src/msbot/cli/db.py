@@ -23,7 +23,8 @@ def command() -> None:
 @db_option
 def migrate(db: str | None) -> None:
     """Bring the database of an older MsBOT up to date; a copy of it is kept. `msbot master` does it by itself."""
-    from msbot.registry import upkeep, without_password
+    from msbot.registry import without_password
+    from msbot.registry.maintenance import upkeep
 
     address = existing_database(db)
     words = without_password(address)
@@ -41,7 +42,8 @@ def migrate(db: str | None) -> None:
 @db_option
 def backup(target: Path, db: str | None, *, keep: int | None) -> None:
     """Copy the database to FILE, also while a master uses it. FILE is an SQLite database, whatever --db is."""
-    from msbot.registry import upkeep, without_password
+    from msbot.registry import without_password
+    from msbot.registry.maintenance import upkeep
 
     address = existing_database(db)
     words = without_password(address)
@@ -82,7 +84,8 @@ def restore(file: Path, db: str | None, *, yes: bool) -> None:
     What it had is kept in a copy. No master may run a robot of it meanwhile.
     """
     from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside
-    from msbot.registry import upkeep, without_password
+    from msbot.registry import without_password
+    from msbot.registry.maintenance import upkeep
 
     address = db or database_beside(DEFAULT_BLUEPRINT)
     words = without_password(address)
@@ -99,7 +102,8 @@ def restore(file: Path, db: str | None, *, yes: bool) -> None:
 @db_option
 def check(db: str | None, *, as_json: bool) -> None:
     """Look for damage and contradictions; status 1 when there are any."""
-    from msbot.registry import upkeep, without_password
+    from msbot.registry import without_password
+    from msbot.registry.maintenance import upkeep
 
     address = existing_database(db)
     words = without_password(address)

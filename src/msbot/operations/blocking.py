@@ -9,7 +9,7 @@ from msbot.operations.outcome import Outcome, outcome_of
 from msbot.operations.part_names import uid_of
 from msbot.operations.running_robot import RunningRobot
 from msbot.operations.stored_robot import StoredRobot
-from msbot.registry import blocks
+from msbot.registry.edits import blocks
 
 
 class Blocking:

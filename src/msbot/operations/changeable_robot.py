@@ -9,7 +9,7 @@ from msbot.config import Endpoint
 from msbot.errors import ConfigError
 from msbot.operations.part_names import one_slot
 from msbot.registry import EditRecord, Registry, RobotRecord
-from msbot.registry.edits import Making
+from msbot.registry.edits.editing import Making
 
 _T = TypeVar("_T")
 

@@ -13,8 +13,9 @@ from msbot.operations.outcome import Outcome, outcome_of
 from msbot.operations.part_names import describe
 from msbot.operations.running_robot import RunningRobot
 from msbot.pnp import Claim, Match, PartEvent, PartInfo, PartState, Refusal, TakeOver
-from msbot.registry import EditKind, EditRecord, places
-from msbot.registry.edits import Making
+from msbot.registry import EditKind, EditRecord
+from msbot.registry.edits import part_places as places
+from msbot.registry.edits.editing import Making
 
 ITSELF = "msbot"
 """Who does what nobody asked for: a spare that takes over."""

@@ -12,7 +12,7 @@ from msbot.master import Master
 from msbot.operations.part_names import one_part, uid_of
 from msbot.pnp import PartInfo
 from msbot.registry import EditKind, EditRecord, Registry, RobotRecord
-from msbot.registry.edits import Making
+from msbot.registry.edits.editing import Making
 
 _T = TypeVar("_T")
 

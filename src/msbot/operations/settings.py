@@ -7,7 +7,8 @@ from functools import partial
 from msbot.errors import ConfigError
 from msbot.operations.changeable_robot import ChangeableRobot, slot_of
 from msbot.operations.outcome import Outcome, outcome_of
-from msbot.registry import ValueRecord, slot_values
+from msbot.registry import ValueRecord
+from msbot.registry.edits import slot_values
 
 
 class SlotSettings:

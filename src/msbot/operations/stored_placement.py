@@ -8,7 +8,8 @@ from msbot.errors import ConfigError
 from msbot.operations.changeable_robot import slot_of
 from msbot.operations.outcome import Outcome, outcome_of
 from msbot.operations.stored_robot import StoredRobot
-from msbot.registry import PartRecord, places
+from msbot.registry import PartRecord
+from msbot.registry.edits import part_places as places
 
 
 class StoredPlacement:

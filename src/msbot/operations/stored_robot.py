@@ -9,7 +9,7 @@ from msbot.errors import ConfigError
 from msbot.operations.part_names import uid_of
 from msbot.pnp import Matcher
 from msbot.registry import EditRecord, PartRecord, Registry, RobotRecord
-from msbot.registry.edits import Making
+from msbot.registry.edits.editing import Making
 
 _T = TypeVar("_T")
 

@@ -12,7 +12,7 @@ from msbot.operations.placement import Placement
 from msbot.operations.rights import Asker, Right
 from msbot.operations.running_robot import RunningRobot
 from msbot.registry import EditRecord
-from msbot.registry.undo import undo
+from msbot.registry.edits.undo import undo
 
 NEAR_EDITS = 50
 """Among so many there is nearly always one that can be undone."""

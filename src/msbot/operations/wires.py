@@ -7,7 +7,7 @@ from functools import partial
 
 from msbot.operations.changeable_robot import ChangeableRobot, endpoint_of
 from msbot.operations.outcome import Outcome, outcome_of
-from msbot.registry import wires
+from msbot.registry.edits import wires
 
 
 class Wires:

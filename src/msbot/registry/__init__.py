@@ -3,8 +3,9 @@
 from msbot.errors import RegistryError
 
 try:
-    from msbot.registry.engine import without_password
-    from msbot.registry.node_ids import StoredNodeIds
+    from msbot.registry.database.engine import without_password
+    from msbot.registry.database.storage import StorageHealth
+    from msbot.registry.edits.user_statements import ROLES
     from msbot.registry.records import (
         EditKind,
         EditRecord,
@@ -16,9 +17,8 @@ try:
         ValueRecord,
     )
     from msbot.registry.registry import Registry, open_registry
-    from msbot.registry.robot_store import RobotStore
-    from msbot.registry.storage import StorageHealth
-    from msbot.registry.user_statements import ROLES
+    from msbot.registry.running.node_ids import StoredNodeIds
+    from msbot.registry.running.robot_store import RobotStore
 except ModuleNotFoundError as error:
     if error.name != "sqlalchemy":
         raise

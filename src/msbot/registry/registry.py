@@ -11,13 +11,20 @@ from typing import Self
 from sqlalchemy import Engine
 
 from msbot.errors import RegistryError
-from msbot.registry.edits import Edits
-from msbot.registry.engine import Address, check_file, make_engine, make_private, parse_address, use_write_ahead_log
+from msbot.registry.database.engine import (
+    Address,
+    check_file,
+    make_engine,
+    make_private,
+    parse_address,
+    use_write_ahead_log,
+)
+from msbot.registry.database.schema import Migrations, bring_up_to_date, check_schema, own_migrations
+from msbot.registry.database.storage import Storage
+from msbot.registry.edits.editing import Edits
+from msbot.registry.edits.users import PartKeys, Users
 from msbot.registry.robots import Robots
-from msbot.registry.runs import Runs
-from msbot.registry.schema import Migrations, bring_up_to_date, check_schema, own_migrations
-from msbot.registry.storage import Storage
-from msbot.registry.users import PartKeys, Users
+from msbot.registry.running.runs import Runs
 
 BUSY_TIMEOUT_S = 2.0
 """So long another program may hold the database before it counts as locked."""

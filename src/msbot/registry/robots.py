@@ -7,12 +7,13 @@ from functools import partial
 
 from msbot.config import Blueprint, Library
 from msbot.pnp import PartState
-from msbot.registry import blueprint_reader, undo
-from msbot.registry import slot_values as values
-from msbot.registry import statements as store
+from msbot.registry.blueprint import blueprint_reader
+from msbot.registry.database import statements as store
+from msbot.registry.database.storage import Storage
+from msbot.registry.edits import slot_values as values
+from msbot.registry.edits import undo
 from msbot.registry.records import EditRecord, JournalEntry, PartRecord, RobotRecord, ValueRecord
-from msbot.registry.runs import Runs
-from msbot.registry.storage import Storage
+from msbot.registry.running.runs import Runs
 
 
 class Robots:

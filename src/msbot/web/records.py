@@ -15,8 +15,9 @@ from msbot.errors import RegistryError
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Role, role_named
 from msbot.pnp import PartState
-from msbot.registry import EditKind, EditRecord, JournalEntry, PartRecord, Registry, RobotRecord, UserRecord, upkeep
-from msbot.registry import waiting_restore as held
+from msbot.registry import EditKind, EditRecord, JournalEntry, PartRecord, Registry, RobotRecord, UserRecord
+from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import waiting_restore as held
 from msbot.runtime.worker import Workshop
 from msbot.web.access.users import User
 from msbot.web.api.models import JournalLine, Robot, RobotTile

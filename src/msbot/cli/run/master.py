@@ -33,7 +33,7 @@ from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.pnp import PartEvent
 from msbot.registry import open_registry
-from msbot.registry import waiting_restore as held
+from msbot.registry.maintenance import waiting_restore as held
 from msbot.runtime.terminal_log import TerminalHandler
 from msbot.space import SpaceAddress
 from msbot.xrce import compress, decompress, is_whole

@@ -1,4 +1,4 @@
-"""How Alembic reaches the database: the connection is handed over by `msbot.registry.schema`."""
+"""How Alembic reaches the database: the connection is handed over by `msbot.registry.database.schema`."""
 
 from alembic import context
 

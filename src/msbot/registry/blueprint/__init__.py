@@ -1,0 +1,1 @@
+"""Blueprints in the database: stored, read back, and kept as snapshots for undo."""

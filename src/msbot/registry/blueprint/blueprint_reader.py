@@ -1,0 +1,136 @@
+"""What the database knows of a robot, as a blueprint: as it was applied, or as it holds with what was set by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Connection, select
+
+from msbot.config import (
+    SHIPPED,
+    Binding,
+    Blueprint,
+    Endpoint,
+    InDds,
+    Options,
+    RobotProfile,
+    Scalar,
+    Slot,
+    Timing,
+    preset_of,
+)
+from msbot.errors import RegistryError
+from msbot.registry.database.tables import bindings, library, robots, settings, slots
+from msbot.registry.running.configurations import ORIGINS
+
+Notes = Mapping[tuple[str, str], str]
+"""(slot, parameter) or (topic, "") -> who made it so by hand."""
+
+
+def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
+    """The robot's blueprint.
+
+    Args:
+        connection: an open connection.
+        robot_id: the robot.
+        by_hand: with what people set by hand; otherwise as the blueprint was applied.
+
+    Raises:
+        RegistryError: there is no such robot.
+    """
+    row = connection.execute(select(robots).where(robots.c.id == robot_id)).one_or_none()
+    if row is None:
+        raise RegistryError(f"there is no robot number {robot_id} in the database")
+    timing = Timing("thesis", row.beat_period_s, row.tick_period_s, row.life, row.profile_period_s)
+    timing = Timing(preset_of(timing), row.beat_period_s, row.tick_period_s, row.life, row.profile_period_s)
+    return Blueprint(
+        RobotProfile(row.name, row.version, row.serial_number, row.released, row.manufacturer),
+        _slots(connection, robot_id, ORIGINS[1:] if by_hand else ORIGINS[1:2]),
+        _in_dds(_bindings(connection, robot_id, by_hand=by_hand), row.in_dds),
+        timing,
+        Options(row.explain, tuple(row.free_topics), row.authentication),
+        _own_library(connection, robot_id),
+    )
+
+
+def _own_library(connection: Connection, robot_id: int) -> tuple[str, ...]:
+    """Where the part types of the robot's slots come from that MsBOT does not bring: folders, or files beside it."""
+    query = (
+        select(library.c.source)
+        .join(slots, slots.c.part_number == library.c.number)
+        .where(slots.c.robot_id == robot_id, slots.c.in_blueprint, library.c.source.endswith(".toml"))
+        .where(library.c.source.not_like(f"{SHIPPED}%"))
+        .distinct()
+    )
+    places = [Path(source) for source in connection.execute(query).scalars()]
+    return tuple(sorted({str(place.parent if place.parent.name else place) for place in places}))
+
+
+def _in_dds(found: tuple[Binding, ...], by_topic: Mapping[str, dict[str, Any]]) -> tuple[Binding, ...]:
+    """With what the blueprint says about topics in DDS; nobody can change that by hand."""
+
+    def read(entry: dict[str, Any]) -> InDds:
+        return InDds(**{**entry, "ros_fields": tuple((ours, theirs) for ours, theirs in entry["ros_fields"])})
+
+    return tuple(
+        replace(binding, in_dds=read(by_topic[binding.topic])) if binding.topic in by_topic else binding
+        for binding in found
+    )
+
+
+def read_notes(connection: Connection, robot_id: int) -> dict[tuple[str, str], str]:
+    """What was made by hand, and by whom."""
+    query = (
+        select(slots.c.name.label("slot"), settings.c.name, settings.c.who)
+        .join(slots, settings.c.slot_id == slots.c.id)
+        .where(slots.c.robot_id == robot_id, settings.c.origin == "hand")
+    )
+    notes = {(row.slot, row.name): f"set by hand by {row.who or 'somebody'}" for row in connection.execute(query)}
+    made = select(bindings.c.topic).where(bindings.c.robot_id == robot_id, bindings.c.origin == "hand")
+    taken = select(bindings.c.topic).where(bindings.c.robot_id == robot_id, bindings.c.in_use.is_(False))
+    topics = {*connection.execute(made).scalars(), *connection.execute(taken).scalars()}
+    return notes | {(topic, ""): "changed by hand" for topic in topics}
+
+
+def _slots(connection: Connection, robot_id: int, origins: tuple[str, ...]) -> tuple[Slot, ...]:
+    mine = select(slots).where(slots.c.robot_id == robot_id, slots.c.in_blueprint).order_by(slots.c.position)
+    found = connection.execute(mine).all()
+    values: dict[int, dict[str, Scalar]] = {row.id: {} for row in found}
+    query = (
+        select(settings)
+        .join(slots, settings.c.slot_id == slots.c.id)
+        .where(slots.c.robot_id == robot_id, slots.c.in_blueprint, settings.c.origin.in_(origins))
+        .order_by(settings.c.name)
+    )
+    rows = sorted(connection.execute(query).all(), key=lambda row: ORIGINS.index(row.origin))
+    for row in rows:
+        values[row.slot_id][row.name] = row.value
+    return tuple(Slot(row.name, row.part_number, row.local_name, row.description, values[row.id]) for row in found)
+
+
+def _bindings(connection: Connection, robot_id: int, *, by_hand: bool) -> tuple[Binding, ...]:
+    """One binding for each sender of a topic; a topic without a sender has a source without a name."""
+    held = bindings.c.in_use if by_hand else bindings.c.origin == "blueprint"
+    query = (
+        select(bindings, slots.c.name.label("slot"))
+        .join(slots, bindings.c.slot_id == slots.c.id)
+        .where(bindings.c.robot_id == robot_id, held, slots.c.in_blueprint)
+        .order_by(bindings.c.id)
+    )
+    topics: dict[str, tuple[str, bool, list[Endpoint], list[Endpoint]]] = {}
+    for row in connection.execute(query):
+        _, _, sources, targets = topics.setdefault(row.topic, (row.type_name, row.reliable, [], []))
+        (sources if row.publishes else targets).append(Endpoint(row.slot, row.port))
+    return tuple(
+        Binding(topic, type_name, source, tuple(targets), reliable)
+        for topic, (type_name, reliable, sources, targets) in topics.items()
+        for source in sources or [Endpoint("", "")]
+    )
+
+
+def read_bindings(connection: Connection, robot_id: int) -> tuple[Binding, ...]:
+    """The wires in use."""
+    return _bindings(connection, robot_id, by_hand=True)

@@ -1,0 +1,107 @@
+"""The file of an SQLite database while it is used: what if somebody deletes it, or puts another in its place?
+
+SQLite goes on writing into a file that has no name any more, and says nothing; everything would be gone with the end
+of the process. So the file is looked at before each transaction: one that was deleted is written anew from what is
+still open, one that was replaced is not touched, and what the robot had is kept beside it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+from sqlalchemy import Engine
+
+from msbot.errors import RegistryError
+from msbot.registry.database.engine import MAGIC, make_private, sqlite_address
+
+_log = logging.getLogger(__name__)
+
+
+class DatabaseFile:
+    """Looks after one file; all methods but the first belong to the writer's thread.
+
+    Args:
+        engine: whose connections are given up when the file is written anew.
+        path: the file; it is there.
+    """
+
+    def __init__(self, engine: Engine, path: Path) -> None:
+        self._engine = engine
+        self._path = path
+        self._rescued: Path | None = None
+        self._open()
+
+    def check(self) -> None:
+        """Look whether the file is still there; write it anew when it was deleted.
+
+        Raises:
+            RegistryError: it is not what it was; the text says what to do.
+        """
+        try:
+            if self._identity() != self._known:
+                raise RegistryError(self._replaced())
+            with self._path.open("rb") as stream:
+                if stream.read(len(MAGIC)) != MAGIC:
+                    raise RegistryError(
+                        "was overwritten by something else while the robot ran: stop the master, and put a backup in "
+                        "its place"
+                    )
+        except FileNotFoundError:
+            self._put_back()
+        except OSError as error:
+            raise RegistryError(f"cannot be reached ({error.strerror}): look at the disk and its folder") from None
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._anchor.close()
+
+    def _open(self) -> None:
+        """Keep one connection open: what has no name any more can be read by it."""
+        self._anchor = sqlite3.connect(sqlite_address(self._path), uri=True, check_same_thread=False)
+        self._anchor.execute("PRAGMA schema_version").fetchone()
+        self._known = self._identity()
+
+    def _identity(self) -> tuple[int, int]:
+        found = self._path.stat()
+        return found.st_dev, found.st_ino
+
+    def _put_back(self) -> None:
+        part = self._path.with_name(f"{self._path.name}.part{os.getpid()}")
+        try:
+            self._copy(part)
+            for ending in ("-wal", "-shm"):  # of the file that is gone
+                self._path.with_name(self._path.name + ending).unlink(missing_ok=True)
+            part.replace(self._path)
+        except (OSError, sqlite3.Error) as error:
+            part.unlink(missing_ok=True)
+            raise RegistryError(
+                f"was deleted while the robot ran, and cannot be written anew ({error}): look at its folder"
+            ) from None
+        self._anchor.close()
+        self._engine.dispose()
+        self._open()
+        _log.warning("the database %s was deleted while the robot ran; it is written anew with all it had", self._path)
+
+    def _replaced(self) -> str:
+        if self._rescued is None:
+            number = 1
+            while (kept := self._path.with_name(f"{self._path.name}.rescued.{number}")).exists():
+                number += 1
+            with contextlib.suppress(OSError, sqlite3.Error):
+                self._copy(kept)
+                self._rescued = kept
+        kept_words = "" if self._rescued is None else f"; what the robot had is kept in {self._rescued}"
+        return (
+            "was replaced by another file while the robot ran: stop the master, and look which of the two is wanted"
+            + kept_words
+        )
+
+    def _copy(self, target: Path) -> None:
+        make_private(target)
+        with closing(sqlite3.connect(target)) as copy:
+            self._anchor.backup(copy)

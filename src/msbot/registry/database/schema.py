@@ -1,0 +1,164 @@
+"""The version of the tables: finding it, refusing a newer one, bringing an older one up to date after a backup."""
+
+from __future__ import annotations
+
+import logging
+import re
+import sqlite3
+from contextlib import closing
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+from sqlalchemy import Connection, Engine, inspect, text
+from sqlalchemy.schema import CreateSchema, SetColumnComment
+
+from msbot.errors import RegistryError
+from msbot.registry.database.database_errors import told_as_registry_error
+from msbot.registry.database.engine import WRITE, Address, make_private
+from msbot.registry.database.tables import metadata
+
+_VERSION_TABLE = "alembic_version"
+_MIGRATION_LOCK = 0x4D734254_4D494752
+"""Number of the server's lock that lets one process at a time change the tables."""
+_FILE = re.compile(r"v(\d{4})_\w+\.py")
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Migrations:
+    """A folder of numbered migrations."""
+
+    location: str
+    """As Alembic wants it: a folder, or `package:folder`."""
+    newest: int
+    """The schema that the last of them makes."""
+
+
+def own_migrations() -> Migrations:
+    """The migrations MsBOT brings."""
+    return Migrations("msbot.registry:migrations", _newest(files("msbot.registry") / "migrations" / "versions"))
+
+
+def folder_migrations(folder: Path) -> Migrations:
+    """The migrations in a folder laid out like `msbot/registry/migrations`."""
+    return Migrations(str(folder), _newest(folder / "versions"))
+
+
+def _newest(versions: object) -> int:
+    assert hasattr(versions, "iterdir")
+    found = [_FILE.fullmatch(entry.name) for entry in versions.iterdir()]
+    return max(int(match[1]) for match in found if match)
+
+
+def read_version(engine: Engine, address: Address, migrations: Migrations) -> int:
+    """The schema of the database; 0: it is empty.
+
+    Raises:
+        RegistryError: it is newer, another program's, or cannot be read.
+    """
+    with told_as_registry_error(address.words), engine.connect() as connection:
+        return _version(connection, address, migrations.newest)
+
+
+def check_schema(engine: Engine, address: Address, migrations: Migrations) -> bool:
+    """Whether the database has the newest schema; False: it is empty or older.
+
+    Raises:
+        RegistryError: it is newer, another program's, or cannot be read.
+    """
+    return read_version(engine, address, migrations) == migrations.newest
+
+
+def bring_up_to_date(engine: Engine, address: Address, migrations: Migrations) -> None:
+    """Make the tables of a new database; copy an older one aside and migrate it. One transaction.
+
+    Raises:
+        RegistryError: see `check_schema`; or it cannot be written.
+    """
+    with (
+        told_as_registry_error(address.words),
+        engine.execution_options(**{WRITE: True}).connect() as connection,
+        connection.begin(),
+    ):
+        if address.path is None:
+            connection.execute(text(f"SELECT pg_advisory_xact_lock({_MIGRATION_LOCK})"))
+        # Another process may have done it since it was checked.
+        version = _version(connection, address, migrations.newest)
+        if version == migrations.newest:
+            return
+        if version > 0:
+            copy = _back_up(address.path, version) if address.path else _back_up_on_server(connection, version)
+            _log.warning(
+                "the database %s is of schema %d and is brought to %d; a copy is kept in %s",
+                address.words, version, migrations.newest, copy,
+            )  # fmt: skip
+        _upgrade(connection, migrations.location)
+        _write_comments(connection)
+
+
+def _version(connection: Connection, address: Address, newest: int) -> int:
+    """The schema of the database; 0 when it is empty."""
+    tables = inspect(connection).get_table_names()
+    if _VERSION_TABLE not in tables:
+        if tables:
+            some = ", ".join(tables[:3])
+            raise RegistryError(f"the database {address.words} belongs to another program (it has {some}): {_OTHER}")
+        return 0
+    row = connection.execute(text(f"SELECT version_num FROM {_VERSION_TABLE}")).scalar()
+    if row is None or not str(row).isdecimal():
+        raise RegistryError(f"the database {address.words} belongs to another program (schema {row!r}): {_OTHER}")
+    version = int(row)
+    if version > newest:
+        raise RegistryError(
+            f"the database {address.words} was written by a newer MsBOT (schema {version}, this one knows {newest}): "
+            "update MsBOT or choose another --db"
+        )
+    return version
+
+
+_OTHER = "choose another --db"
+
+
+def _back_up(path: Path, version: int) -> Path:
+    """Copy the database beside itself under a name that is free; gives the copy's path."""
+    number = 1
+    while (copy := path.with_name(f"{path.name}.schema{version}.{number}.backup")).exists():
+        number += 1
+    make_private(copy)
+    with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(copy)) as target:
+        source.backup(target)
+    return copy
+
+
+def _back_up_on_server(connection: Connection, version: int) -> str:
+    """Copy the tables into a schema of the same database whose name is free; gives its name in words."""
+    inspector = inspect(connection)
+    number, known = 1, inspector.get_schema_names()
+    while (name := f"msbot_schema{version}_{number}_backup") in known:
+        number += 1
+    connection.execute(CreateSchema(name))
+    for table in inspector.get_table_names():
+        connection.execute(text(f'CREATE TABLE {name}."{table}" AS TABLE "{table}"'))
+    return f"its schema {name}"
+
+
+def _upgrade(connection: Connection, location: str) -> None:
+    # Imported here because it takes a tenth of a second and is needed once in a database's life.
+    from alembic import command
+    from alembic.config import Config
+
+    config = Config()
+    config.set_main_option("script_location", location)
+    config.set_main_option("path_separator", "os")
+    config.attributes["connection"] = connection
+    command.upgrade(config, "head")
+
+
+def _write_comments(connection: Connection) -> None:
+    """Put each column's comment into the database, where it has room for them."""
+    if connection.dialect.supports_comments:
+        for table in metadata.sorted_tables:
+            for column in table.columns:
+                connection.execute(SetColumnComment(column))

@@ -1,0 +1,192 @@
+"""An open database: reading with a time limit, writing in order, and saying what is not stored."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from time import monotonic
+from typing import ParamSpec, TypeVar
+
+from sqlalchemy import Connection, Engine
+
+from msbot.errors import RegistryError
+from msbot.registry.database.database_errors import told_as_registry_error
+from msbot.registry.database.database_file import DatabaseFile
+from msbot.registry.database.engine import WAIT_S, WRITE, Address
+from msbot.registry.database.writer import Writer
+
+SLOWEST_S = 5.0
+"""So long a person waits for a change at a running robot, besides the database's wait for another program."""
+UNHURRIED_S = 60.0
+"""So long a command waits for a change while no robot runs in its process."""
+LOOP_PATIENCE_S = 0.4
+"""So long a change waits for another program when a robot runs in this process: people wait for it."""
+LIMIT_S = 2.5
+"""So long whoever reads for a page or a command waits; NiceGUI gives up a page that is not made within 3 s."""
+CATCH_UP_S = 0.5
+"""So long a reader waits for what was told before."""
+READERS = 4
+"""So many of them are served at the same time."""
+MOST_WAITING = 64
+"""So many more may wait; the next one is sent away."""
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True)
+class StorageHealth:
+    """What of a running robot is not in its database, for pages and commands."""
+
+    trouble: str | None
+    """Why changes are not being stored at the moment, in words; None when all is well."""
+    waiting: int
+    """Changes kept in memory until they can be stored."""
+    lost: int
+    """Changes that were given up since the start: too many waited, or the database did not take them."""
+
+    @property
+    def is_well(self) -> bool:
+        """Whether everything is stored, or about to be."""
+        return self.trouble is None and self.lost == 0
+
+
+class Storage:
+    """What the parts of the registry stand on; see `Registry`."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        address: Address,
+        epoch_ns: Callable[[], int],
+        *,
+        busy_timeout_s: float,
+        read_only: bool,
+    ) -> None:
+        self.engine = engine
+        self.address = address
+        self.epoch_ns = epoch_ns
+        self.busy_timeout_s = busy_timeout_s
+        self.runs_a_robot = False
+        """Whether parts and people wait for this process."""
+        self._file = None if read_only or address.path is None else DatabaseFile(engine, address.path)
+        check = (lambda: None) if self._file is None else self._file.check
+        self._writer = None if read_only else Writer(engine, address.words, check=check)
+        self._threads = ThreadPoolExecutor(READERS, thread_name_prefix="msbot registry reader")
+        self._asking: dict[int, float] = {}
+        """When each of those that are being served, or wait, has asked."""
+        self._asked = 0
+
+    @property
+    def words(self) -> str:
+        """The database in words, without a password."""
+        return self.address.words
+
+    @property
+    def health(self) -> StorageHealth:
+        """What is not stored."""
+        writer = self._writer
+        return StorageHealth(None, 0, 0) if writer is None else StorageHealth(
+            writer.trouble, writer.pending, writer.lost
+        )  # fmt: skip
+
+    @property
+    def writer(self) -> Writer:
+        """The thread that writes.
+
+        Raises:
+            RegistryError: the database was opened for reading only.
+        """
+        if self._writer is None:
+            raise RegistryError(f"the database {self.words} was opened for reading only")
+        return self._writer
+
+    def flush(self, timeout_s: float = 10.0) -> bool:
+        """Wait until everything told so far is stored; False: it cannot be at the moment (see `health`)."""
+        return self._writer is None or self._writer.flush(timeout_s)
+
+    def catch_up(self) -> None:
+        """Give what was told a moment to be stored, so that who reads next sees it; not for the event loop."""
+        if self.runs_a_robot:
+            self.flush(CATCH_UP_S)
+
+    def read(self, read: Callable[[Connection], _T]) -> _T:
+        """Read in one transaction; waits for the database.
+
+        Raises:
+            RegistryError: it cannot be read.
+        """
+        with told_as_registry_error(self.words), self.engine.connect() as connection:
+            return read(connection)
+
+    @property
+    def patience_s(self) -> float:
+        """So long a change waits for another program that writes."""
+        return min(LOOP_PATIENCE_S, self.busy_timeout_s) if self.runs_a_robot else self.busy_timeout_s
+
+    @property
+    def limit_s(self) -> float:
+        """So long somebody waits for a change."""
+        return (SLOWEST_S if self.runs_a_robot else UNHURRIED_S) + self.patience_s
+
+    def change(self, change: Callable[[Connection], _T]) -> _T:
+        """Make a change after everything that was told before, and wait for it.
+
+        Raises:
+            RegistryError: it cannot be stored; nothing has changed.
+        """
+        return self.writer.submit(change, wait_s=self.patience_s).wait(self.limit_s)
+
+    def write(self, write: Callable[[Connection], _T]) -> _T:
+        """Write in one transaction, at once; before a robot runs.
+
+        Raises:
+            RegistryError: it cannot be written; nothing has changed.
+        """
+        engine = self.engine.execution_options(**{WRITE: True, WAIT_S: self.busy_timeout_s})
+        with told_as_registry_error(self.words), engine.connect() as connection, connection.begin():
+            return write(connection)
+
+    async def in_time(self, ask: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> _T:
+        """Call something that reads or changes the database, without holding up the event loop.
+
+        Raises:
+            RegistryError: the database does not answer in time; besides what `ask` raises.
+        """
+        now = monotonic()
+        if len(self._asking) >= READERS + MOST_WAITING or (
+            len(self._asking) >= READERS and min(self._asking.values()) < now - LIMIT_S
+        ):
+            raise RegistryError(self._no_answer())
+        self._asked += 1
+        number = self._asked
+        self._asking[number] = now
+        loop = asyncio.get_running_loop()
+        answer = loop.run_in_executor(self._threads, lambda: ask(*args, **kwargs))
+        answer.add_done_callback(lambda _: self._asking.pop(number, None))
+        done, _ = await asyncio.wait({answer}, timeout=LIMIT_S)
+        if not done:
+            answer.cancel()
+            answer.add_done_callback(_retrieve)
+            raise RegistryError(self._no_answer())
+        return answer.result()
+
+    def close(self) -> None:
+        """Store what is waiting and let go of the database."""
+        if self._writer is not None:
+            self._writer.close()
+        if self._file is not None:
+            self._file.close()
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        self.engine.dispose()
+
+    def _no_answer(self) -> str:
+        return self.health.trouble or f"the database {self.words} does not answer: try again in a moment"
+
+
+def _retrieve(answer: asyncio.Future[_T]) -> None:
+    """Look at what came too late, so that nobody is told of an error that nobody waits for."""
+    if not answer.cancelled():
+        answer.exception()

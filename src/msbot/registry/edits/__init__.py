@@ -1,0 +1,1 @@
+"""What people change, one transaction each: the list of edits, undo, and each kind of change."""

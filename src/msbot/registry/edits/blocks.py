@@ -1,0 +1,67 @@
+"""What is not let in, whatever it claims: parts by their UID, or all parts of a number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+from sqlalchemy import Connection, delete, select
+
+from msbot.errors import ConfigError
+from msbot.registry.database.statements import upsert
+from msbot.registry.database.tables import blocks
+from msbot.registry.edits.edit_log import Author, record
+from msbot.registry.records import EditKind, EditRecord
+
+
+@dataclass(frozen=True, slots=True)
+class BlockCell:
+    """Whether, and why, a UID or a part number is blocked."""
+
+    kind: str
+    """`uid` or `number`."""
+    key: str
+    """The UID, 16 hexadecimal digits, or the part number."""
+    reason: str
+    """Empty: it is not blocked."""
+
+    def as_json(self) -> dict[str, object]:
+        """See `Cell.as_json`."""
+        return {"of": "block", "kind": self.kind, "key": self.key, "reason": self.reason}
+
+    def as_it_is(self, connection: Connection, robot_id: int) -> Self:  # noqa: ARG002 - blocks hold for all robots
+        """See `Cell.as_it_is`."""
+        query = select(blocks.c.reason).where(blocks.c.kind == self.kind, blocks.c.key == self.key)
+        return replace(self, reason=connection.execute(query).scalar() or "")
+
+    def write(self, connection: Connection, author: Author) -> None:
+        """See `Cell.write`."""
+        key = {"kind": self.kind, "key": self.key}
+        if self.reason:
+            upsert(connection, blocks, key, {"reason": self.reason, "since_ns": author.now_ns})
+        else:
+            connection.execute(delete(blocks).where(blocks.c.kind == self.kind, blocks.c.key == self.key))
+
+
+def block(connection: Connection, author: Author, kind: str, key: str, reason: str) -> EditRecord:
+    """Let a UID or a part number in no more."""
+    reason = reason or "no reason given"
+    return _write(connection, author, BlockCell(kind, key, reason), f"is blocked: {reason}")
+
+
+def unblock(connection: Connection, author: Author, kind: str, key: str) -> EditRecord:
+    """Let a UID or part number in again.
+
+    Raises:
+        ConfigError: it is not blocked.
+    """
+    return _write(connection, author, BlockCell(kind, key, ""), "is let in again")
+
+
+def _write(connection: Connection, author: Author, after: BlockCell, words: str) -> EditRecord:
+    before = after.as_it_is(connection, author.robot)
+    what = f"part number {after.key}" if after.kind == "number" else f"part with UID {after.key}"
+    if not after.reason and not before.reason:
+        raise ConfigError(f"{what} is not blocked")
+    after.write(connection, author)
+    return record(connection, author, EditKind.BLOCK, f"{what} {words}", before=before, after=after)

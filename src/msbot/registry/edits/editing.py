@@ -1,0 +1,64 @@
+"""What people change: each change is one transaction with a line in the list of edits, and most can be undone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from sqlalchemy import Connection
+
+from msbot.registry.database.storage import Storage
+from msbot.registry.edits.edit_log import Author, read_edits, record
+from msbot.registry.records import EditKind, EditRecord, RobotRecord
+
+Making = Callable[[Connection, Author], EditRecord]
+"""Makes a change and records it: `places.swap`, `slot_values.set_value` and so on, with their arguments bound."""
+
+
+class Edits:
+    """Makes changes and reads the list of them.
+
+    A change waits until everything told before is stored, so that it is made upon what is true; when the database
+    cannot be written it is refused and nothing has changed.
+    """
+
+    def __init__(self, storage: Storage) -> None:
+        self._storage = storage
+
+    def make(self, robot: RobotRecord | None, who: str, making: Making) -> EditRecord:
+        """Make a change of a robot, or of what concerns all robots of the database.
+
+        Raises:
+            ConfigError: it makes no sense; the text says why.
+            RegistryError: the database cannot be written; nothing has changed.
+        """
+        return self._storage.change(self._by(robot, who, making))
+
+    async def make_soon(self, robot: RobotRecord | None, who: str, making: Making) -> EditRecord:
+        """The same for an event loop, which goes on meanwhile."""
+        storage = self._storage
+        change = storage.writer.submit(self._by(robot, who, making), wait_s=storage.patience_s)
+        return await change.stored(storage.limit_s)
+
+    def _by(self, robot: RobotRecord | None, who: str, making: Making) -> Callable[[Connection], EditRecord]:
+        author = Author(None if robot is None else robot.id, who, self._storage.epoch_ns())
+        return lambda connection: making(connection, author)
+
+    def note(self, robot: RobotRecord, kind: EditKind, words: str, who: str) -> None:
+        """Keep a line about something a person did that changed nothing stored; as soon as it can be stored."""
+        making = self._by(robot, who, partial(record, kind=kind, words=words))
+
+        def write(connection: Connection) -> None:
+            making(connection)
+
+        self._storage.writer.put(write)
+
+    def latest(self, robot: RobotRecord | None, limit: int = 50) -> list[EditRecord]:
+        """The newest edits, the newest first; without a robot those of users and keys.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        robot_id = None if robot is None else robot.id
+        self._storage.catch_up()
+        return self._storage.read(partial(read_edits, robot_id=robot_id, limit=limit))

@@ -1,0 +1,111 @@
+"""Taking an edit back: its cell is written as it was before, as an edit of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+from sqlalchemy import Connection, Row, select, update
+
+from msbot.config import Blueprint, Library
+from msbot.errors import ConfigError
+from msbot.registry.blueprint import blueprint_snapshot as snapshot
+from msbot.registry.blueprint import blueprint_store
+from msbot.registry.database import statements as store
+from msbot.registry.database.tables import edits
+from msbot.registry.edits.blocks import BlockCell
+from msbot.registry.edits.edit_log import Author, Cell, edits_of, record
+from msbot.registry.edits.part_places import Belonging, PlaceCell
+from msbot.registry.edits.slot_values import ValueCell
+from msbot.registry.edits.wires import TopicCell
+from msbot.registry.records import UNDOABLE, EditKind, EditRecord, RobotRecord
+
+
+@dataclass(frozen=True, slots=True)
+class BlueprintCell:
+    """All that a blueprint decides about a robot."""
+
+    content: snapshot.Content
+
+    def as_json(self) -> dict[str, object]:
+        """See `Cell.as_json`."""
+        return {"of": "apply", "robot": self.content}
+
+    def as_it_is(self, connection: Connection, robot_id: int) -> Self:
+        """See `Cell.as_it_is`."""
+        return type(self)(snapshot.read(connection, robot_id, like=self.content))
+
+    def write(self, connection: Connection, author: Author) -> None:
+        """See `Cell.write`."""
+        snapshot.write(connection, author.robot, self.content)
+
+
+def read_cell(content: Mapping[str, Any]) -> Cell:
+    """The cell that a row of the edits keeps, also one that an older MsBOT has written."""
+    match content["of"]:
+        case "value":
+            return ValueCell(content["slot"], content["name"], content["value"])
+        case "place":
+            return PlaceCell({uid: Belonging(*place) for uid, place in content["parts"].items()})
+        case "block":
+            return BlockCell(content["kind"], content["key"], content["reason"])
+        case "bind":
+            return TopicCell.from_json(content)
+        case _:
+            return BlueprintCell(content["robot"])
+
+
+def undo(connection: Connection, author: Author, number: int | None) -> EditRecord:
+    """Take an edit back, the newest that is not undone if none is named; an undo can be undone, too.
+
+    `slots` and `placed` of what is returned say what is otherwise now.
+
+    Raises:
+        ConfigError: there is no such edit, it is undone already, or what it changed has been changed since.
+    """
+    row = _find(connection, author.robot, number)
+    if not row.before:
+        raise ConfigError(f"edit {row.id} ({row.words}) cannot be undone: change it again")
+    before, after = read_cell(row.before), read_cell(row.after)
+    if not isinstance(after, PlaceCell) and after.as_it_is(connection, author.robot) != after:
+        raise ConfigError(
+            f"edit {row.id} ({row.words}) cannot be undone: it has been changed since; undo what came later first"
+        )
+    before.write(connection, author)
+    words = f"edit {row.id} undone: {row.words}"
+    made = record(connection, author, EditKind.UNDO, words, slot=row.slot, before=after, after=before)
+    connection.execute(update(edits).where(edits.c.undone_by == row.id).values(undone_by=None))
+    connection.execute(update(edits).where(edits.c.id == row.id).values(undone_by=made.id))
+    return made
+
+
+def apply_blueprint(
+    connection: Connection, blueprint: Blueprint, library: Library, *, who: str, now_ns: int
+) -> tuple[RobotRecord, EditRecord | None]:
+    """Apply a blueprint; what it changes about a robot that was there is an edit."""
+    old = store.find_robot(connection, blueprint.robot.name, blueprint.robot.serial_number)
+    before = None if old is None else snapshot.read(connection, old.id)
+    robot = blueprint_store.apply(connection, blueprint, library, now_ns)
+    if before is None or before == (after := snapshot.read(connection, robot.id)):
+        return robot, None
+    words = f"the blueprint of {robot.name} is applied: {snapshot.difference_words(before, after)}"
+    author = Author(robot.id, who, now_ns)
+    cells = BlueprintCell(before), BlueprintCell(after)
+    return robot, record(connection, author, EditKind.APPLY, words, before=cells[0], after=cells[1])
+
+
+def _find(connection: Connection, robot_id: int, number: int | None) -> Row[tuple[object, ...]]:
+    query = select(edits).where(edits_of(robot_id))
+    if number is None:
+        newest = query.where(edits.c.undone_by.is_(None), edits.c.kind.in_(UNDOABLE))
+        row = connection.execute(newest.order_by(edits.c.id.desc()).limit(1)).one_or_none()
+        if row is None:
+            raise ConfigError("there is nothing to undo")
+        return row
+    row = connection.execute(query.where(edits.c.id == number)).one_or_none()
+    if row is None:
+        raise ConfigError(f"there is no edit {number} of this robot; the last ones are shown by `msbot undo --list`")
+    if row.undone_by is not None:
+        raise ConfigError(f"edit {number} ({row.words}) is undone already, by edit {row.undone_by}")
+    return row

@@ -1,0 +1,201 @@
+"""Wires made and taken away by hand: topics between ports, checked like those of a blueprint.
+
+A wire that the blueprint asks for and a person takes away stays in the table, not in use, so that the next start of
+the master does not bring it back. A wire that a person makes stays until the blueprint says otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
+from typing import Any, Self
+
+from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
+
+from msbot.config import Direction, Endpoint, Library, PartType, Port, Slot, binding_faults
+from msbot.errors import ConfigError
+from msbot.registry.blueprint.blueprint_reader import read_bindings
+from msbot.registry.database.statements import bump_versions
+from msbot.registry.database.tables import bindings, library, slots
+from msbot.registry.edits.edit_log import Author, record
+from msbot.registry.edits.slot_values import find_slot, read_parameters
+from msbot.registry.records import EditKind, EditRecord
+
+
+@dataclass(frozen=True, slots=True)
+class WireEnd:
+    """One port that is, or was, tied to a topic."""
+
+    slot: str
+    port: str
+    type_name: str
+    publishes: bool
+    reliable: bool
+    origin: str
+    """`blueprint` or `hand`."""
+    in_use: bool
+
+    @property
+    def at(self) -> tuple[str, str, bool]:
+        """Slot, port and direction: what makes it the same end."""
+        return (self.slot, self.port, self.publishes)
+
+    @property
+    def endpoint(self) -> Endpoint:
+        """The port."""
+        return Endpoint(self.slot, self.port)
+
+
+@dataclass(frozen=True, slots=True)
+class TopicCell:
+    """The ends of a topic, also those that are not in use."""
+
+    topic: str
+    ends: tuple[WireEnd, ...] = ()
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Self:
+        """What `as_json` gave, also of an older MsBOT: each end is a list of the seven fields."""
+        return cls(str(content["topic"]), tuple(WireEnd(*end) for end in content["ends"]))
+
+    def as_json(self) -> dict[str, object]:
+        """See `Cell.as_json`."""
+        return {"of": "bind", "topic": self.topic, "ends": [list(astuple(end)) for end in self.ends]}
+
+    def as_it_is(self, connection: Connection, robot_id: int) -> Self:
+        """See `Cell.as_it_is`."""
+        query = (
+            select(bindings, slots.c.name)
+            .join(slots, bindings.c.slot_id == slots.c.id)
+            .where(bindings.c.robot_id == robot_id, bindings.c.topic == self.topic)
+        )
+        ends = (
+            WireEnd(row.name, row.port, row.type_name, row.publishes, row.reliable, row.origin, row.in_use)
+            for row in connection.execute(query.order_by(bindings.c.id))
+        )
+        return replace(self, ends=tuple(ends))
+
+    def write(self, connection: Connection, author: Author) -> None:
+        """See `Cell.write`."""
+        robot_id, old = author.robot, self.as_it_is(connection, author.robot).ends
+        here = (bindings.c.robot_id == robot_id, bindings.c.topic == self.topic)
+        kept, known = {end.at for end in self.ends}, {end.at for end in old}
+        # Rows that stay keep their place: wires are in the order of the blueprint, then of their making.
+        for end in old:
+            if end.at not in kept:
+                connection.execute(delete(bindings).where(*here, *_is_at(connection, robot_id, end)))
+        for end in self.ends:
+            values = {"type_name": end.type_name, "reliable": end.reliable, "origin": end.origin, "in_use": end.in_use}
+            if end.at in known:
+                connection.execute(update(bindings).where(*here, *_is_at(connection, robot_id, end)).values(values))
+            else:
+                slot_id, _ = find_slot(connection, robot_id, end.slot)
+                key = {"slot_id": slot_id, "port": end.port, "publishes": end.publishes}
+                row = {"robot_id": robot_id, "topic": self.topic, **key, **values}
+                connection.execute(insert(bindings).values(row))
+        changed = {end.slot for end in (*old, *self.ends) if end not in old or end not in self.ends}
+        bump_versions(connection, robot_id, sorted(changed))
+
+
+def _is_at(connection: Connection, robot_id: int, end: WireEnd) -> tuple[ColumnElement[bool], ...]:
+    slot_id, _ = find_slot(connection, robot_id, end.slot)
+    return (bindings.c.slot_id == slot_id, bindings.c.port == end.port, bindings.c.publishes == end.publishes)
+
+
+def bind(
+    connection: Connection,
+    author: Author,
+    topic: str,
+    *,
+    type_name: str,
+    source: Endpoint | None,
+    targets: Sequence[Endpoint] = (),
+    reliable: bool = True,
+) -> EditRecord:
+    """Join ports by a topic, besides those it joins; it then has this reliability at all its ports.
+
+    Raises:
+        ConfigError: a port does not exist, has another direction or type, or is bound to another topic.
+    """
+    wanted = [] if source is None else [(source, True)]
+    wanted += [(target, False) for target in targets]
+    if not wanted:
+        raise ConfigError(f"topic {topic!r}: name a port that publishes it or one that subscribes, as SLOT.port")
+    before = TopicCell(topic).as_it_is(connection, author.robot)
+    ends = {end.at: replace(end, reliable=reliable) for end in before.ends}
+    for port, publishes in wanted:
+        find_slot(connection, author.robot, port.slot)
+        new = WireEnd(port.slot, port.port, type_name, publishes, reliable, "hand", in_use=True)
+        old = ends.get(new.at)
+        ends[new.at] = new if old is None else replace(old, type_name=type_name, in_use=True)
+    TopicCell(topic, tuple(ends.values())).write(connection, author)
+    _check(connection, author.robot, topic)
+    return _bound(connection, author, before, f"topic {topic} joins {', '.join(str(port) for port, _ in wanted)}")
+
+
+def unbind(connection: Connection, author: Author, topic: str, endpoint: Endpoint | None) -> EditRecord:
+    """Take a port off a topic, or all its ports.
+
+    Raises:
+        ConfigError: there is no such topic, or the port is not bound to it.
+    """
+    before = TopicCell(topic).as_it_is(connection, author.robot)
+    bound = [end for end in before.ends if end.in_use]
+    gone = [end for end in bound if endpoint in (None, end.endpoint)]
+    if not bound:
+        query = select(bindings.c.topic).where(bindings.c.robot_id == author.robot, bindings.c.in_use).distinct()
+        known = sorted(connection.execute(query).scalars())
+        raise ConfigError(f"no port is bound to topic {topic!r}; topics: {', '.join(known) or 'none'}")
+    if not gone:
+        names = sorted({str(end.endpoint) for end in bound})
+        raise ConfigError(f"{endpoint} is not bound to topic {topic!r}; {', '.join(names)} are")
+    left = [replace(end, in_use=end.in_use and end not in gone) for end in before.ends]
+    # What the blueprint asks for is remembered, so that its next start does not bring it back.
+    kept = tuple(end for end in left if end.in_use or end.origin == "blueprint")
+    TopicCell(topic, kept).write(connection, author)
+    words = f"topic {topic} is taken away" if endpoint is None else f"{endpoint} is taken off topic {topic}"
+    return _bound(connection, author, before, words)
+
+
+def _bound(connection: Connection, author: Author, before: TopicCell, words: str) -> EditRecord:
+    after = before.as_it_is(connection, author.robot)
+    return record(connection, author, EditKind.BIND, words, before=before, after=after)
+
+
+def read_slots(connection: Connection, robot_id: int) -> tuple[Slot, ...]:
+    """The slots of the blueprint, without their settings."""
+    query = select(slots).where(slots.c.robot_id == robot_id, slots.c.in_blueprint).order_by(slots.c.position)
+    return tuple(Slot(row.name, row.part_number, row.local_name, row.description) for row in connection.execute(query))
+
+
+def read_library(connection: Connection, robot_id: int) -> Library:
+    """The part types that the robot's slots ask for, with what wires and settings need of them."""
+    numbers = select(slots.c.part_number).where(slots.c.robot_id == robot_id, slots.c.in_blueprint)
+    query = select(library.c.number, library.c.name, library.c.ports).where(library.c.number.in_(numbers))
+    return Library(
+        PartType(
+            row.number,
+            row.name,
+            ports=tuple(Port(port["name"], Direction(port["direction"]), port["type"]) for port in row.ports),
+            parameters=read_parameters(connection, row.number),
+        )
+        for row in connection.execute(query).all()
+    )
+
+
+def _check(connection: Connection, robot_id: int, topic: str) -> None:
+    """All wires are as a blueprint's must be; they were before this topic was changed."""
+    types = set(
+        connection.execute(
+            select(bindings.c.type_name).where(
+                bindings.c.robot_id == robot_id, bindings.c.topic == topic, bindings.c.in_use
+            )
+        ).scalars()
+    )
+    if len(types) > 1:
+        raise ConfigError(f'topic "{topic}" carries "{min(types)}" and "{max(types)}": a topic has one type')
+    faults = binding_faults(
+        read_bindings(connection, robot_id), read_slots(connection, robot_id), read_library(connection, robot_id)
+    )
+    if faults:
+        raise ConfigError(f'topic "{topic}": {faults[0]}')

@@ -1,0 +1,1 @@
+"""Migrating, copying, checking and restoring a database."""

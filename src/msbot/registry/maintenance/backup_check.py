@@ -1,0 +1,86 @@
+"""Is a file that somebody hands in a backup of MsBOT that does no harm? Looked at by a process with limits.
+
+A file may be damaged, hold a view that never ends, or say who is administrator. So it is opened by another process,
+which may use little time and memory; that reads every row as the robot would.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+from msbot.errors import ConfigError, MsbotError, RegistryError
+from msbot.registry.database import statements as store
+from msbot.registry.database.engine import MAGIC
+from msbot.registry.edits.edit_log import read_edits
+from msbot.registry.maintenance import consistency
+from msbot.registry.records import RobotRecord
+from msbot.registry.registry import Registry, open_registry
+from msbot.registry.running.robot_memory import read_memory
+from msbot.runtime.worker import WorkLimits, run_limited
+
+LIMITS = WorkLimits(cpu_s=30, memory_mb=1024, wall_s=120.0)
+"""The largest backup that may be handed in, of 256 MB, takes some 10 s and 200 MB."""
+
+
+def check_backup(path: Path, *, needs_administrator: bool) -> None:
+    """Look at a file in a process of its own; brings the schema of an older backup up to date.
+
+    Args:
+        path: a copy of the file that nobody else uses.
+        needs_administrator: refuse one that nobody could sign in with as administrator.
+
+    Raises:
+        RegistryError: it is not used; the text says why.
+    """
+    try:
+        fault = run_limited(fault_of, LIMITS, str(path), needs_administrator)
+    except ConfigError as error:
+        raise RegistryError(f"this backup is not used: {error}") from None
+    if fault:
+        raise RegistryError(f"this backup is not used: {fault}")
+
+
+def fault_of(path: str, needs_administrator: bool) -> str:
+    """What is wrong with it, the worst; empty: nothing."""
+    with Path(path).open("rb") as stream:
+        if stream.read(len(MAGIC)) != MAGIC:
+            return "it is no database"
+    try:
+        if strange := _strange(path):
+            return strange
+        with open_registry(path, create=False) as registry:
+            for robot in registry.robots.all():
+                _read(registry, robot)
+            registry.edits.latest(None, 10_000)
+            findings = registry.storage.read(consistency.find)
+            if findings:
+                return findings[0]
+            administrators = [user for user in registry.users.all() if user.role == "administrator"]
+            if needs_administrator and not administrators:
+                return "it has no administrator, so nobody could sign in: restore it with `msbot db restore`"
+    except MsbotError as error:
+        return str(error).replace(f"the database {path}", "it").replace(path, "it").partition(": ")[0]
+    except Exception as error:  # whatever it holds, nothing of it may reach the robot
+        return f"it cannot be read ({type(error).__name__}: {error})"
+    return ""
+
+
+def _strange(path: str) -> str:
+    """Anything but tables and indexes: reading such a table could run for ever."""
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as connection:
+        query = "SELECT type, name, coalesce(sql, '') FROM sqlite_master"
+        for kind, name, sql in connection.execute(query):
+            if kind not in ("table", "index") or str(sql).upper().startswith("CREATE VIRTUAL"):
+                return f"it has a {kind} {name!r}, and MsBOT makes none of that sort"
+    return ""
+
+
+def _read(registry: Registry, robot: RobotRecord) -> None:
+    """Read all that a master and its pages would read."""
+    registry.storage.read(lambda connection: read_memory(connection, robot.id))
+    registry.storage.read(lambda connection: store.list_parts(connection, robot.id))
+    registry.storage.read(lambda connection: store.read_journal(connection, robot.id, None, 100_000))
+    registry.storage.read(lambda connection: read_edits(connection, robot.id, 10_000))
+    registry.robots.made_by_hand(robot)

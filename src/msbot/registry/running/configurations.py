@@ -1,0 +1,81 @@
+"""What the parts in slots get to know: bindings, the settings that hold, safe values; of one slot or of all at once."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+
+from sqlalchemy import Connection, select
+
+from msbot.config import Scalar, scalar_text
+from msbot.part.join.plug import safe_setting
+from msbot.pnp import Binding, Configuration
+from msbot.registry.database.tables import bindings, library, settings, slots
+
+ORIGINS = ("library", "blueprint", "hand")
+"""Where the value of a setting can come from; the later one holds."""
+
+
+def find_configuration(connection: Connection, robot_id: int, slot: str) -> Configuration | None:
+    """The configuration of a slot, from one moment."""
+    return read_configurations(connection, robot_id, slot).get(slot)
+
+
+def read_configurations(connection: Connection, robot_id: int, slot: str | None = None) -> dict[str, Configuration]:
+    """The configurations of all slots of a robot, also of those that are not in its blueprint; or of one."""
+    query = (
+        select(slots.c.id, slots.c.name, slots.c.configuration_version, library.c.ports)
+        .outerjoin(library, slots.c.part_number == library.c.number)
+        .where(slots.c.robot_id == robot_id)
+    )
+    rows = connection.execute(query if slot is None else query.where(slots.c.name == slot)).all()
+    one = rows[0].id if slot is not None and rows else None
+    of_bindings = _bindings(connection, robot_id, one)
+    of_settings = _settings(connection, robot_id, one)
+    return {
+        row.name: Configuration(
+            version=row.configuration_version,
+            slot=row.name,
+            bindings=tuple(of_bindings[row.id]),
+            settings=_as_text(of_settings[row.id] | _safe_values(row.ports or [], of_bindings[row.id])),
+        )
+        for row in rows
+    }
+
+
+def _bindings(connection: Connection, robot_id: int, slot_id: int | None) -> defaultdict[int, list[Binding]]:
+    query = select(bindings).where(bindings.c.robot_id == robot_id, bindings.c.in_use).order_by(bindings.c.id)
+    if slot_id is not None:
+        query = query.where(bindings.c.slot_id == slot_id)
+    found: defaultdict[int, list[Binding]] = defaultdict(list)
+    for row in connection.execute(query):
+        found[row.slot_id].append(Binding(row.port, row.topic, row.type_name, row.publishes, row.reliable))
+    return found
+
+
+def _settings(connection: Connection, robot_id: int, slot_id: int | None) -> defaultdict[int, dict[str, Scalar]]:
+    """The values that hold: by hand before blueprint before library."""
+    query = select(settings.c.slot_id, settings.c.name, settings.c.origin, settings.c.value)
+    if slot_id is None:
+        query = query.join(slots, settings.c.slot_id == slots.c.id).where(slots.c.robot_id == robot_id)
+    else:
+        query = query.where(settings.c.slot_id == slot_id)
+    found: defaultdict[int, dict[str, Scalar]] = defaultdict(dict)
+    for row in sorted(connection.execute(query), key=lambda row: ORIGINS.index(row.origin)):
+        found[row.slot_id][row.name] = row.value
+    return found
+
+
+def _safe_values(ports: Sequence[Mapping[str, object]], of: Sequence[Binding]) -> dict[str, Scalar]:
+    """What the slot's type applies to itself at the ports that are bound, as settings `PORT.safe.FIELD`."""
+    bound = {binding.port for binding in of if not binding.publishes}
+    values: dict[str, Scalar] = {}
+    for port in ports:
+        safe = port["safe"]
+        if port["name"] in bound and isinstance(safe, dict):
+            values |= {safe_setting(str(port["name"]), field): value for field, value in safe.items()}
+    return values
+
+
+def _as_text(values: Mapping[str, Scalar]) -> tuple[tuple[str, str], ...]:
+    return tuple(sorted((name, scalar_text(value)) for name, value in values.items()))

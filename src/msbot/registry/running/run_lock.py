@@ -1,0 +1,103 @@
+"""One robot of a database is run by one master at a time.
+
+The lock ends with the process, however it ends: beside a file it is SQLite's own lock on an empty file, on a server
+it is an advisory lock of the session.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+from sqlalchemy import Engine, text
+from sqlalchemy.exc import OperationalError
+
+from msbot.errors import RegistryError
+from msbot.registry.database.database_errors import told_as_registry_error
+from msbot.registry.database.engine import Address, make_private
+from msbot.registry.records import RobotRecord
+
+_SERVER_CLASS = 0x4D734254
+"""First of the two numbers of the advisory lock; the second is the robot's."""
+
+_LOCK_NOT_AVAILABLE = "55P03"
+"""PostgreSQL's SQLSTATE when lock_timeout has passed."""
+
+
+class RunLock:
+    """The right to run a robot, from making this object until `release`.
+
+    Raises:
+        RegistryError: another master runs it, or the lock cannot be made.
+    """
+
+    def __init__(self, engine: Engine, address: Address, robot: RobotRecord, timeout_s: float) -> None:
+        with told_as_registry_error(address.words):
+            if address.path is None:
+                self._release = _lock_on_server(engine, robot, timeout_s)
+            else:
+                self._release = _lock_beside(address.path, robot, timeout_s)
+        if self._release is None:
+            raise RegistryError(
+                f"robot {robot.name} is being run by another msbot master with the database {address.words}: "
+                "stop that one, or give this one another --db and another port"
+            )
+
+    def release(self) -> None:
+        """Let others run the robot."""
+        if self._release is not None:
+            self._release()
+            self._release = None
+
+
+def is_run(engine: Engine, address: Address, robot: RobotRecord) -> bool:
+    """Whether a master runs this robot at the moment."""
+    if address.path is not None and not _lock_file(address.path, robot).exists():
+        return False
+    try:
+        RunLock(engine, address, robot, 0.0).release()
+    except RegistryError:
+        return True
+    return False
+
+
+def _lock_file(database: Path, robot: RobotRecord) -> Path:
+    return database.with_name(f"{database.name}.running{robot.id}")
+
+
+def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> Callable[[], None] | None:
+    """Take the lock; gives the way to release it, or None when somebody else has it."""
+    # The file is left behind: taking it away could let two waiting masters lock two files of one name.
+    with contextlib.suppress(OSError):  # the next line says what is wrong
+        make_private(_lock_file(database, robot))
+    connection = sqlite3.connect(_lock_file(database, robot), timeout=timeout_s, isolation_level=None)
+    try:
+        connection.execute("BEGIN EXCLUSIVE")
+    except sqlite3.OperationalError as error:
+        connection.close()
+        if error.sqlite_errorname == "SQLITE_BUSY":
+            return None
+        raise
+    return connection.close
+
+
+def _lock_on_server(engine: Engine, robot: RobotRecord, timeout_s: float) -> Callable[[], None] | None:
+    """Take the lock; gives the way to release it, or None when somebody else has it."""
+    connection = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+
+    def end_session() -> None:
+        # A connection that only went back to the pool would keep lock and time-out.
+        connection.invalidate()
+        connection.close()
+
+    try:
+        connection.execute(text(f"SET lock_timeout = {max(1, round(timeout_s * 1000))}"))
+        connection.execute(text("SELECT pg_advisory_lock(:kind, :robot)"), {"kind": _SERVER_CLASS, "robot": robot.id})
+    except OperationalError as error:
+        end_session()
+        if getattr(error.orig, "sqlstate", "") == _LOCK_NOT_AVAILABLE:
+            return None
+        raise
+    return end_session

@@ -1,0 +1,110 @@
+"""The robots that this process runs: the right to run them, and their memory, which follows every change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from sqlalchemy import Connection
+
+from msbot.registry.database import statements as store
+from msbot.registry.database.storage import Storage
+from msbot.registry.records import RobotRecord
+from msbot.registry.running import run_lock
+from msbot.registry.running.node_ids import StoredNodeIds
+from msbot.registry.running.robot_memory import RobotMemory, read_memory, read_newest_edit
+from msbot.registry.running.robot_store import JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS, RobotStore
+
+
+class Runs:
+    """Begins and ends the runs of robots."""
+
+    def __init__(self, storage: Storage) -> None:
+        self._storage = storage
+        self._locks: dict[int, run_lock.RunLock] = {}
+        """Robots that this process runs, by number."""
+        self._stores: dict[int, RobotStore] = {}
+
+    def begin(self, robot: RobotRecord) -> RobotStore:
+        """The `PartStore` for a run of this robot; parts that were active when the last run ended are lost now.
+
+        Raises:
+            RegistryError: another master runs this robot, or the database cannot be read or written.
+        """
+        storage = self._storage
+        writer = storage.writer
+        if robot.id not in self._locks:
+            self._locks[robot.id] = run_lock.RunLock(storage.engine, storage.address, robot, storage.busy_timeout_s)
+
+        def begin(connection: Connection) -> RobotMemory:
+            store.prune(connection, robot.id, JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS)
+            store.end_run(connection, robot.id, "the master was started anew", storage.epoch_ns())
+            return read_memory(connection, robot.id)
+
+        storage.flush()
+        memory = storage.write(begin)
+        storage.runs_a_robot = True
+        writer.follow = self._follow
+        writer.watch(self._look)
+        self._stores[robot.id] = RobotStore(writer, storage.words, robot, memory, storage.epoch_ns)
+        return self._stores[robot.id]
+
+    def is_run(self, robot: RobotRecord) -> bool:
+        """Whether a master runs this robot now: this process, or another one.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        return robot.id in self._locks or run_lock.is_run(self._storage.engine, self._storage.address, robot)
+
+    def node_ids(self, robot: RobotRecord, link: str) -> StoredNodeIds:
+        """The addresses of the parts on one CAN bus, as `msbot.link.NodeIds`.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        rows = self._storage.read(partial(store.read_node_ids, robot_id=robot.id, link=link))
+        return StoredNodeIds(self._storage.writer, robot.id, link, rows=rows, epoch_ns=self._storage.epoch_ns)
+
+    def on_news(self, robot: RobotRecord, call: Callable[[], object]) -> None:
+        """Have a function called, in any thread, when the database has what nobody of this process waits for.
+
+        That is another program's change, or one that was stored later than somebody would wait.
+        """
+        if robot.id in self._stores:
+            self._stores[robot.id].on_news = call
+
+    def end(self) -> None:
+        """Tell the journal that parts are lost with their master."""
+        now_ns = self._storage.epoch_ns()
+        for robot_id in self._locks:
+            end = partial(store.end_run, robot_id=robot_id, reason="the master has ended", now_ns=now_ns)
+            self._storage.writer.put(end)
+
+    def release(self) -> None:
+        """Let others run the robots."""
+        for lock in self._locks.values():
+            lock.release()
+        self._locks.clear()
+        self._stores.clear()
+
+    def _follow(self, connection: Connection) -> Callable[[bool], None]:
+        """Read what a change has made of the robots that run here; called by the writer's thread."""
+        read = [(one, read_memory(connection, one.robot.id), one.stored) for one in self._stores.values()]
+
+        def take_over(is_late: bool) -> None:
+            for one, memory, stored in read:
+                one.use(memory, stored)
+                if is_late:
+                    one.on_news()
+
+        return take_over
+
+    def _look(self, connection: Connection) -> None:
+        """Follow what other programs have changed, such as a new key; called by the writer's thread."""
+        newest = read_newest_edit(connection)
+        for one in self._stores.values():
+            if newest != one.newest_edit:
+                stored = one.stored
+                one.use(read_memory(connection, one.robot.id), stored)
+                one.on_news()

@@ -1,0 +1,217 @@
+"""A running robot whose database freezes, is locked, deleted, replaced or overwritten: it goes on, and says so."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import signal
+import sqlite3
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, closing
+from functools import partial
+from pathlib import Path
+from time import monotonic
+
+import pytest
+
+from msbot.config import Blueprint, Library
+from msbot.errors import RegistryError
+from msbot.registry import Registry, RobotRecord, RobotStore, open_registry
+from msbot.registry.database import storage
+from msbot.registry.edits import slot_values
+from msbot.registry.maintenance import upkeep
+from tests.registry.blueprint.test_blueprint_store import LIBRARY, ROBOT
+from tests.registry.events import CLAIM, UID
+from tests.registry.postgres import MISSING, NEEDED, find_server, running_server
+
+PERIOD = partial(slot_values.set_value, slot="left", name="period_s")
+
+
+@asynccontextmanager
+async def loop_watched() -> AsyncIterator[Callable[[], float]]:
+    """How long the event loop was held up at most, in real seconds."""
+    worst = 0.0
+
+    async def look() -> None:
+        nonlocal worst
+        while True:
+            before = monotonic()
+            await asyncio.sleep(0.01)
+            worst = max(worst, monotonic() - before - 0.01)
+
+    looking = asyncio.create_task(look())
+    try:
+        yield lambda: worst
+    finally:
+        looking.cancel()
+
+
+async def until(what: Callable[[], bool]) -> None:
+    async with asyncio.timeout(60):
+        while not what():  # noqa: ASYNC110 - a thread makes no sound
+            await asyncio.sleep(0.05)
+
+
+def _period(registry: Registry, robot: RobotRecord) -> object:
+    return next(value.value for value in registry.robots.values(robot, "left") if value.name == "period_s")
+
+
+@pytest.fixture
+def own_server() -> Iterator[str]:
+    """A server of this test's own, which it may freeze."""
+    programs = find_server()
+    if programs is None:
+        assert NEEDED not in os.environ, MISSING
+        pytest.skip(MISSING)
+    with running_server(programs) as address:
+        yield address.format("postgres")
+
+
+def _processes_of(address: str) -> list[int]:
+    """The server and all it has forked."""
+    folder = Path(address.rpartition("host=")[2].replace("%2F", "/"))
+    (first, *_rest) = (next(folder.rglob("postmaster.pid"))).read_text().split()
+    children = Path(f"/proc/{first}/task/{first}/children").read_text().split()
+    return [int(first), *map(int, children)]
+
+
+async def test_a_frozen_server_holds_nobody_up_and_loses_nothing(
+    own_server: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(storage, "SLOWEST_S", 0.5)
+    monkeypatch.setattr(storage, "LIMIT_S", 0.5)
+    with open_registry(own_server) as registry:
+        robot = registry.robots.apply_blueprint(ROBOT, LIBRARY)
+        store = registry.runs.begin(robot)
+        await registry.edits.make_soon(robot, "Ann", partial(PERIOD, value=2))
+        frozen = _processes_of(own_server)
+        for process in frozen:
+            os.kill(process, signal.SIGSTOP)
+        try:
+            async with loop_watched() as worst:
+                asked = monotonic()
+                with pytest.raises(RegistryError, match="nothing was changed: "):
+                    await registry.edits.make_soon(robot, "Ann", partial(PERIOD, value=3))
+                with pytest.raises(RegistryError, match=r"does not answer|has not answered"):
+                    await registry.storage.in_time(registry.robots.values, robot, "left")
+                store.remember(UID, "left", CLAIM)  # a part comes in
+                assert store.remembered_slot(UID) == "left"
+                assert store.configuration("left").slot == "left"
+                await until(lambda: registry.storage.health.trouble is not None)
+                health = registry.storage.health
+                assert "has not answered for" in str(health.trouble)
+                assert health.waiting >= 1
+                # The loop went on: what held it up, if anything, was not what the database took.
+                assert worst() < monotonic() - asked
+        finally:
+            for process in frozen:
+                os.kill(process, signal.SIGCONT)
+        await until(lambda: registry.storage.health.is_well and registry.storage.health.waiting == 0)
+        assert _period(registry, robot) == 2  # what was told to be stored is, what was refused is not
+        assert [part.slot for part in registry.robots.parts(robot)] == ["left"]
+        await registry.edits.make_soon(robot, "Ann", partial(PERIOD, value=4))
+
+
+@pytest.fixture
+def running(registry_path: Registry) -> tuple[Registry, RobotRecord, RobotStore]:
+    robot = registry_path.robots.apply_blueprint(ROBOT, LIBRARY)
+    store = registry_path.runs.begin(robot)
+    registry_path.edits.make(robot, "Ann", partial(PERIOD, value=2))
+    return registry_path, robot, store
+
+
+@pytest.fixture
+def registry_path(path: Path, empty_database: bytes) -> Iterator[Registry]:
+    path.write_bytes(empty_database)
+    with open_registry(path) as registry:
+        yield registry
+
+
+Running = tuple[Registry, RobotRecord, RobotStore]
+
+
+def test_a_file_that_is_deleted_is_written_anew_with_all_it_had(running: Running, path: Path) -> None:
+    registry, robot, store = running
+    for file in path.parent.glob("robot.db*"):
+        file.unlink()
+    store.remember(UID, "left", CLAIM)
+    assert registry.storage.flush()
+    assert registry.storage.health.is_well
+    registry.edits.make(robot, "Ann", partial(PERIOD, value=3))
+    assert path.stat().st_mode & 0o077 == 0
+    registry.close()
+    assert upkeep.check(str(path)) == []
+    with open_registry(path) as again:
+        assert _period(again, robot) == 3
+        assert next(edit.words for edit in again.edits.latest(robot)).endswith("2 s -> 3 s")
+        assert [part.slot for part in again.robots.parts(robot)] == ["left"]
+
+
+def test_a_file_that_is_deleted_while_nothing_happens_is_noticed(running: Running, path: Path) -> None:
+    path.unlink()
+    until_s = monotonic() + 60
+    while not path.exists():
+        assert monotonic() < until_s
+    assert upkeep.check(str(path)) == []
+
+
+def test_a_file_that_is_replaced_is_left_alone_and_what_the_robot_had_is_kept(
+    running: Running, path: Path, tmp_path: Path, blueprint: Blueprint, library: Library
+) -> None:
+    registry, robot, store = running
+    with open_registry(tmp_path / "other.db") as other:
+        other.robots.apply_blueprint(blueprint, library)
+    shutil.copyfile(tmp_path / "other.db", tmp_path / "copy.db")
+    (tmp_path / "copy.db").replace(path)
+    with pytest.raises(RegistryError, match="was replaced by another file while the robot ran: stop the master"):
+        registry.edits.make(robot, "Ann", partial(PERIOD, value=3))
+    store.remember(UID, "left", CLAIM)
+    assert not registry.storage.flush()
+    assert "was replaced by another file" in str(registry.storage.health.trouble)
+    kept = path.with_name("robot.db.rescued.1")
+    assert kept.stat().st_mode & 0o077 == 0
+    with open_registry(kept, read_only=True) as rescued:
+        assert _period(rescued, robot) == 2
+    assert path.read_bytes() == (tmp_path / "other.db").read_bytes()
+
+
+def test_a_file_that_is_overwritten_is_told_and_nothing_is_acknowledged(running: Running, path: Path) -> None:
+    registry, robot, store = running
+    with path.open("r+b") as stream:
+        stream.write(b"something else" * 1000)
+    with pytest.raises(RegistryError, match="was overwritten by something else while the robot ran"):
+        registry.edits.make(robot, "Ann", partial(PERIOD, value=3))
+    assert store.configuration("left").slot == "left"
+
+
+async def test_a_locked_file_holds_nobody_up(running: Running, path: Path) -> None:
+    registry, robot, store = running
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(RegistryError, match="is locked by another program"):
+            await registry.edits.make_soon(robot, "Ann", partial(PERIOD, value=3))
+        store.remember(UID, "left", CLAIM)
+        await until(lambda: registry.storage.health.trouble is not None)
+        assert await registry.storage.in_time(_period, registry, robot) == 2  # reading goes on
+    await until(lambda: registry.storage.health.is_well and registry.storage.health.waiting == 0)
+    assert [part.slot for part in registry.robots.parts(robot)] == ["left"]
+
+
+async def test_a_change_that_nobody_waits_for_any_more_is_not_made(
+    running: Running, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    registry, robot, _store = running
+    monkeypatch.setattr(storage, "SLOWEST_S", 0.1)
+    monkeypatch.setattr(storage, "LOOP_PATIENCE_S", 5.0)
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        making = asyncio.create_task(registry.edits.make_soon(robot, "Ann", partial(PERIOD, value=3)))
+        await asyncio.sleep(0)
+        change = registry.storage.writer.submit(lambda connection: None, wait_s=5.0)
+        with pytest.raises(RegistryError, match="nothing was changed"):
+            await change.stored(0.05)
+        making.cancel()
+    registry.storage.flush()
+    await registry.edits.make_soon(robot, "Bob", partial(PERIOD, value=4))
+    assert _period(registry, robot) == 4

@@ -1,0 +1,177 @@
+"""Backups that can be brought back anywhere, migrations on demand, contradictions that are found."""
+
+import logging
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Table, select, text
+
+from msbot.config import Blueprint, Library
+from msbot.errors import RegistryError
+from msbot.pnp import PartState
+from msbot.registry import Registry, open_registry
+from msbot.registry.database.tables import metadata
+from msbot.registry.maintenance import upkeep
+from tests.registry.database.test_schema import NEXT, NOW, _migrations
+from tests.registry.events import CLAIM, UID, changed
+from tests.registry.hand import Hand
+
+
+@pytest.fixture
+def full(registry: Registry, blueprint: Blueprint, library: Library) -> Registry:
+    """A registry with rows in every table."""
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    store = registry.runs.begin(robot)
+    store.remember(UID, "AA", CLAIM)
+    store.journal(changed(PartState.ACTIVE))
+    Hand(registry).place(robot, UID, "BB", "Ann")
+    Hand(registry).undo(robot, None, "Ann")
+    Hand(registry).block(robot, "number", "WXYZ", "hot", "Ann")
+    registry.users.keep("ann", "administrator", "ann", password_hash="salt", tokens=(("desk", "abc"),))
+    registry.keys.keep(UID, b"\x00secret", "ann")
+    registry.runs.node_ids(robot, "can:0").keep(7, UID)
+    registry.storage.flush()
+    return registry
+
+
+def _rows(registry: Registry, table: Table) -> list[tuple[object, ...]]:
+    order = list(table.primary_key.columns)
+    with registry.storage.engine.connect() as connection:
+        return [tuple(row) for row in connection.execute(select(table).order_by(*order))]
+
+
+def _content(registry: Registry) -> dict[str, list[tuple[object, ...]]]:
+    return {table.name: _rows(registry, table) for table in metadata.sorted_tables}
+
+
+def test_a_backup_holds_all_rows_and_is_one_file(full: Registry, address: str, tmp_path: Path) -> None:
+    target = tmp_path / "copy.db"
+    rows = upkeep.back_up(address, target)
+    before = _content(full)
+    assert rows == sum(len(content) for content in before.values())
+    assert [name for name, content in before.items() if not content and name != "settings"] == []
+    assert sorted(path.name for path in tmp_path.glob("copy.db*")) == ["copy.db"]
+    with open_registry(target) as copy:
+        assert _content(copy) == before
+
+
+def test_a_backup_is_never_written_over_a_file(full: Registry, address: str, tmp_path: Path) -> None:
+    target = tmp_path / "copy.db"
+    target.write_text("mine")
+    with pytest.raises(RegistryError, match="exists already and is not overwritten"):
+        upkeep.back_up(address, target)
+    assert target.read_text() == "mine"
+
+
+def test_a_backup_that_cannot_be_written_leaves_nothing(full: Registry, address: str, tmp_path: Path) -> None:
+    with pytest.raises(RegistryError, match=r"the folder .* does not exist"):
+        upkeep.back_up(address, tmp_path / "no" / "copy.db")
+
+
+def test_a_backup_is_brought_back_and_what_was_there_is_kept(
+    full: Registry, address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, epoch_ns: object
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    backup = tmp_path / "copy.db"
+    full.close()
+    upkeep.back_up(address, backup)
+    with open_registry(address) as registry:
+        before = _content(registry)
+        registry.keys.remove(UID, "ann")
+        later = _content(registry)
+    kept = upkeep.restore(backup, address)
+    assert kept is not None
+    with open_registry(address) as registry, open_registry(kept) as copy:
+        assert _content(registry) == before
+        assert _content(copy) == later
+        # Counters go on behind the rows.
+        assert registry.keys.keep(UID, b"new", "ann").id == before["edits"][-1][0] + 1  # type: ignore[operator]  # an int
+
+
+def test_a_backup_goes_to_a_new_database(full: Registry, address: str, tmp_path: Path) -> None:
+    upkeep.back_up(address, tmp_path / "copy.db")
+    assert upkeep.restore(tmp_path / "copy.db", str(tmp_path / "new.db")) is None
+    with open_registry(tmp_path / "new.db") as registry:
+        assert _content(registry) == _content(full)
+
+
+def test_nothing_is_replaced_under_a_running_robot(full: Registry, address: str, tmp_path: Path) -> None:
+    upkeep.back_up(address, tmp_path / "copy.db")
+    with pytest.raises(
+        RegistryError, match=r"robot MSBOT_MASTER is being run with the database .*: stop its master first"
+    ):
+        upkeep.restore(tmp_path / "copy.db", address)
+
+
+def test_what_is_no_backup_is_refused(address: str, tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text("[robot] # the blueprint")
+    with pytest.raises(RegistryError, match="is no database"):
+        upkeep.restore(tmp_path / "robot.toml", address)
+    with pytest.raises(RegistryError, match=r"there is no backup .*: name a file that `msbot db backup` has written"):
+        upkeep.restore(tmp_path / "nothing.db", address)
+
+
+def test_an_older_database_is_migrated_on_demand(path: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.ERROR)
+    open_registry(path).close()
+    newer = _migrations(tmp_path, NEXT)
+    assert upkeep.migrate(str(path)) == upkeep.Migrated(NOW, NOW)
+    assert upkeep.migrate(str(path), migrations=newer) == upkeep.Migrated(NOW, NOW + 1)
+    with pytest.raises(RegistryError, match="was written by a newer MsBOT"):
+        upkeep.migrate(str(path))
+    with pytest.raises(RegistryError, match="there is no database"):
+        upkeep.migrate(str(tmp_path / "other.db"))
+
+
+def test_a_sound_database_has_no_findings(full: Registry, address: str) -> None:
+    assert upkeep.check(address) == []
+
+
+@pytest.mark.parametrize(
+    ("statement", "sentence"),
+    [
+        ("DELETE FROM library WHERE number = 'ABCD'",
+         "slot AA wants part number ABCD, which is not in the library"),
+        ("UPDATE slots SET configuration_version = 0 WHERE name = 'CC'", "the configuration of slot CC has no version"),
+        ("INSERT INTO settings (slot_id, name, origin, value, changed_ns, who) SELECT id, 'colour', 'hand', '1', 1, ''"
+         " FROM slots WHERE name = 'AA'", "slot AA has a value for colour, which its part type does not have"),
+        ("UPDATE bindings SET port = 'nose' WHERE port = 'out' AND topic = 'HelloWorldTopic_1_to_2'",
+         '"AA.nose": part ABCD'),
+    ],
+)  # fmt: skip
+def test_a_contradiction_is_found(full: Registry, address: str, statement: str, sentence: str) -> None:
+    full.storage.write(lambda connection: connection.execute(text(statement)))
+    (finding,) = upkeep.check(address)
+    assert finding.startswith(f"robot MSBOT_MASTER: {sentence}")
+
+
+def test_edits_and_journal_are_looked_at(full: Registry, address: str) -> None:
+    full.storage.write(lambda connection: connection.execute(text("UPDATE edits SET undone_by = 77 WHERE id = 3")))
+    full.storage.write(lambda connection: connection.execute(text("UPDATE journal SET to_state = 'asleep'")))
+    assert upkeep.check(address) == [
+        "edit 3 was undone by an edit that is not there",
+        "1 lines of the journal tell of a state that does not exist",
+    ]
+
+
+def test_a_broken_reference_is_found(full: Registry, path: Path) -> None:
+    full.close()
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("UPDATE parts SET slot_id = 99")
+        connection.commit()
+    (finding,) = upkeep.check(str(path))
+    assert finding == "row 1 of parts refers to a row of slots that is not there"
+
+
+def test_a_damaged_file_is_found(full: Registry, path: Path) -> None:
+    full.close()
+    with closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        connection.execute("PRAGMA writable_schema = ON")
+        connection.execute("UPDATE sqlite_master SET sql = replace(sql, 'UNIQUE', '') WHERE name = 'bindings'")
+        connection.execute("DROP INDEX IF EXISTS ix_parts_slot_id")
+        root = connection.execute("SELECT rootpage FROM sqlite_master WHERE name = 'journal'").fetchone()[0]
+        connection.execute("UPDATE sqlite_master SET rootpage = ? WHERE name = 'ix_journal_robot_id'", (root,))
+    with pytest.raises(RegistryError, match="is damaged"):
+        upkeep.check(str(path))

@@ -1,0 +1,73 @@
+"""A backup that waits beside the database until the master starts anew."""
+
+from pathlib import Path
+
+import pytest
+
+from msbot.config import Blueprint, Library
+from msbot.errors import RegistryError
+from msbot.registry import Registry, open_registry
+from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import waiting_restore as held
+
+
+@pytest.fixture
+def backup(registry: Registry, path: Path, blueprint: Blueprint, library: Library, tmp_path: Path) -> bytes:
+    """A backup of the database while bob could sign in; he cannot any more."""
+    registry.robots.apply_blueprint(blueprint, library)
+    registry.users.keep("ann", "administrator", "ann", password_hash="salt", tokens=())
+    registry.users.keep("bob", "student", "ann", password_hash="salt", tokens=())
+    upkeep.back_up(str(path), tmp_path / "copy.db")
+    registry.users.remove("bob", "ann")
+    return (tmp_path / "copy.db").read_bytes()
+
+
+def test_what_is_handed_in_holds_from_the_next_start_on(backup: bytes, registry: Registry, path: Path) -> None:
+    assert held.hold(str(path), backup) == path.with_name("robot.db.restore")
+    assert registry.users.find("bob") is None
+    registry.close()
+    kept = held.bring_back_held(str(path))
+    assert kept is not None
+    assert kept.exists()
+    with open_registry(path) as again:
+        assert again.users.find("bob") is not None
+    with open_registry(kept) as before:
+        assert before.users.find("bob") is None
+    assert held.bring_back_held(str(path)) is None
+
+
+def test_the_last_one_handed_in_counts(backup: bytes, registry: Registry, path: Path, tmp_path: Path) -> None:
+    upkeep.back_up(str(path), tmp_path / "newer.db")
+    held.hold(str(path), backup)
+    held.hold(str(path), (tmp_path / "newer.db").read_bytes())
+    registry.close()
+    held.bring_back_held(str(path))
+    with open_registry(path) as again:
+        assert again.users.find("bob") is None
+
+
+@pytest.mark.parametrize("content", [b"", b"no database", b"SQLite format 3\x00" + bytes(100)])
+def test_what_is_no_backup_is_refused_and_nothing_waits(content: bytes, registry: Registry, path: Path) -> None:
+    with pytest.raises(RegistryError, match="this backup is not used: ") as caught:
+        held.hold(str(path), content)
+    assert "/" not in str(caught.value)  # the person has handed in a file, and knows nothing of where it was put
+    assert held.bring_back_held(str(path)) is None
+    assert registry.robots.all() == []
+
+
+def test_a_torn_backup_is_refused(backup: bytes, path: Path) -> None:
+    with pytest.raises(RegistryError):
+        held.hold(str(path), backup[: len(backup) // 2])
+    assert not path.with_name("robot.db.restore").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_told(backup: bytes, path: Path) -> None:
+    path.with_name("robot.db.restore").mkdir()
+    with pytest.raises(RegistryError, match=r"cannot keep the backup at .*robot\.db\.restore"):
+        held.hold(str(path), backup)
+
+
+def test_a_database_on_a_server_takes_no_backup_while_a_master_runs() -> None:
+    with pytest.raises(RegistryError, match="only while no master runs: `msbot db restore"):
+        held.hold("postgresql://somewhere/robots", b"")
+    assert held.bring_back_held("postgresql://somewhere/robots") is None

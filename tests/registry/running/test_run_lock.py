@@ -1,0 +1,142 @@
+"""One master for each robot of a database."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from sqlalchemy.exc import OperationalError
+
+from msbot.config import Blueprint, Library
+from msbot.errors import RegistryError
+from msbot.pnp import PartState
+from msbot.registry import Registry, open_registry
+from msbot.registry.database.engine import parse_address
+from msbot.registry.running.run_lock import RunLock
+from tests.registry.events import changed
+
+HOLDER = """
+import sys
+from msbot.registry import open_registry
+
+registry = open_registry(sys.argv[1])
+registry.runs.begin(registry.robots.all()[0])
+print("running", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_second_master_is_refused_and_disturbs_nothing(
+    registry: Registry, impatient: Registry, path: Path, blueprint: Blueprint, library: Library
+) -> None:
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    registry.runs.begin(robot).journal(changed(PartState.ACTIVE))
+    registry.storage.flush()
+    with pytest.raises(RegistryError) as caught:
+        impatient.runs.begin(impatient.robots.apply_blueprint(blueprint, library))
+    assert str(caught.value) == (
+        f"robot MSBOT_MASTER is being run by another msbot master with the database {path}: stop that one, "
+        "or give this one another --db and another port"
+    )
+    assert [part.state for part in registry.robots.parts()] == ["active"]
+    registry.close()
+    impatient.runs.begin(robot)
+    assert [part.state for part in impatient.robots.parts()] == ["lost"]
+
+
+def test_two_robots_of_one_database_are_run_by_two_masters(
+    registry: Registry, impatient: Registry, blueprint: Blueprint, library: Library
+) -> None:
+    registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
+    other = replace(blueprint, robot=replace(blueprint.robot, serial_number="2"))
+    impatient.runs.begin(impatient.robots.apply_blueprint(other, library))
+
+
+def test_the_same_master_may_ask_again(registry: Registry, blueprint: Blueprint, library: Library) -> None:
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    registry.runs.begin(robot)
+    registry.runs.begin(robot)
+
+
+def test_a_killed_master_leaves_no_lock(path: Path, blueprint: Blueprint, library: Library) -> None:
+    with open_registry(path, busy_timeout_s=0.01) as registry:
+        robot = registry.robots.apply_blueprint(blueprint, library)
+        command = [sys.executable, "-c", HOLDER, str(path)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
+            assert holder.stdout is not None
+            assert holder.stdout.readline() == "running\n"
+            with pytest.raises(RegistryError, match="is being run by another msbot master"):
+                registry.runs.begin(robot)
+            holder.kill()
+        registry.runs.begin(robot)
+
+
+def test_a_lock_that_cannot_be_made_is_told(
+    registry: Registry, path: Path, blueprint: Blueprint, library: Library
+) -> None:
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    path.with_name(f"robot.db.running{robot.id}").mkdir()
+    with pytest.raises(RegistryError, match=r"robot.db cannot be opened: look at the permissions of the file"):
+        registry.runs.begin(robot)
+
+
+class _Server:
+    """Stands in for an engine and its connection; a real server is tested elsewhere."""
+
+    def __init__(self, sqlstate: str) -> None:
+        self.said: list[str] = []
+        self.url = parse_address("postgresql://teacher:secret@host/robots").url
+        self._sqlstate = sqlstate
+
+    def connect(self) -> "_Server":
+        return self
+
+    def execution_options(self, **options: str) -> "_Server":
+        self.said.append(str(options))
+        return self
+
+    def execute(self, statement: object, values: dict[str, int] | None = None) -> None:
+        self.said.append(f"{statement} {values}")
+        if self._sqlstate and "pg_advisory_lock" in str(statement):
+            error = Exception("canceling statement due to lock timeout")
+            error.sqlstate = self._sqlstate  # type: ignore[attr-defined]  # as psycopg's errors have it
+            raise OperationalError("SELECT", None, error)
+
+    def invalidate(self) -> None:
+        self.said.append("invalidate")
+
+    def close(self) -> None:
+        self.said.append("close")
+
+
+def test_on_a_server_it_is_an_advisory_lock(registry: Registry, blueprint: Blueprint, library: Library) -> None:
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    address = parse_address("postgresql://teacher:secret@host/robots")
+    server = _Server("")
+    lock = RunLock(server, address, robot, 2.0)  # type: ignore[arg-type]  # see _Server
+    assert server.said == [
+        "{'isolation_level': 'AUTOCOMMIT'}",
+        "SET lock_timeout = 2000 None",
+        "SELECT pg_advisory_lock(:kind, :robot) {'kind': 1299399252, 'robot': 1}",
+    ]
+    lock.release()
+    lock.release()
+    assert server.said[3:] == ["invalidate", "close"]
+
+
+@pytest.mark.parametrize(
+    ("sqlstate", "words"),
+    [
+        ("55P03", r"with the database postgresql://teacher:\*\*\*@host/robots: stop that one"),
+        ("57P01", r"the database postgresql://teacher:\*\*\*@host/robots cannot be used \(canceling statement"),
+    ],
+)
+def test_on_a_server_a_second_master_is_refused(
+    registry: Registry, blueprint: Blueprint, library: Library, sqlstate: str, words: str
+) -> None:
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    server = _Server(sqlstate)
+    with pytest.raises(RegistryError, match=words):
+        RunLock(server, parse_address("postgresql://teacher:secret@host/robots"), robot, 2.0)  # type: ignore[arg-type]
+    assert server.said[-2:] == ["invalidate", "close"]
