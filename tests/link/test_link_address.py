@@ -5,7 +5,7 @@ import pytest
 from msbot.errors import ConfigError
 from msbot.link import open_link
 from msbot.link.link_address import parse_host_and_port
-from msbot.link.net import TcpClientLink, TcpServerLink, UdpClientLink, UdpServerLink
+from msbot.link.net import TcpClientLink, TcpServerLink, UdpClientLink, UdpServerLink, WebSocketClientLink
 from msbot.link.serial import PtyServerLink, SerialClientLink, SerialServerLink
 
 
@@ -122,3 +122,44 @@ def test_a_wrong_address_of_a_server_is_answered_with_a_right_one(address: str, 
     with pytest.raises(ConfigError) as caught:
         open_link(address, serve=True)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("address", "name"),
+    [
+        ("ws://127.0.0.1:8080", "ws://127.0.0.1:8080"),
+        ("WSS://robot.school", "wss://robot.school"),
+        ("ws://[::1]:8080/robots/one/api/link", "ws://[::1]:8080"),
+    ],
+)
+def test_a_page_is_named_by_its_address(address: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MSBOT_TOKEN", "msbot_x")
+    link = open_link(address)
+    assert isinstance(link, WebSocketClientLink)
+    assert link.info.name == name
+
+
+@pytest.mark.parametrize(
+    ("address", "token", "words"),
+    [
+        ("ws:127.0.0.1:8080", "msbot_x", "it needs // and the page's host and port; write it like `ws://127.0.0.1:"),
+        ("ws://:8080", "msbot_x", "it needs // and the page's host"),
+        ("ws://host:99999", "msbot_x", "it needs // and the page's host"),
+        ("ws://[::1:8080", "msbot_x", "it needs // and the page's host"),
+        ("ws://ann:secret@host:80", "msbot_x", "it has a host, a port and perhaps a path, and nothing else"),
+        ("ws://host:80?token=x", "msbot_x", "it has a host, a port and perhaps a path, and nothing else"),
+        ("ws://host:80", "", r"\$MSBOT_TOKEN has to hold an API token"),
+        ("ws://host:80", "a\nb", r"\$MSBOT_TOKEN has to hold an API token"),
+    ],
+)
+def test_an_address_of_a_page_that_makes_no_sense_is_refused(
+    address: str, token: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MSBOT_TOKEN", token)
+    with pytest.raises(ConfigError, match=words):
+        open_link(address)
+
+
+def test_the_page_serves_parts_by_itself() -> None:
+    with pytest.raises(ConfigError, match="the page serves parts by itself wherever it is served"):
+        open_link("ws://127.0.0.1:8080", serve=True)

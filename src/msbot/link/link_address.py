@@ -25,6 +25,7 @@ from msbot.link.can.sim.sim_address import SIM_EXAMPLE, open_sim
 from msbot.link.contract import Link
 from msbot.link.net.tcp import TcpClientLink, TcpServerLink
 from msbot.link.net.udp import UdpClientLink, UdpServerLink
+from msbot.link.net.websocket_client import open_websocket
 from msbot.link.serial.lines import CLIENT_ADDRESS
 from msbot.link.serial.port import AUTO, DEFAULT_BAUDRATE, SerialClientLink, SerialServerLink
 from msbot.link.serial.pty import PtyServerLink
@@ -102,6 +103,20 @@ def _open_tcp(rest: str, serve: bool, _: CanSettings) -> Link:
     return TcpServerLink(host, port) if serve else TcpClientLink(host, port)
 
 
+def _open_ws(rest: str, serve: bool, _: CanSettings) -> Link:
+    return _open_page_link(f"ws:{rest}", serve)
+
+
+def _open_wss(rest: str, serve: bool, _: CanSettings) -> Link:
+    return _open_page_link(f"wss:{rest}", serve)
+
+
+def _open_page_link(address: str, serve: bool) -> Link:
+    if serve:
+        raise ConfigError("the page serves parts by itself wherever it is served: leave this link out; a part opens it")
+    return open_websocket(address)
+
+
 def parse_options(text: str, **defaults: int) -> tuple[str, dict[str, int]]:
     """`/dev/ttyUSB0?baudrate=9600&address=2` as what stands before the question mark, and the numbers behind it.
 
@@ -148,6 +163,8 @@ def _open_pty(rest: str, serve: bool, _: CanSettings) -> Link:
 SCHEMES: dict[str, Scheme] = {
     "udp": Scheme("udp:127.0.0.1:8888", _open_udp),
     "tcp": Scheme("tcp:127.0.0.1:8888", _open_tcp),
+    "ws": Scheme("ws://127.0.0.1:8080", _open_ws),
+    "wss": Scheme("wss://robot.school:8080", _open_wss),
     "serial": Scheme("serial:/dev/ttyUSB0?baudrate=115200", _open_serial),
     "pty": Scheme("pty:/tmp/robot.tty", _open_pty),
     "can": Scheme(CAN_EXAMPLE, open_can),

@@ -143,6 +143,7 @@ class WebRoom:
             views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock
         )
         self.server = WebServer(self.service, settings)
+        master.add_link(self.server.parts)
         self._sessions = session_file(accounts, self.server.mark)
 
     async def run(self) -> None:

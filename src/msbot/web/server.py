@@ -26,6 +26,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.staticfiles import StaticFiles
 
 from msbot.errors import ConfigError
+from msbot.link.net import WebSocketServerLink
 from msbot.web.access.cookies import cookie_names
 from msbot.web.access.guard import ANY_ADDRESS, Guard
 from msbot.web.access.sign_in_pages import make_forms
@@ -36,6 +37,7 @@ from msbot.web.connections import Acceptor, Connections, WatchedConnection
 from msbot.web.open_pages import OpenPages
 from msbot.web.pages import register_pages
 from msbot.web.pages.help import picture_answer
+from msbot.web.part_socket import PartSocket
 from msbot.web.service import Service
 
 DEFAULT_PORT = 8080
@@ -100,6 +102,8 @@ class WebServer:
         self._socket = _bind(settings)
         self.host = settings.host
         self.port: int = self._socket.getsockname()[1]
+        self.parts = WebSocketServerLink(self.own_address.replace("http", "ws", 1))
+        """Parts that come in by the page; nobody but the robot makes it run."""
         try:
             self._server = _Server(self._config(settings))
         except BaseException:
@@ -174,6 +178,7 @@ class WebServer:
         app.include_router(make_forms(service.accounts, service.robot_name, cookies))
         app.include_router(make_api(service))
         app.include_router(make_admin_api(service))
+        app.router.routes.append(PartSocket(self.parts, service.accounts).route())
         tell_problems(app)
         app.mount("/web", StaticFiles(directory=str(files("msbot.web") / "static")), name="web")
         app.add_api_route("/handbook/pictures/{name:path}", picture_answer, include_in_schema=False)

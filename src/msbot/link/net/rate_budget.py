@@ -1,0 +1,30 @@
+"""How much one connection may bring: so many packets and octets a second, with some in hand. Pure: time is handed in.
+
+Nothing is thrown away: whoever brings more is read later, and its own network feels it.
+"""
+
+from __future__ import annotations
+
+PACKETS_S = 500.0
+"""A part of a lesson sends 10 to 100 messages a second, and several fit into a packet."""
+OCTETS_S = 256 * 1024.0
+BURST_S = 1.0
+"""So much of both is in hand at first, and again after a rest."""
+
+
+class RateBudget:
+    """See the module's docstring."""
+
+    def __init__(self, now: float, packets_s: float = PACKETS_S, octets_s: float = OCTETS_S) -> None:
+        self._packets_s = packets_s
+        self._octets_s = octets_s
+        self._packets = packets_s * BURST_S
+        self._octets = octets_s * BURST_S
+        self._at = now
+
+    def spend(self, octets: int, now: float) -> float:
+        """A packet has come; returns for how many seconds nothing more may be read, 0 = go on."""
+        passed, self._at = max(0.0, now - self._at), now
+        self._packets = min(self._packets_s * BURST_S, self._packets + passed * self._packets_s) - 1
+        self._octets = min(self._octets_s * BURST_S, self._octets + passed * self._octets_s) - octets
+        return max(0.0, -self._packets / self._packets_s, -self._octets / self._octets_s)

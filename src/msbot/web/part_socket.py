@@ -1,0 +1,131 @@
+"""Where parts come in by the page: `/api/link`, one WebSocket for each part (docs/reference/links.md).
+
+The guard has checked host, origin and session; here it is checked, now and again, that the person may have parts. What
+the packets mean is the agent's business: a part that comes by here meets the same gate as any other.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+
+from starlette.routing import WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from msbot.errors import LinkDown, LinkFull
+from msbot.link.net import PART_PATH, SocketPeer, Visitor, WebSocketServerLink
+from msbot.operations.rights import Right
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.sessions import Session
+
+CHECK_S = 3.0
+"""So long at most a part stays whose person was signed out, or may not have parts any more."""
+REFUSED = 4403
+WRONG = 4400
+AGAIN = 4503
+"""Not for long: whoever gets this may try again."""
+
+
+class PartSocket:
+    """Serves the connections of a `WebSocketServerLink`.
+
+    Args:
+        link: where packets go.
+        accounts: who may have parts.
+    """
+
+    def __init__(self, link: WebSocketServerLink, accounts: Accounts) -> None:
+        self._link = link
+        self._accounts = accounts
+
+    def route(self) -> WebSocketRoute:
+        """The place in the server."""
+        return WebSocketRoute(PART_PATH, self.serve)
+
+    async def serve(self, socket: WebSocket) -> None:
+        """One connection, from its first octet to its last."""
+        session: Session = socket.scope["state"]["session"]
+        may_stay = self._condition(session, socket)
+        await socket.accept()
+        if not may_stay():
+            await socket.close(REFUSED, f"{session.role.one} may not run parts; {Right.OPERATE.least.one} may")
+            return
+        try:
+            peer = self._link.join(Visitor(session.name, socket.client.host if socket.client else ""))
+        except LinkFull as error:
+            await socket.close(REFUSED, str(error))
+            return
+        except LinkDown as error:
+            await socket.close(AGAIN, str(error))
+            return
+        words = "connection closed"
+        try:
+            words = await self._carry(socket, peer, may_stay)
+        finally:
+            peer.gone(words)
+
+    async def _carry(self, socket: WebSocket, peer: SocketPeer, may_stay: Callable[[], bool]) -> str:
+        """Carry packets until the connection ends; returns why it did."""
+        work = [
+            asyncio.ensure_future(task) for task in (_read(socket, peer), _write(socket, peer), _watch(peer, may_stay))
+        ]
+        try:
+            done, _ = await asyncio.wait(work, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in work:
+                task.cancel()
+            await asyncio.gather(*work, return_exceptions=True)
+        code, words = done.pop().result()
+        if code:
+            with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it went by itself meanwhile
+                await socket.close(code, words)
+        return f"connection closed: {words}"
+
+    def _condition(self, session: Session, socket: WebSocket) -> Callable[[], bool]:
+        """Whether the person behind a connection may still have parts, at any later moment."""
+        accounts = self._accounts
+        if not session.is_program:
+            return lambda: accounts.holds(session) and session.may(Right.OPERATE)
+        token = socket.headers.get("authorization", "").partition(" ")[2].strip()
+
+        def holds() -> bool:
+            now = accounts.by_api_token(token)
+            return now is not None and now.may(Right.OPERATE)
+
+        return holds
+
+
+async def _watch(peer: SocketPeer, may_stay: Callable[[], bool]) -> tuple[int, str]:
+    while may_stay():
+        if peer.is_silent(asyncio.get_running_loop().time()):
+            return WRONG, "no packet came"
+        await asyncio.sleep(CHECK_S)
+    return REFUSED, "you are signed out, or may not run parts any more"
+
+
+async def _read(socket: WebSocket, peer: SocketPeer) -> tuple[int, str]:
+    loop = asyncio.get_running_loop()
+    while True:
+        message = await socket.receive()
+        if message["type"] == "websocket.disconnect":
+            return 0, message.get("reason") or f"code {message.get('code', 1005)}"
+        packet = message.get("bytes")
+        if packet is None:
+            return WRONG, peer.took_text()
+        try:
+            pause_s, sentence = peer.took(packet, loop.time())
+        except ValueError as error:
+            return WRONG, str(error)
+        if sentence:
+            await socket.send_text(sentence)
+        if pause_s:
+            await asyncio.sleep(pause_s)
+
+
+async def _write(socket: WebSocket, peer: SocketPeer) -> tuple[int, str]:
+    try:
+        while True:
+            await socket.send_bytes(await peer.next_packet())
+    except (WebSocketDisconnect, RuntimeError):  # it went by itself meanwhile; Starlette says so in two ways
+        return 0, "broken"

@@ -1,0 +1,116 @@
+"""Programs that mean no good on the page's link: robot and other parts go on, and the person reads a sentence."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from random import Random
+
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+
+from msbot.link.net.websocket_server import MOST_OF_PERSON, TOO_MANY
+from tests.web.part_site import PartSite, part_site
+
+
+def dial(site: PartSite, token: str) -> connect:
+    headers = {"Authorization": f"Bearer {token}"}
+    return connect(f"{site.address}/api/link", additional_headers=headers, compression=None, max_size=None)
+
+
+async def end_of(socket: ClientConnection) -> tuple[int | None, str | None]:
+    """Read until the server closes the connection: its code and sentence."""
+    with contextlib.suppress(ConnectionClosed):
+        while True:
+            await socket.recv()
+    return socket.close_code, socket.close_reason
+
+
+async def still_there(site: PartSite) -> None:
+    """The honest part is active and its messages still come in."""
+    assert site.active() == {"S0"}
+    before = site.link.counters.packets_in
+    await site.until(lambda: site.link.counters.packets_in > before + 3)
+
+
+async def test_fifty_sockets_of_one_person_leave_room_for_others() -> None:
+    async with part_site() as site, contextlib.AsyncExitStack() as stack:
+        token = site.token("eve")
+        sockets = [await stack.enter_async_context(dial(site, token)) for _ in range(50)]
+        for socket in sockets[:MOST_OF_PERSON]:
+            await socket.send(b"x")
+        for socket in sockets[MOST_OF_PERSON:]:
+            assert await end_of(socket) == (4403, "eve has 32 parts on the page already: end one first")
+        assert site.link.counters.dropped[TOO_MANY] == 50 - MOST_OF_PERSON
+        async with site.part(0, site.token("bob")):
+            await site.until(lambda: site.active() == {"S0"})
+            await still_there(site)
+
+
+@pytest.mark.parametrize("size", [1, 16, 512, 65_535])
+async def test_garbage_disturbs_nobody(size: int) -> None:
+    dice = Random(size)
+    async with part_site() as site, site.part(0, site.token("bob")):
+        await site.until(lambda: site.active() == {"S0"})
+        async with dial(site, site.token("eve")) as socket:
+            for _ in range(100 if size < 10_000 else 3):
+                await socket.send(dice.randbytes(size))
+            await still_there(site)
+
+
+async def test_what_is_no_packet_is_answered_with_a_sentence() -> None:
+    async with part_site() as site, site.part(0, site.token("bob")):
+        await site.until(lambda: site.active() == {"S0"})
+        token = site.token("eve")
+        for message, words in (
+            ("hello robot", "a part sends packets of DDS-XRCE in binary messages, and no text"),
+            (bytes(70_000), "a packet has 1 to 65535 octets, not 70000"),
+        ):
+            async with dial(site, token) as socket:
+                await socket.send(message)
+                assert await end_of(socket) == (4400, words)
+        async with dial(site, token) as socket:
+            with contextlib.suppress(ConnectionClosed):
+                await socket.send(bytes(2_000_000))  # more than the server takes at all
+            code, _ = await end_of(socket)
+            assert code == 1009
+        await still_there(site)
+
+
+async def test_a_connection_that_is_torn_off_in_mid_message_is_gone() -> None:
+    async with part_site() as site, site.part(0, site.token("bob")):
+        await site.until(lambda: site.active() == {"S0"})
+        async with dial(site, site.token("eve")) as socket:
+            await socket.send(b"x")
+            await site.until(lambda: len(site.link._peers) == 2)
+            # A frame of 1,000 octets, of which ten come.
+            socket.transport.write(b"\x82\xfe\x03\xe8\0\0\0\0" + bytes(10))
+            socket.transport.abort()
+            await site.until(lambda: len(site.link._peers) == 1)
+        await still_there(site)
+
+
+async def test_who_floods_is_told_and_slows_down_nobody_but_itself() -> None:
+    async with part_site() as site, site.part(0, site.token("bob")):
+        await site.until(lambda: site.active() == {"S0"})
+        loop = asyncio.get_running_loop()
+        async with dial(site, site.token("eve")) as socket:
+            told = asyncio.create_task(socket.recv())
+            began, before = loop.time(), site.link.counters.packets_in
+
+            async def flood() -> None:
+                while True:
+                    await socket.send(b"0123456789" * 5)
+
+            flooding = asyncio.create_task(flood())
+            words = await asyncio.wait_for(told, 60)
+            assert words == "this part sends more than the robot takes from one part: send less often"
+            for _ in range(3):
+                await still_there(site)
+            taken, seconds = site.link.counters.packets_in - before, loop.time() - began
+            assert taken < 500 * (seconds + 1) + 100 * seconds + 100
+            flooding.cancel()
+            await asyncio.gather(flooding, return_exceptions=True)
+            socket.transport.abort()
+        await still_there(site)
