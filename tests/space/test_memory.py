@@ -13,6 +13,7 @@ from msbot.errors import LocalProtocolError
 from msbot.space import MemorySpace, Qos, Reader, Sample, Space, Topic, Writer
 from msbot.space.history import FAIR_SHARE
 from msbot.space.memory import FEEDBACK_LIMIT
+from msbot.space.qos_matching import mismatch
 
 LIGHT = Topic("light", "Light")
 LATCHED = Qos(transient_local=True, depth=1)
@@ -431,3 +432,25 @@ def test_order_holds_whatever_the_readers_do_during_a_delivery(script: list[tupl
         for numbers in heard.values():
             assert numbers == list(range(1, len(numbers) + 1))
     assert [len(seen[0][writer.guid]) for writer in writers] == [writer.published for writer in writers]
+
+
+def test_who_comes_and_goes_costs_the_same_however_many_are_there(
+    space: Space, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked_at = 0
+
+    def counting(offered: Qos, requested: Qos) -> str | None:
+        nonlocal looked_at
+        looked_at += 1
+        return mismatch(offered, requested)
+
+    monkeypatch.setattr("msbot.space.memory.mismatch", counting)
+    writer = space.writer(LIGHT, Qos(), guid(1))
+    inboxes = [Inbox() for _ in range(300)]
+    readers = [space.reader(LIGHT, Qos(), inbox) for inbox in inboxes]
+    writer.write(b"all")
+    for reader in readers[:-1]:
+        reader.close()
+    writer.write(b"one")
+    assert looked_at <= 2 * len(readers)
+    assert [inbox.payloads for inbox in inboxes] == [*[[b"all"]] * 299, [b"all", b"one"]]

@@ -177,12 +177,24 @@ class MemoryWriter:
 class _Route:
     """Where the samples of writers that offer the same go."""
 
-    __slots__ = ("accepts", "offered", "users")
+    __slots__ = ("_readers", "accepts", "offered", "users")
 
-    def __init__(self, offered: Qos) -> None:
-        self.accepts: tuple[Callable[[Sample], None], ...] = ()
+    def __init__(self, offered: Qos, readers: Iterable[MemoryReader]) -> None:
         self.offered = offered
         self.users = 0
+        self._readers = {reader: reader.accept for reader in readers if fit(offered, reader.qos)}
+        self.accepts = tuple(self._readers.values())
+
+    def join(self, reader: MemoryReader) -> None:
+        """A reader has come; only that one is looked at, since thousands may come one by one."""
+        if fit(self.offered, reader.qos):
+            self._readers[reader] = reader.accept
+            self.accepts = tuple(self._readers.values())
+
+    def leave(self, reader: MemoryReader) -> None:
+        """A reader has gone."""
+        if self._readers.pop(reader, None) is not None:
+            self.accepts = tuple(self._readers.values())
 
 
 class _Meeting:
@@ -205,8 +217,7 @@ class _Meeting:
         )
         route = self._routes.get(offered)
         if route is None:
-            route = self._routes[offered] = _Route(offered)
-            self._reroute(route)
+            route = self._routes[offered] = _Route(offered, self.readers)
         route.users += 1
         return route
 
@@ -224,7 +235,7 @@ class _Meeting:
         if isinstance(reader, SelectiveReader):
             reader.strengths.update({writer.guid: writer.qos.strength for writer in self.writers})
         for route in self._routes.values():
-            self._reroute(route)
+            route.join(reader)
 
     def leave(self, endpoint: MemoryWriter | MemoryReader) -> None:
         """Take an endpoint out; the last one closes the meeting."""
@@ -240,7 +251,7 @@ class _Meeting:
         else:
             del self.readers[endpoint]
             for route in self._routes.values():
-                self._reroute(route)
+                route.leave(endpoint)
         if not self.writers and not self.readers:
             self._close(self)
 
@@ -271,9 +282,6 @@ class _Meeting:
                 there, here = meeting.topic.type_name, self.topic.type_name
                 found[f"{name}: TYPE: it is {verb} as {there} elsewhere, here it is {here}"] = None
         return tuple(found)[:MAX_TROUBLES]
-
-    def _reroute(self, route: _Route) -> None:
-        route.accepts = tuple(reader.accept for reader in self.readers if fit(route.offered, reader.qos))
 
 
 def fit(offered: Qos, requested: Qos) -> bool:

@@ -7,9 +7,10 @@ Every function works on an open connection and leaves the transaction to its cal
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from sqlalchemy import Connection, Row, Table, and_, delete, func, or_, select, update
+from sqlalchemy import Connection, Row, Table, and_, bindparam, delete, func, or_, select, update
 from sqlalchemy.dialects import sqlite
 
 from msbot.pnp import Claim, PartEvent, PartState, PartType, Slot
@@ -28,8 +29,19 @@ def upsert(
     connection: Connection, table: Table, key: Mapping[str, object], values: Mapping[str, object], **first: object
 ) -> None:
     """Change the row with this key, or make it; `first` are columns that only a new row gets."""
-    statement = _insert(connection, table).values({**key, **values, **first})
-    connection.execute(statement.on_conflict_do_update(index_elements=list(key), set_=dict(values)))
+    statement = _upsert(connection.dialect.name, table, tuple(key), tuple(values))
+    connection.execute(statement, {**key, **values, **first})
+
+
+@lru_cache(maxsize=64)
+def _upsert(
+    dialect: str, table: Table, key: tuple[str, ...], values: tuple[str, ...]
+) -> sqlite.Insert | postgresql.Insert:
+    """The statement of `upsert`. Made once: to make one costs several times what executing it does."""
+    statement = _insert(dialect, table)
+    return statement.on_conflict_do_update(
+        index_elements=list(key), set_={name: statement.excluded[name] for name in values}
+    )
 
 
 def upsert_many(
@@ -38,14 +50,14 @@ def upsert_many(
     """Change or make many rows at once; all have the same columns, and `first` is one that only a new row gets."""
     if not rows:
         return
-    statement = _insert(connection, table)
+    statement = _insert(connection.dialect.name, table)
     changing = {name: statement.excluded[name] for name in rows[0] if name not in (*key, first)}
     connection.execute(statement.on_conflict_do_update(index_elements=list(key), set_=changing), list(rows))
 
 
-def _insert(connection: Connection, table: Table) -> sqlite.Insert | postgresql.Insert:
+def _insert(dialect: str, table: Table) -> sqlite.Insert | postgresql.Insert:
     """An INSERT that can change a row that is there; PostgreSQL's takes long to import, and few need it."""
-    if connection.dialect.name != "postgresql":
+    if dialect != "postgresql":
         return sqlite.insert(table)
     from sqlalchemy.dialects import postgresql
 
@@ -140,9 +152,11 @@ def end_run(connection: Connection, robot_id: int, reason: str, now_ns: int) -> 
         write_journal(connection, robot_id, event, now_ns)
 
 
+_SLOT_QUERY = select(slots.c.id).where(slots.c.robot_id == bindparam("of"), slots.c.name == bindparam("called"))
+
+
 def _slot_id(connection: Connection, robot_id: int, name: str) -> int | None:
-    query = select(slots.c.id).where(slots.c.robot_id == robot_id, slots.c.name == name)
-    return connection.execute(query).scalar()
+    return connection.execute(_SLOT_QUERY, {"of": robot_id, "called": name}).scalar()
 
 
 def list_parts(connection: Connection, robot_id: int) -> list[PartRecord]:
@@ -152,24 +166,26 @@ def list_parts(connection: Connection, robot_id: int) -> list[PartRecord]:
     return [_part(row) for row in connection.execute(query)]
 
 
+_JOURNAL_LINE = journal.insert()
+
+
 def write_journal(connection: Connection, robot_id: int, event: PartEvent, now_ns: int) -> None:
     """Add one line."""
-    connection.execute(
-        journal.insert().values(
-            robot_id=robot_id,
-            at_ns=now_ns,
-            part=event.part,
-            uid=uid_text(event.uid),
-            part_number=event.part_number,
-            local_name=event.local_name,
-            slot=event.slot or "",
-            from_state="" if event.from_state is None else event.from_state.value,
-            to_state=event.to_state.value,
-            reason=event.reason,
-            evidence=[list(pair) for pair in event.evidence],
-            address=event.address,
-        )
-    )
+    row = {
+        "robot_id": robot_id,
+        "at_ns": now_ns,
+        "part": event.part,
+        "uid": uid_text(event.uid),
+        "part_number": event.part_number,
+        "local_name": event.local_name,
+        "slot": event.slot or "",
+        "from_state": "" if event.from_state is None else event.from_state.value,
+        "to_state": event.to_state.value,
+        "reason": event.reason,
+        "evidence": [list(pair) for pair in event.evidence],
+        "address": event.address,
+    }
+    connection.execute(_JOURNAL_LINE, row)
 
 
 def read_journal(connection: Connection, robot_id: int | None, part: str | None, limit: int) -> list[JournalEntry]:
