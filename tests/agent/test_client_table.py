@@ -80,9 +80,10 @@ def test_only_sessions_below_0x80_are_found_by_the_key_in_a_header(port: Port) -
     table = ClientTable()
     for key, session_id in ((1, 0x01), (2, 0x81)):
         table.place(client(key, session_id), port, key)
-    assert table.keyed(1) is table.by_key(1)
-    assert table.keyed(2) is None
-    assert table.keyed(3) is None
+    assert table.keyed(1, port, 1, anywhere=False) is table.by_key(1)
+    assert table.keyed(2, port, 2, anywhere=True) is None
+    assert table.keyed(1, port, "elsewhere", anywhere=False) is None
+    assert table.keyed(1, port, "elsewhere", anywhere=True) is table.by_key(1)
 
 
 def test_a_removed_client_is_gone_everywhere(port: Port) -> None:
@@ -106,7 +107,7 @@ def test_a_client_that_has_gone_is_known_by_key_and_has_no_address(port: Port) -
         assert table.by_key(proxy.info.key) is proxy
         assert proxy.place is None
         assert proxy.is_blocked
-    assert table.keyed(8) is None
+    assert table.keyed(8, port, "here", anywhere=True) is None
     assert (port.clients, port.members, port.gone) == ({}, {}, {"here": [plain, keyed]})
     table.place(keyed, port, "there")
     assert not keyed.is_blocked

@@ -16,6 +16,7 @@ from msbot.pnp import (
     Access,
     Inventory,
     InventoryService,
+    Keys,
     MasterService,
     MemoryStore,
     PartState,
@@ -37,12 +38,14 @@ def epoch_ns() -> int:
 class Robot:
     """One robot: agent, master and inventory on the in-process link; parts come in by another one."""
 
-    def __init__(self, store: MemoryStore, *, explain: bool = False, limit: int | None = None) -> None:
+    def __init__(
+        self, store: MemoryStore, *, explain: bool = False, limit: int | None = None, keys: Keys | None = None
+    ) -> None:
         loop = asyncio.get_running_loop()
         self.inventory = Inventory(store, random=Random(1), now=loop.time())
         self.access = Access(self.inventory, clock=loop.time)
         self.agent = Agent(MemorySpace(), gate=self.access, epoch_ns=epoch_ns, agent_id=b"agent-id")
-        self.access.recheck = self.agent.recheck
+        self.access.recheck, self.access.disconnect = self.agent.recheck, self.agent.disconnect
         self.inventory.watch.last_heard, self.inventory.watch.probe = self.agent.last_heard, self.agent.probe
         inside, self.outside = InprocHub(), InprocHub()
         self.outside.server.info = LinkInfo("wire", 65535)
@@ -50,7 +53,7 @@ class Robot:
         self.agent.add_link(self.outside.server)
         self.master = MasterService(Client(inside.connect(), key=1, epoch_ns=epoch_ns), Profile(), limit=limit)
         client = Client(inside.connect(), key=2, epoch_ns=epoch_ns)
-        self.service = InventoryService(client, self.inventory, explain=explain)
+        self.service = InventoryService(client, self.inventory, explain=explain, keys=keys)
 
     def state(self, key: int) -> PartState:
         return [part.state for part in self.inventory.view(0.0) if part.client_key == key][-1]

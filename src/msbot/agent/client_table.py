@@ -18,6 +18,9 @@ from msbot.link import Link, Peer
 from msbot.runtime.tally import Tally
 from msbot.xrce.messages import SESSION_NONE
 
+_HIGHEST_DRAWN, _LOWEST_DRAWN = 0xFFFFFFFF, 0xFF000000
+"""Keys for second sessions are counted down from there."""
+
 
 @dataclass(slots=True, eq=False)
 class Port:
@@ -45,6 +48,8 @@ class ClientTable:
 
     def __init__(self) -> None:
         self._by_key: dict[int, Proxy] = {}
+        self._by_client_key: dict[int, tuple[Proxy, ...]] = {}
+        self._drawn = _HIGHEST_DRAWN
         self._gone: dict[Proxy, tuple[Port, Peer]] = {}
 
     def __len__(self) -> int:
@@ -53,26 +58,41 @@ class ClientTable:
     def __iter__(self) -> Iterator[Proxy]:
         return iter(list(self._by_key.values()))
 
-    def by_key(self, client_key: int) -> Proxy | None:
-        """The client with that key."""
-        return self._by_key.get(client_key)
+    def by_key(self, key: int) -> Proxy | None:
+        """The client that the agent knows by that key (`ClientInfo.key`)."""
+        return self._by_key.get(key)
 
-    def keyed(self, client_key: int) -> Proxy | None:
+    def sharing(self, client_key: int) -> tuple[Proxy, ...]:
+        """The sessions that show that client key, oldest first; more than one only where the gate keeps sessions."""
+        return self._by_client_key.get(client_key, ())
+
+    def free_key(self, client_key: int) -> int:
+        """The key by which the agent may know one more session of that client key."""
+        while client_key in self._by_key:
+            client_key = self._drawn = self._drawn - 1 if self._drawn > _LOWEST_DRAWN else _HIGHEST_DRAWN
+        return client_key
+
+    def keyed(self, client_key: int, port: Port, peer: Peer, *, anywhere: bool) -> Proxy | None:
         """The client with that key if its session carries the key in every header, and it has not gone.
+
+        With `anywhere` the address does not matter.
 
         DEVIATION: the genuine agent takes such packets for sessions without keys, too; anybody who knows a key could
         then speak for its owner from any address.
         """
-        proxy = self._by_key.get(client_key)
-        if proxy is None or proxy.gone is not None or not _has_key_in_headers(proxy):
-            return None
-        return proxy
+        for proxy in self._by_client_key.get(client_key, ()):
+            if proxy.gone is None and _has_key_in_headers(proxy) and (anywhere or proxy.place == (port, peer)):
+                return proxy
+        return None
 
     def place(self, proxy: Proxy, port: Port, peer: Peer) -> None:
         """Enter a client, or move it to another address: the old one then belongs to nobody."""
         self._leave_place(proxy)
         self._forget_gone(proxy)
         self._by_key[proxy.info.key] = proxy
+        sharing = self._by_client_key.get(proxy.info.client_key, ())
+        if proxy not in sharing:
+            self._by_client_key[proxy.info.client_key] = (*sharing, proxy)
         proxy.place = (port, peer)
         port.members[proxy] = peer
         if not _has_key_in_headers(proxy):
@@ -96,6 +116,12 @@ class ClientTable:
         self._leave_place(proxy)
         self._forget_gone(proxy)
         del self._by_key[proxy.info.key]
+        client_key = proxy.info.client_key
+        others = tuple(other for other in self._by_client_key[client_key] if other is not proxy)
+        if others:
+            self._by_client_key[client_key] = others
+        else:
+            del self._by_client_key[client_key]
         return True
 
     def _forget_gone(self, proxy: Proxy) -> None:

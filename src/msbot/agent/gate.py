@@ -17,12 +17,21 @@ class ClientInfo:
     """Who is asking."""
 
     key: int
-    """Client key of the XRCE session (never 0)."""
+    """What the agent knows the session by (never 0): the client key that it shows, or a drawn one if that is in use."""
     link: str
     """Name of the link the client speaks on (`LinkInfo.name`)."""
     peer: Peer
     address: str
     """The peer in words."""
+    shown_key: int = 0
+    """The client key that the XRCE session shows, if that is not `key`."""
+    patience_s: float = 0.12
+    """How long another client on its link may take to answer a probe."""
+
+    @property
+    def client_key(self) -> int:
+        """The client key that the XRCE session shows."""
+        return self.shown_key or self.key
 
 
 class Gate(Protocol):
@@ -30,6 +39,10 @@ class Gate(Protocol):
 
     def may_join(self, client: ClientInfo) -> bool:
         """Whether a session may be opened; False answers STATUS_ERR_DENIED."""
+
+    def keeps(self, client: ClientInfo) -> bool:
+        """Whether a login with that client's key from another address leaves its session alone (`msbot.agent.rivals`);
+        False: whoever logs in last has the key, from wherever, and packets that show it are taken from anywhere."""
 
     def is_settled(self, client: ClientInfo) -> bool:
         """Whether the client has a place that no stranger may take: its session is never put out for others."""
@@ -56,6 +69,10 @@ class OpenGate:
     def may_join(self, client: ClientInfo) -> bool:  # noqa: ARG002 - the protocol's signature
         """Always True."""
         return True
+
+    def keeps(self, client: ClientInfo) -> bool:  # noqa: ARG002 - the protocol's signature
+        """Always False: as eProsima's agent does it."""
+        return False
 
     def is_settled(self, client: ClientInfo) -> bool:  # noqa: ARG002 - the protocol's signature
         """Always True: without a blueprint nobody is a stranger."""

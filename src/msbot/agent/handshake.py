@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Hashable
+from dataclasses import replace
 
 from msbot.agent.client_table import ClientTable, Port
 from msbot.agent.gate import ClientInfo, Gate
 from msbot.agent.limits import MIN_MTU, AgentSettings
 from msbot.agent.proxy import Proxy
+from msbot.agent.rivals import PATIENCE_ON_A_BUS_S, PATIENCE_S, Rivals
 from msbot.agent.session_budget import SessionBudget
 from msbot.errors import RemoteProtocolError
 from msbot.link import Peer
@@ -56,13 +58,14 @@ class Handshake:
     """Answers messages outside of a session and applies the rules of logging in (XRCE 1.0 §8.4.3)."""
 
     def __init__(
-        self, clients: ClientTable, gate: Gate, settings: AgentSettings, *, budget: SessionBudget,
+        self, clients: ClientTable, gate: Gate, settings: AgentSettings, *, budget: SessionBudget, rivals: Rivals,
         open_session: OpenSession, end_session: EndSession,
     ) -> None:  # fmt: skip
         self._clients = clients
         self._gate = gate
         self._settings = settings
         self._budget = budget
+        self._rivals = rivals
         self._open_session = open_session
         self._end_session = end_session
 
@@ -89,32 +92,50 @@ class Handshake:
 
     def _log_in(self, port: Port, peer: Peer, request: CreateClient, now: float) -> Status:
         owner = port.clients.get(peer)
-        if owner is not None and owner.info.key != request.client_key:
+        if owner is not None and owner.info.client_key != request.client_key:
             self._end_session(owner, "another client logged in from its address")
         status = _check(request)
         if status is not Status.OK:
             return status
         link = port.link
-        info = ClientInfo(request.client_key, link.info.name, peer, link.describe(peer))
+        patience_s = PATIENCE_ON_A_BUS_S if link.info.shared_bus else PATIENCE_S
+        info = ClientInfo(
+            request.client_key, link.info.name, peer, link.describe(peer), request.client_key, patience_s=patience_s
+        )
         if not self._gate.may_join(info):
             return Status.ERR_DENIED
-        known = self._clients.by_key(request.client_key)
+        known = self._session_of(info, port, peer)
+        others = self._clients.sharing(request.client_key) if known is None else ()
+        info = replace(info, key=self._clients.free_key(info.key) if known is None else known.info.key)
         if known is not None and known.session.session_id == request.session_id:
             known.log_in_again(info, min(request.mtu, link.info.mtu), now)
         else:
             if known is not None:
                 self._end_session(known, "replaced by a new session of the same key")
+            elif others:
+                self._rivals.make_room(request.client_key)
             origin = link.origin(peer)
             if not self._make_room((link.info.name, origin), now):
                 return Status.ERR_RESOURCES
             known = self._open_session(info, port, request, now)
             self._budget.add(known, (link.info.name, origin))
+            if others:
+                self._rivals.begin(known, others, (link.info.name, origin), now)
         self._clients.place(known, port, peer)
         self._gate.joined(info)
         known.recheck()
         known.pull()
         logger.info("client %08X logged in from %s on %s", info.key, info.address, info.link)
         return Status.OK
+
+    def _session_of(self, info: ClientInfo, port: Port, peer: Peer) -> Proxy | None:
+        """The session that a login is about: the one of its key at its address, one that has gone, or any that may
+        be moved; None: it begins another one."""
+        sharing = self._clients.sharing(info.client_key)
+        for proxy in sharing:
+            if proxy.place == (port, peer):
+                return proxy
+        return next((proxy for proxy in sharing if proxy.gone is not None or not self._gate.keeps(proxy.info)), None)
 
     def _make_room(self, origin: Hashable, now: float) -> bool:
         """End what must go before another session is opened from there; False when nothing may."""

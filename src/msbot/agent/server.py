@@ -21,6 +21,7 @@ from msbot.agent.limits import AgentSettings
 from msbot.agent.object_tree import ObjectBudget
 from msbot.agent.proxy import Proxy, Surroundings
 from msbot.agent.reply_routing import ReplyExchange
+from msbot.agent.rivals import Rivals
 from msbot.agent.session_budget import SessionBudget
 from msbot.agent.statistics import ClientView, TopicTable
 from msbot.errors import LinkDown
@@ -60,11 +61,13 @@ class Agent:
         self._ports: list[Port] = []
         self._clients = ClientTable()
         self._budget = SessionBudget(self._gate, self._settings)
+        self._rivals = Rivals(self._clients, self._gate, self._call_at, self._end_session)
         self._handshake = Handshake(
             self._clients,
             self._gate,
             self._settings,
             budget=self._budget,
+            rivals=self._rivals,
             open_session=self._open_session,
             end_session=self._end_session,
         )
@@ -219,7 +222,7 @@ class Agent:
         if session_id > 0x80:
             proxy = port.clients.get(peer)
         elif 0 < session_id < 0x80:
-            proxy = self._clients.keyed(int.from_bytes(packet[4:8], "big"))
+            proxy = self._keyed(int.from_bytes(packet[4:8], "big"), port, peer)
         if proxy is None or proxy.session.session_id != session_id:
             answer = self._handshake.answer(port, packet, peer, now)
             if answer is not None:
@@ -232,6 +235,14 @@ class Agent:
         if proxy.is_over:
             self._flusher.send(proxy, now)
             self._end_session(proxy, "session deleted")
+
+    def _keyed(self, client_key: int, port: Port, peer: Peer) -> Proxy | None:
+        """The client whose key a header shows: at its own address, or from anywhere unless the gate keeps sessions."""
+        here = self._clients.keyed(client_key, port, peer, anywhere=False)
+        if here is not None:
+            return here
+        proxy = self._clients.keyed(client_key, port, peer, anywhere=True)
+        return None if proxy is None or self._gate.keeps(proxy.info) else proxy
 
     def _receive_from_elsewhere(self, proxy: Proxy, port: Port, packet: bytes, peer: Peer, now: float) -> None:
         """Answers go to where the packet came from; all else stays on the way to the address of the login."""
@@ -298,11 +309,15 @@ class Agent:
             return
         proxy.is_over = True
         self._budget.remove(proxy)
+        self._rivals.forget(proxy)
         self._flusher.forget(proxy)
         proxy.close()
         logger.info("client %08X on %s has left: %s", proxy.info.key, proxy.info.link, reason)
         if proxy.gone is None:  # else the gate was told when it went
             self._gate.left(proxy.info, reason)
+
+    def _call_at(self, when: float, function: Callable[[], None]) -> object:
+        return asyncio.get_running_loop().call_at(when, function)
 
     def _now(self) -> float:
         return self._loop.time() if self._loop is not None else 0.0

@@ -90,7 +90,7 @@ class Master:
             agent_id=dice.randbytes(8),
             signal=self._link_signalled,
         )
-        self.access.recheck = self.agent.recheck
+        self.access.recheck, self.access.disconnect = self.agent.recheck, self.agent.disconnect
         self.inventory.watch.last_heard, self.inventory.watch.probe = self.agent.last_heard, self.agent.probe
         self.stop_listeners: list[Callable[[StopStatus], object]] = []
         """Called after every STOP and GO; for the journal."""

@@ -46,7 +46,15 @@ class AskingClient(Protocol):
 
     @property
     def key(self) -> int:
-        """Client key of the session."""
+        """What the agent knows the session by."""
+
+    @property
+    def client_key(self) -> int:
+        """The client key that the session shows; another session may show it, too."""
+
+    @property
+    def patience_s(self) -> float:
+        """How long another client on its link may take to answer a probe."""
 
     @property
     def link(self) -> str:
@@ -73,6 +81,8 @@ class Access:
 
     recheck: Callable[[int], None] | None
     """Called with a client's key when its topics may have changed; the agent's `recheck`."""
+    disconnect: Callable[[int, str], object] | None
+    """Called with a client's key, and why, when another session has taken its part over; the agent's `disconnect`."""
 
     def __init__(
         self,
@@ -82,7 +92,7 @@ class Access:
         free_topics: frozenset[str] = frozenset(),
         trusted_link: str = TRUSTED_LINK,
     ) -> None:
-        self.recheck = None
+        self.recheck = self.disconnect = None
         self.denied = Tally()
         """Sessions that were refused, by reason in words."""
         self._inventory = inventory
@@ -96,6 +106,7 @@ class Access:
         self._plugs: dict[tuple[str, Hashable], float] = {}
         """Peers that a link has seen come and that have no session yet -> when."""
         inventory.on_rights(self._rights_changed)
+        inventory.on_superseded(self._superseded)
 
     def may_join(self, client: AskingClient) -> bool:
         """Whether the client may open a session: not with a key that is in use on another link."""
@@ -103,6 +114,10 @@ class Access:
             return True
         self.denied.count("client key in use on another link")
         return False
+
+    def keeps(self, client: AskingClient) -> bool:  # noqa: ARG002 - the gate's signature
+        """Always: whoever knows a part's client key must not be able to throw it out."""
+        return True
 
     def is_settled(self, client: AskingClient) -> bool:
         """Whether the client is the robot's own or holds a slot: strangers cannot put it out."""
@@ -117,8 +132,9 @@ class Access:
         self._links[client.key] = client.link
         plugged_in_at = self._plugs.pop((client.link, client.peer), None)
         self._inventory.client_joined(
-            client.key, client.address, self._clock(), quiet=self._is_trusted(client), plugged_in_at=plugged_in_at
-        )
+            client.key, client.address, self._clock(), quiet=self._is_trusted(client), plugged_in_at=plugged_in_at,
+            client_key=client.client_key, patience_s=client.patience_s,
+        )  # fmt: skip
 
     def left(self, client: AskingClient, reason: str) -> None:
         """The session has ended; one that its own client opens anew keeps its slot meanwhile."""
@@ -156,6 +172,10 @@ class Access:
         if configuration is None or topic in RESERVED_TOPICS:
             return False
         return any(binding.topic == topic and binding.publishes is publishes for binding in configuration.bindings)
+
+    def _superseded(self, key: int) -> None:
+        if self.disconnect is not None:
+            self.disconnect(key, "its part came back from another address")
 
     def _rights_changed(self, key: int) -> None:
         if self.recheck is not None:

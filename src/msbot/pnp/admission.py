@@ -3,18 +3,24 @@
 A claim that shows the UID of a part which holds a slot in another session is contested: nobody is answered. If the
 old session gives a sign of life after the contest began, the newcomer is a duplicate; if it gives none for
 `Timing.late_s`, it has died and the newcomer is its restart.
+
+When both sessions show one client key, the agent has probed the old one since the new one was opened: then any packet
+of it is a sign of life, and silence for `PartSession.patience_s` is enough. Nobody has to claim again for that.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from msbot.errors import RegistryError
 from msbot.part.join.plug import Refusal
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import Contest, InventoryRecord
-from msbot.pnp.model import MAX_TEXT, Claim, Configuration, Evidence, PartState, PartStore, Timing, Verdict, identity_of
+from msbot.pnp.life_watch import LifeWatch
+from msbot.pnp.model import MAX_TEXT, Claim, Configuration, Evidence, PartState, PartStore, Verdict, identity_of
 from msbot.pnp.slot_matching import NO_UID, Match, Matcher
 from msbot.pnp.state_changes import StateChanges
 
@@ -36,24 +42,41 @@ class Admission:
         index: sessions, parts, holders.
         matcher: the rules by which slots are found.
         changes: where changes are made.
-        timing: the robot's periods.
+        watch: knows when clients were heard, and the robot's periods.
     """
 
     def __init__(
-        self, store: PartStore, index: InventoryIndex, matcher: Matcher, changes: StateChanges, timing: Timing
+        self, store: PartStore, index: InventoryIndex, matcher: Matcher, changes: StateChanges, watch: LifeWatch
     ) -> None:
         self._store = store
         self._index = index
         self._matcher = matcher
         self._changes = changes
-        self._timing = timing
+        self._watch = watch
         self.adopter: Adopter | None = None
+        self.superseded_handlers: list[Callable[[int], None]] = []
+        self._due: dict[InventoryRecord, tuple[float, Claim]] = {}
+        """Contests that end by themselves: when, and what was claimed."""
+
+    def timer(self) -> float:
+        """When `handle_timer` wants to be called next."""
+        return min((at for at, _ in self._due.values()), default=math.inf)
+
+    def handle_timer(self, now: float) -> None:
+        """Decide the contests whose time is over."""
+        for record, (at, claim) in list(self._due.items()):
+            session = self._index.sessions.get(record.client_key)
+            if session is None or session.record is not record or record.contest is None:
+                del self._due[record]
+            elif at <= now:
+                del self._due[record]
+                self.claim(session, claim, now)
 
     def claim(self, session: PartSession, claim: Claim, now: float) -> Verdict:
         """Decide on a claim that came through a session."""
         if claim.uid == NO_UID:
             claim = replace(claim, uid=b"")
-        identity = identity_of(claim.uid, session.key)
+        identity = identity_of(claim.uid, session.client_key)
         record = session.record or self._changes.appear(session, now)
         if record.is_registered and record.claim is not None:
             if (record.identity, record.claim.part_number) == (identity, claim.part_number):
@@ -66,7 +89,7 @@ class Admission:
             record.plugged_in_at = now
         rival = self._index.rival(record, identity)
         if rival is not None:
-            verdict = self._contest(record, rival, now)
+            verdict = self._contest(session, claim, record, rival, now)
             if verdict is not None:
                 return verdict
         record.contest = None
@@ -118,27 +141,39 @@ class Admission:
         self._index.detach(record)
         return self._changes.appear(session, now)
 
-    def _contest(self, record: InventoryRecord, rival: InventoryRecord, now: float) -> Verdict | None:
-        """Decide between two sessions with one UID; None: the newcomer has won."""
+    def _contest(
+        self, session: PartSession, claim: Claim, record: InventoryRecord, rival: InventoryRecord, now: float
+    ) -> Verdict | None:
+        """Decide between two sessions with one identity; None: the newcomer has won."""
+        other = self._index.sessions.get(rival.client_key)
+        is_probed = other is not None and other.client_key == session.client_key
         contest = record.contest
         if contest is None or contest.rival is not rival:
-            contest = record.contest = Contest(rival, now)
+            contest = record.contest = Contest(rival, session.opened_at if is_probed else now)
             if record.state is not PartState.CHECKING:
                 reason = f"shows the UID of {rival.name}: is that one still alive?"
                 self._changes.move(record, PartState.CHECKING, now, reason)
         facts: Evidence = (("same UID", f"{rival.name} holds slot {rival.slot} from {rival.address}"),)
-        waited, heard = now - contest.began_at, rival.heard_at - contest.began_at
+        heard_at = rival.heard_at
+        if is_probed:
+            heard_at = max(heard_at, self._watch.last_heard(rival.client_key) or heard_at)
+        waited, heard = now - contest.began_at, heard_at - contest.began_at
         if heard > 0:
             rival.note_duplicate(record.address)
             reason = f"{Refusal.DUPLICATE.words}: {rival.name} in slot {rival.slot}, from {rival.address}"
             facts += (("old session", f"gave a sign of life {heard:.2f} s after the claim"),)
             return self._turn_away(record, Match(PartState.REFUSED, reason, facts, refusal=Refusal.DUPLICATE), now)
-        if waited < self._timing.late_s:
+        if waited < (session.patience_s if is_probed else self._watch.timing.late_s):
+            if is_probed:
+                self._due[record] = (contest.began_at + session.patience_s, claim)
             return PENDING
         facts += (("old session", f"silent for {waited:.2f} s since the claim"),)
         reason = f"restarted: the same UID came back from {record.address}"
         self._changes.retire(rival, PartState.LOST, now, reason, facts)
         self._index.detach(rival)
+        if is_probed:
+            for handler in self.superseded_handlers:
+                self._changes.later(partial(handler, rival.client_key))
         return None
 
     def _decide(self, record: InventoryRecord, claim: Claim, now: float) -> Verdict:

@@ -67,11 +67,11 @@ class Inventory:
         self.hand = HandControl()
         """Ports that people drive by hand."""
         self._changes = StateChanges(store, self._index, self._matcher, self.hand)
-        self._admission = Admission(store, self._index, self._matcher, self._changes, timing)
         self._assignment = SlotAssignment(store, self._index, self._matcher, self._changes)
         self._take_over_handlers: list[Callable[[TakeOver], None]] = []
         self.watch = LifeWatch(self._index, self._changes, timing, now)
         """Who is late, who is lost."""
+        self._admission = Admission(store, self._index, self._matcher, self._changes, self.watch)
 
     # What is told
 
@@ -91,6 +91,10 @@ class Inventory:
     def on_take_over(self, handler: Callable[[TakeOver], None]) -> None:
         """Call the handler when a part that stood by has got the slot of another one."""
         self._take_over_handlers.append(handler)
+
+    def on_superseded(self, handler: Callable[[int], None]) -> None:
+        """Call the handler with the key of every session whose part came back through another one of its client key."""
+        self._admission.superseded_handlers.append(handler)
 
     def set_adopter(self, adopter: Adopter | None) -> None:
         """Ask that about every part that would be turned away though a person could let it in; None = nobody."""
@@ -134,9 +138,10 @@ class Inventory:
         """Identity and name of every registered part."""
         return [(record.identity, record.name) for record in self._index.holders.values() if record.is_registered]
 
-    def has_session(self, client_key: int) -> bool:
-        """Whether a client with that key has a session open."""
-        return client_key in self._index.sessions
+    def shown_key(self, key: int) -> int | None:
+        """The client key that the session shows which the agent knows by `key`; None: there is no such session."""
+        session = self._index.sessions.get(key)
+        return None if session is None else session.client_key
 
     def standing_of(self, client_key: int) -> Standing | None:
         """How the part behind a session stands; None: there is no such session, or no part behind it."""
@@ -150,23 +155,28 @@ class Inventory:
     # Sessions
 
     def client_joined(
-        self, key: int, address: str, now: float, *, quiet: bool = False, plugged_in_at: float | None = None
-    ) -> None:
+        self, key: int, address: str, now: float, *, quiet: bool = False, plugged_in_at: float | None = None,
+        client_key: int = 0, patience_s: float = 0.0,
+    ) -> None:  # fmt: skip
         """A session was opened, or opened again: earlier rights are void, both steps start anew.
 
         Args:
-            key: the client's key.
+            key: what the agent knows the client by.
             address: the peer in words.
             now: the present time.
             quiet: do not show it as a part before it claims (the robot's own services).
             plugged_in_at: when the link saw the peer come; None = the session is the first sign.
+            client_key: the client key that the session shows, if it is not `key`.
+            patience_s: how long a living client may take to answer a probe.
         """
         start = now if plugged_in_at is None else plugged_in_at
         session = self._index.sessions.get(key)
         if session is None:
-            session = self._index.sessions[key] = PartSession(key, address, start)
+            session = PartSession(key, address, start, client_key=client_key, patience_s=patience_s)
+            self._index.sessions[key] = session
         else:
             session.address, session.plugged_in_at = address, start
+        session.opened_at = now
         if session.record is not None:
             self._reopen(session, session.record, now)
         elif not quiet:
@@ -327,10 +337,11 @@ class Inventory:
 
     def timer(self) -> float:
         """When `handle_timer` wants to be called next."""
-        return self.watch.timer()
+        return min(self.watch.timer(), self._admission.timer())
 
     def handle_timer(self, now: float) -> None:
-        """Do what is due: show late parts, count life down."""
+        """Do what is due: decide what was contested, show late parts, count life down."""
+        self._admission.handle_timer(now)
         self.watch.handle_timer(now)
         self._publish(now)
 

@@ -12,10 +12,19 @@ from msbot.pnp.model import Timing
 class PartSession:
     """One client's session with the agent."""
 
-    __slots__ = ("address", "key", "plugged_in_at", "record")
+    __slots__ = ("address", "client_key", "key", "opened_at", "patience_s", "plugged_in_at", "record")
 
-    def __init__(self, key: int, address: str, plugged_in_at: float) -> None:
+    def __init__(
+        self, key: int, address: str, plugged_in_at: float, *, client_key: int = 0, patience_s: float = 0.0
+    ) -> None:
         self.key = key
+        """What the agent knows it by."""
+        self.client_key = client_key or key
+        """The client key that it shows, which another session may show, too."""
+        self.opened_at = plugged_in_at
+        """When its client logged in."""
+        self.patience_s = patience_s
+        """How long a living client on its link may take to answer a probe."""
         self.address = address
         self.plugged_in_at = plugged_in_at
         self.record: InventoryRecord | None = None

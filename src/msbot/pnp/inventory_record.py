@@ -130,6 +130,7 @@ class InventoryRecord:
             uid=claim.uid if claim else b"",
             client_key=self.client_key,
             address=self.address,
+            identity=self.identity,
         )
 
     def succeed(self, old: InventoryRecord) -> None:

@@ -35,7 +35,7 @@ class LifeWatch:
         """Have the agent ask the client with that key for a packet."""
         self._index = index
         self._changes = changes
-        self._timing = timing
+        self.timing = timing
         self._tick_at = now + timing.tick_s
         self._watch_at = now + timing.beat_s / 2
 
@@ -50,16 +50,16 @@ class LifeWatch:
         nobody may be delisted for our own delay.
         """
         if now >= self._watch_at:
-            self._watch_at = now + self._timing.beat_s / 2
+            self._watch_at = now + self.timing.beat_s / 2
             self._watch(now)
         if now >= self._tick_at:
-            self._tick_at += self._timing.tick_s
+            self._tick_at += self.timing.tick_s
             if self._tick_at <= now:
-                self._tick_at = now + self._timing.tick_s
+                self._tick_at = now + self.timing.tick_s
             self._tick(now)
 
     def _watch(self, now: float) -> None:
-        patience = max(STANDBY_SILENCE_S, self._timing.longest_detection_s)
+        patience = max(STANDBY_SILENCE_S, self.timing.longest_detection_s)
         for record in list(self._index.records):
             self._listen(record, now)
             if record.state is PartState.ACTIVE and record.life.is_late(now):
@@ -75,7 +75,7 @@ class LifeWatch:
             if record.state is PartState.ACTIVE:
                 self._late(record, now)
             silence = f"no beat for {record.life.silence_s(now):.1f} s"
-            rule = f"{self._timing.life} ticks of {self._timing.tick_s:g} s without a beat"
+            rule = f"{self.timing.life} ticks of {self.timing.tick_s:g} s without a beat"
             self._changes.retire(record, PartState.LOST, now, f"{silence}: life status 0", ((rule, silence),))
 
     def _listen(self, record: InventoryRecord, now: float) -> None:
@@ -85,7 +85,7 @@ class LifeWatch:
         at, known_at = self.last_heard(record.client_key), record.life.last_beat_at
         if at is None or known_at is None:
             return
-        if now - at > self._timing.beat_s:
+        if now - at > self.timing.beat_s:
             self.probe(record.client_key)
         if at <= known_at:
             return
@@ -96,5 +96,5 @@ class LifeWatch:
 
     def _late(self, record: InventoryRecord, now: float) -> None:
         silence = f"no beat for {record.life.silence_s(now):.1f} s"
-        rule = f"a beat every {self._timing.beat_s:g} s, late after {self._timing.late_s:g} s"
+        rule = f"a beat every {self.timing.beat_s:g} s, late after {self.timing.late_s:g} s"
         self._changes.move(record, PartState.LATE, now, silence, ((rule, silence),))

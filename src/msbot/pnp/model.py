@@ -215,6 +215,8 @@ class PartEvent:
     """The session it happened to."""
     address: str = ""
     """The peer in words."""
+    identity: bytes = b""
+    """Who it is: `identity_of` its claim; empty before it has claimed."""
 
     def sentences(self) -> list[str]:
         """The event in plain words: one sentence, then one indented line for each piece of evidence."""

@@ -105,7 +105,7 @@ class RequestHandler:
         return compat.encode_reply(claim.part_number) if verdict.lease else None
 
     def _answer_to(self, claim: Claim, client_key: int, asker: bytes, now: float) -> plug.Reply | None:
-        if self._keys is None or not self._inventory.has_session(client_key):
+        if self._keys is None or self._inventory.shown_key(client_key) is None:
             return self._tell(self._inventory.claim(claim, client_key, now))
         asked = self._keys.ask(claim, asker, now)
         verdict = None if asked.refused is None else self._inventory.refuse(claim, client_key, asked.refused, now)
@@ -117,7 +117,7 @@ class RequestHandler:
         if self._keys is None:
             self.dropped.count("request: a proof that nobody asked for")
             return None
-        answered = self._keys.answer(proof, asker, client_key, now)
+        answered = self._keys.answer(proof, asker, self._inventory.shown_key(client_key) or client_key, now)
         if answered.refused is None and answered.claim is not None:
             return self._tell(self._inventory.claim(answered.claim, client_key, now))
         standing = self._inventory.standing_of(client_key)

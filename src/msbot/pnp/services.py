@@ -7,6 +7,7 @@ trusted (`msbot.pnp.access`). What they say is decided elsewhere: `profile`, `re
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 
 from msbot.agent import client_key_of
@@ -17,7 +18,7 @@ from msbot.pnp import thesis_programs as compat
 from msbot.pnp.emergency_stop import EmergencyStop
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
-from msbot.pnp.model import PartEvent, PartState, Verdict, identity_of
+from msbot.pnp.model import PartEvent, PartState, Verdict
 from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
 from msbot.pnp.requests import RequestHandler, verdict_message
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
@@ -143,6 +144,10 @@ class InventoryService:
         """Client key -> the lease it was told last."""
         self._go_again: dict[int, int] = {}
         """Client key -> how often it is still told that STOP is over."""
+        self._awake_at = 0.0
+        """When the inventory's timer is looked at next."""
+        self._sooner = asyncio.Event()
+        """Set when it is due before that."""
         self._asking: int | None = None
         """Whose request is being answered: the answer tells it what has changed."""
         self._inventory = inventory
@@ -178,8 +183,13 @@ class InventoryService:
     async def _keep_time(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
-            await asyncio.sleep(self._inventory.timer() - loop.time())
-            self._inventory.handle_timer(loop.time())
+            self._sooner.clear()
+            self._awake_at = self._inventory.timer()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout_at(self._awake_at):
+                    await self._sooner.wait()
+            if loop.time() >= self._inventory.timer():
+                self._inventory.handle_timer(loop.time())
 
     def stop_all(self, by: str, reason: str, at_ns: int) -> None:
         """Say STOP to all parts, and to those that come in until `go_all`.
@@ -205,7 +215,11 @@ class InventoryService:
         return self._notify(client_key, plug.NoticeKind.IDENTIFY)
 
     def _request_received(self, object_id: int, request_id: int, identity: bytes, body: bytes) -> None:  # noqa: ARG002
-        now = asyncio.get_running_loop().time()
+        self._answer(object_id, identity, body, asyncio.get_running_loop().time())
+        if self._inventory.timer() < self._awake_at:
+            self._sooner.set()
+
+    def _answer(self, object_id: int, identity: bytes, body: bytes, now: float) -> None:
         asker = identity[:_GUID_BYTES]
         client_key = client_key_of(asker)
         self._asking = client_key
@@ -252,7 +266,7 @@ class InventoryService:
     def _part_changed(self, event: PartEvent) -> None:
         if not self.stop.holds:
             return
-        identity = identity_of(event.uid, event.client_key)
+        identity = event.identity
         if event.to_state is PartState.ACTIVE:
             if event.from_state is not PartState.LATE:
                 self.stop.begin_anew(identity, event.part, asyncio.get_running_loop().time())
