@@ -6,7 +6,7 @@ The thesis allowed 1000 ms and needed 8 to 10 tries for the session; 4 of 6 stat
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from random import Random
@@ -66,8 +66,8 @@ class Component:
 
 
 @asynccontextmanager
-async def component(rates: Rates, framing: str) -> AsyncIterator[Component]:
-    """An agent on a bus and a component that is switched on in this moment."""
+async def component(rates: Rates, framing: str, **callbacks: Callable[..., None]) -> AsyncIterator[Component]:
+    """An agent on a bus and a component that is switched on in this moment, with the callbacks of its client."""
     driver = SimBusDriver(rates.bus())
     driver.attach("monitor")
     master, part = driver.attach("master"), driver.attach("component")
@@ -75,12 +75,19 @@ async def component(rates: Rates, framing: str) -> AsyncIterator[Component]:
     if framing == THESIS:
         agent.add_link(CanLegacyLink(master, is_whole=is_whole))
         link: Link = CanLegacyLink(part, is_whole=is_whole, component=True)
-        client = Client(link, key=KEY, settings=ClientSettings(mtu=4092), epoch_ns=lambda: 0, random=Random(1))
+        client = Client(
+            link,
+            key=KEY,
+            settings=ClientSettings(mtu=4092),
+            epoch_ns=lambda: 0,
+            random=Random(1),
+            **callbacks,
+        )
     else:
         codec = CODEC if framing == COMPRESSED else None
         agent.add_link(CanMasterLink(master, profile_hash=1, random=Random(1), fd=rates.fd, codec=codec))
         link = CanPartLink(part, uid=bytes(range(1, 9)), random=Random(2), codec=codec)
-        client = Client(link, key=KEY, epoch_ns=lambda: 0, random=Random(3))
+        client = Client(link, key=KEY, epoch_ns=lambda: 0, random=Random(3), **callbacks)  # type: ignore[arg-type]  # as above
     room = Component(driver, agent, client, link, master, part)
 
     def seen(_now: float, way: str, _peer: object, packet: bytes) -> None:

@@ -85,11 +85,11 @@ async def echo(size: int, *, lose: int = 0) -> Echo:
     back = asyncio.Event()
     heartbeats = 0
 
-    async with component(AT, CLASSIC) as room:
+    def taken(_object_id: int, _request_id: int, payload: bytes) -> None:
+        came.append(payload)
+        back.set()
 
-        def taken(_object_id: int, _request_id: int, payload: bytes) -> None:
-            came.append(payload)
-            back.set()
+    async with component(AT, CLASSIC, on_topic=taken) as room:
 
         def seen(_now: float, _way: str, _peer: object, packet: bytes) -> None:
             nonlocal heartbeats
@@ -97,7 +97,6 @@ async def echo(size: int, *, lose: int = 0) -> Echo:
             heartbeats += sum(isinstance(one, Heartbeat) for one in iter_submessages(packet, header.size))
 
         made = room.create()
-        room.client.on_topic = taken
         room.client.read(made[ObjectKind.DATAREADER])
         await room.client.connect()
         await room.client.until_all_statuses(timeout_s=10.0)

@@ -37,15 +37,15 @@ class ClientWorld:
         self.link.remote = AGENT
         self.session_id = random.choice(SESSIONS)
         self.client = Client(self.link, key=KEY, settings=ClientSettings(session_id=self.session_id),
-                             epoch_ns=lambda: 1_700_000_000_000_000_000, random=Random(1))  # fmt: skip
+                             epoch_ns=lambda: 1_700_000_000_000_000_000, random=Random(1),
+                             on_state=lambda state, reason: self.seen.add(f"{state.value}: {reason[:50]}"),
+                             on_topic=lambda _object, _request, payload: self.samples.append(payload))  # fmt: skip
         self.samples: list[bytes] = []
         self.seen: set[str] = set()
         self.tasks: list[asyncio.Task[None]] = []
         self._more: list[Entity] = []
         self._next: dict[int, int] = {}
         client = self.client
-        client.on_state = lambda state, reason: self.seen.add(f"{state.value}: {reason[:50]}")
-        client.on_topic = lambda _object, _request, payload: self.samples.append(payload)
         participant = client.create_participant("fuzz")
         topic = client.create_topic(participant, "light", "T")
         self.writer = client.create_writer(client.create_publisher(participant), topic)

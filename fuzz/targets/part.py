@@ -77,7 +77,7 @@ class PartWorld:
         hub = InprocHub()
         self.agent = Agent(MemorySpace(), epoch_ns=lambda: 0)
         self.agent.add_link(hub.server)
-        self.master = Client(hub.connect(), key=1, epoch_ns=lambda: 0)
+        self.master = Client(hub.connect(), key=1, epoch_ns=lambda: 0, on_request=self._request)
         self.part_link = hub.connect()
         self.part = Part("ABCD", robot="MSBOT_MASTER", uid=b"12345678", random=Random(1))
         self.heard: list[str] = []
@@ -96,7 +96,6 @@ class PartWorld:
         service = Service(INVENTORY_SERVICE, INVENTORY_REQUEST_TYPE, INVENTORY_REPLY_TYPE)
         self.replier = master.create_replier(participant, service)
         master.read(self.replier, stream_id=STREAM_BEST_EFFORT)
-        master.on_request = self._request
         self._make_part()
 
     def _make_part(self) -> None:
@@ -140,9 +139,7 @@ class PartWorld:
             case "honest" if self._requests:
                 self.answer(honest_answer(self._requests[-1][1]))
             case "restart":
-                self.agent.disconnect(
-                    self.part._runner._client.key if self.part._runner._client is not None else 0, "fuzz"
-                )
+                self.agent.disconnect(client.key if (client := self._client()) is not None else 0, "fuzz")
 
     def _write(self, entity: Entity, payload: bytes) -> None:
         try:
@@ -150,10 +147,14 @@ class PartWorld:
         except (LinkFull, LocalProtocolError) as error:
             self.seen.add(str(error)[:40])
 
+    def _client(self) -> Client | None:
+        membership = self.part._runner._membership
+        return None if membership is None else membership.client
+
     def check(self) -> None:
         """Nothing was raised, nothing grows; a part that is active knows its slot."""
         the_loop().check()
-        client = self.part._runner._client
+        client = self._client()
         if client is None:
             raise Violation("the part has ended by itself")
         hold("objects", len(client.entities), MOST_OBJECTS)

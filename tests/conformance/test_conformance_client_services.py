@@ -5,16 +5,17 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 
-from msbot.part.client.client import Client, Service
+from msbot.part.client.client import Service
 from msbot.part.client.settings import ConnectionState
 from msbot.runtime.virtual_time import run_virtual
 from tests.conformance.agent_rig import WELCOME, acknack, octets, packets
+from tests.hearing_client import HearingClient
 from tests.part.wire import HandLink
 
 SERVICE = Service("svc", "ReqT", "RepT")
 IDENTITY = "01 02 03 04 05 06 07 08 09 0a 0b 0c 00 00 01 03 00 00 00 00 07 00 00 00"
 
-Scenario = Callable[[Client, HandLink], Awaitable[None]]
+Scenario = Callable[[HearingClient, HandLink], Awaitable[None]]
 
 
 def play(scenario: Scenario) -> None:
@@ -22,7 +23,7 @@ def play(scenario: Scenario) -> None:
 
     async def main() -> None:
         link = HandLink()
-        client = Client(link, key=0xAABBCCDD)
+        client = HearingClient(link, key=0xAABBCCDD)
         running = asyncio.create_task(client.run())
         await asyncio.sleep(0.01)
         link.receive(octets(WELCOME))
@@ -44,7 +45,7 @@ async def turn() -> None:
 
 
 def test_case_93_reply_for_a_requester_carries_its_request_id() -> None:
-    async def scenario(client: Client, link: HandLink) -> None:
+    async def scenario(client: HearingClient, link: HandLink) -> None:
         told: list[tuple[int, int, bytes]] = []
         client.on_reply = lambda *reply: told.append(reply)
         requester = client.create_requester(client.create_participant("p"), SERVICE)
@@ -59,7 +60,7 @@ def test_case_93_reply_for_a_requester_carries_its_request_id() -> None:
 
 
 def test_case_93_identity_of_a_request_is_returned_unchanged_in_the_reply() -> None:
-    async def scenario(client: Client, link: HandLink) -> None:
+    async def scenario(client: HearingClient, link: HandLink) -> None:
         told: list[tuple[int, int, bytes, bytes]] = []
         client.on_request = lambda *request: told.append(request)
         replier = client.create_replier(client.create_participant("p"), SERVICE)
@@ -78,7 +79,7 @@ def test_case_93_identity_of_a_request_is_returned_unchanged_in_the_reply() -> N
 
 
 def test_case_93_reply_without_its_prefix_is_dropped() -> None:
-    async def scenario(client: Client, link: HandLink) -> None:
+    async def scenario(client: HearingClient, link: HandLink) -> None:
         participant = client.create_participant("p")
         client.read(client.create_requester(participant, SERVICE))
         client.read(client.create_replier(participant, SERVICE))
@@ -91,7 +92,7 @@ def test_case_93_reply_without_its_prefix_is_dropped() -> None:
 
 
 def test_case_79_statuses_of_creations_are_told_to_who_waits() -> None:
-    async def scenario(client: Client, link: HandLink) -> None:
+    async def scenario(client: HearingClient, link: HandLink) -> None:
         told: list[tuple[int, int, int]] = []
         client.on_status = lambda *status: told.append(status)
         client.create_participant("p")
@@ -107,7 +108,7 @@ def test_case_79_statuses_of_creations_are_told_to_who_waits() -> None:
 
 
 def test_case_87_the_agents_question_is_answered_within_100_ms() -> None:
-    async def scenario(client: Client, link: HandLink) -> None:
+    async def scenario(client: HearingClient, link: HandLink) -> None:
         link.receive(octets("81 00 00 00 02 01 08 00 00 00 ff fe 01 00 00 00"))
         await asyncio.sleep(0.1)
         assert packets("81 00 00 00 06 01 08 00 00 00 ff fe 00 00 00 00") == link.take()

@@ -17,9 +17,10 @@ import pytest
 from msbot.agent.discovery import DISCOVERY_GROUP
 from msbot.link import Link, open_link
 from msbot.link.serial import SerialClientLink
-from msbot.part import Client, ConnectionState, find_agents
+from msbot.part import ConnectionState, find_agents
 from tests.agent.replay import load
 from tests.e2e.processes import Process, run, running
+from tests.hearing_client import HearingClient
 from tests.link.net.test_udp import has_ipv6
 from tests.link.ports import Board
 
@@ -41,9 +42,9 @@ def port_of(agent: Process) -> int:
 
 
 @asynccontextmanager
-async def connected(link: Link, key: int = 0xAABBCCDD) -> AsyncIterator[Client]:
+async def connected(link: Link, key: int = 0xAABBCCDD) -> AsyncIterator[HearingClient]:
     """One of our clients with a session."""
-    client = Client(link, key=key)
+    client = HearingClient(link, key=key)
     task = asyncio.create_task(client.run())
     try:
         await client.connect(20)
@@ -53,7 +54,7 @@ async def connected(link: Link, key: int = 0xAABBCCDD) -> AsyncIterator[Client]:
         await asyncio.gather(task, return_exceptions=True)
 
 
-async def hear_oneself(client: Client) -> None:
+async def hear_oneself(client: HearingClient) -> None:
     """Publish three samples and receive them: small, larger than a message, and with octets that framings escape."""
     came: asyncio.Queue[bytes] = asyncio.Queue()
     client.on_topic = lambda object_id, request_id, payload: came.put_nowait(payload)

@@ -68,18 +68,19 @@ def test_every_sample_arrives_once_and_in_order(story: list[tuple[str, int]], fr
 
     async def scene() -> list[bytes]:
         came: list[bytes] = []
-        async with component(ShakyRates(500_000), framing) as room:
+        roomy = asyncio.Event()
+
+        def take(_object_id: int, _request_id: int, payload: bytes) -> None:
+            came.append(payload)
+
+        async with component(ShakyRates(500_000), framing, on_topic=take, on_room=roomy.set) as room:
             client = room.client
             participant = client.create_participant()
             topic = client.create_topic(participant, "echo", "Echo")
             writer = client.create_writer(client.create_publisher(participant), topic, QOS)
             reader = client.create_reader(client.create_subscriber(participant), topic, QOS)
-            client.on_topic = lambda _object_id, _request_id, payload: came.append(payload)
             client.read(reader)
             await client.until_all_statuses(timeout_s=5.0)
-
-            roomy = asyncio.Event()
-            client.on_room = roomy.set
 
             async def write() -> None:
                 left = list(samples)

@@ -278,7 +278,7 @@ def test_stop_said_by_a_part_on_the_bus_stops_all_and_the_master_remembers_it(tm
         await asyncio.sleep(1.0)
         heard: list[str] = []
 
-        robot.master.stop_listeners.append(lambda status: heard.append(status.reason))
+        robot.master.on_stop(lambda status: heard.append(status.reason))
         for _ in range(3):
             robot.links["knob"].send_stop()
             await asyncio.sleep(0.5)

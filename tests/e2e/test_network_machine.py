@@ -83,7 +83,17 @@ class Node:
 
     def _start(self) -> tuple[Client, asyncio.Task[None]]:
         options = ClientSettings(session_id=1 if self.number == 1 else 0x81)
-        client = Client(self.link, key=self.key, settings=options, epoch_ns=lambda: 0, random=Random(self.key))
+        client = Client(
+            self.link,
+            key=self.key,
+            settings=options,
+            epoch_ns=lambda: 0,
+            random=Random(self.key),
+            on_topic=lambda _object, _request, payload: self.heard.append(payload),
+            on_reply=lambda _object, request_id, payload: self.replies.append((request_id, payload)),
+            on_request=self._answer,
+            on_room=self._room.set,
+        )
         participant = client.create_participant(f"node {self.number}")
         publisher, subscriber = client.create_publisher(participant), client.create_subscriber(participant)
         out = client.create_topic(participant, f"topic {self.number}", "T")
@@ -96,10 +106,6 @@ class Node:
             client.read(entity)
         self.participant = participant
         self.more: list[Entity] = []
-        client.on_topic = lambda _object, _request, payload: self.heard.append(payload)
-        client.on_reply = lambda _object, request_id, payload: self.replies.append((request_id, payload))
-        client.on_request = self._answer
-        client.on_room = self._room.set
         return client, asyncio.get_running_loop().create_task(client.run())
 
     def _answer(self, _object: int, _request: int, identity: bytes, payload: bytes) -> None:

@@ -231,10 +231,11 @@ def test_a_part_with_a_key_proves_it_and_joins() -> None:
         await asyncio.sleep(0.3)
         assert part.state is JoinState.ACTIVE
         assert part.uid is not None
-        assert part._runner._client is not None
+        membership = part._runner._membership
+        assert membership is not None
         (proof,) = room.master.proofs
         expected = prove(
-            KEY, room.master.nonce, part.uid, part_number="ABCD", local_name="eye", session_key=part._runner._client.key
+            KEY, room.master.nonce, part.uid, part_number="ABCD", local_name="eye", session_key=membership.client.key
         )
         assert proof == expected
 

@@ -10,12 +10,12 @@ from random import Random
 from msbot.agent import Agent, Gate, OpenGate, client_key_of
 from msbot.errors import LinkDown, LinkFull, RemoteProtocolError
 from msbot.link import BaseLink, InprocHub, Link, LinkInfo, PacketHandler, Peer, RoomHandler, Signal, SignalHandler, Tap
-from msbot.part.client.client import Client
 from msbot.part.client.settings import ConnectionState
 from msbot.part.join import plug
 from msbot.part.join.membership import INVENTORY
 from msbot.space import MemorySpace
 from msbot.xrce.objects import EndpointQos
+from tests.hearing_client import HearingClient
 
 AGENT = 0
 """The peer at the other end of a `HandLink`."""
@@ -197,7 +197,7 @@ class SmallMaster:
         agent.add_link(self._server)
         agent.add_link(own.server)
         self.agent = agent
-        self.client = Client(own.connect(), key=0x4D000001, random=Random(1))
+        self.client = HearingClient(own.connect(), key=0x4D000001, random=Random(1))
         participant = self.client.create_participant("master")
         topic = self.client.create_topic(participant, plug.PROFILE_TOPIC, plug.PROFILE_TYPE)
         publisher = self.client.create_publisher(participant)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from functools import partial
 from random import Random
 
 from msbot.agent import Agent
@@ -45,15 +46,18 @@ class Robot:
         self.inventory = Inventory(store, random=Random(1), now=loop.time())
         self.access = Access(self.inventory, clock=loop.time)
         self.agent = Agent(MemorySpace(), gate=self.access, epoch_ns=epoch_ns, agent_id=b"agent-id")
-        self.access.recheck, self.access.disconnect = self.agent.recheck, self.agent.disconnect
-        self.inventory.watch.last_heard, self.inventory.watch.probe = self.agent.last_heard, self.agent.probe
+        self.inventory.on_rights(self.agent.recheck)
+        self.inventory.on_superseded(partial(self.agent.disconnect, reason="its part came back from another address"))
+        self.inventory.watch.use_agent(last_heard=self.agent.last_heard, probe=self.agent.probe)
         inside, self.outside = InprocHub(), InprocHub()
         self.outside.server.info = LinkInfo("wire", 65535)
         self.agent.add_link(inside.server)
         self.agent.add_link(self.outside.server)
-        self.master = MasterService(Client(inside.connect(), key=1, epoch_ns=epoch_ns), Profile(), limit=limit)
-        client = Client(inside.connect(), key=2, epoch_ns=epoch_ns)
-        self.service = InventoryService(client, self.inventory, explain=explain, keys=keys)
+        make_client = partial(Client, epoch_ns=epoch_ns)
+        self.master = MasterService(partial(make_client, inside.connect(), key=1), Profile(), limit=limit)
+        self.service = InventoryService(
+            partial(make_client, inside.connect(), key=2), self.inventory, explain=explain, keys=keys
+        )
 
     def state(self, key: int) -> PartState:
         return [part.state for part in self.inventory.view(0.0) if part.client_key == key][-1]
@@ -63,7 +67,13 @@ class Visitor:
     """A client on the wire that reads the profile, may ask the inventory, publishes as AA and hears one ring topic."""
 
     def __init__(self, robot: Robot, key: int, service: Service = INVENTORY, *, hears: str = "3_to_1") -> None:
-        self.client = Client(robot.outside.connect(), key=key, epoch_ns=epoch_ns)
+        self.client = Client(
+            robot.outside.connect(),
+            key=key,
+            epoch_ns=epoch_ns,
+            on_topic=self._sample,
+            on_reply=lambda _object, _request, payload: self.replies.append(payload),
+        )
         self.profiles: list[tuple[float, plug.ProfileMessage]] = []
         self.heard: list[bytes] = []
         self.replies: list[bytes] = []
@@ -78,8 +88,6 @@ class Visitor:
         self.requester = client.create_requester(participant, service)
         for entity in (self.reader, self.ring_reader, self.requester):
             client.read(entity)
-        client.on_topic = self._sample
-        client.on_reply = lambda _object, _request, payload: self.replies.append(payload)
 
     def _sample(self, object_id: int, _request_id: int, payload: bytes) -> None:
         if object_id == self.reader.object_id:

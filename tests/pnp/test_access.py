@@ -28,7 +28,7 @@ class Door:
         self.rig = Rig(sample_store())
         self.access = Access(self.rig.inventory, clock=lambda: self.rig.now, free_topics=frozenset(free))
         self.rechecked: list[int] = []
-        self.access.recheck = self.rechecked.append
+        self.rig.inventory.on_rights(self.rechecked.append)
 
     def let_in(self, client: ClientInfo = PART, number: str = "ABCD") -> None:
         assert self.access.may_join(client)
@@ -182,10 +182,3 @@ def test_peers_that_never_log_in_are_forgotten() -> None:
     for peer in range(2000):
         door.access.peer_joined(PART.link, peer, door.rig.now)
     assert len(door.access._plugs) == 1024
-
-
-def test_without_an_agent_nothing_is_rechecked() -> None:
-    door = Door()
-    door.access.recheck = None
-    door.let_in()
-    assert door.rechecked == []

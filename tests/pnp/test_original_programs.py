@@ -28,7 +28,13 @@ class Program:
 
     def __init__(self, robot: Robot, key: int, number: str, writes: str, reads: str) -> None:
         self.wire = LossyLink(robot.outside.connect(), random=Random(1))
-        self.client = Client(self.wire, key=key, epoch_ns=epoch_ns)
+        self.client = Client(
+            self.wire,
+            key=key,
+            epoch_ns=epoch_ns,
+            on_topic=lambda _object, _request, payload: self.heard.append(HelloWorld.decode(payload).message),
+            on_reply=lambda *_: setattr(self, "replies", self.replies + 1),
+        )
         self.number = number
         self.heard: list[str] = []
         self.replies = 0
@@ -50,8 +56,6 @@ class Program:
         reader = self._create(ObjectKind.DATAREADER, end.format("data_reader", reads), subscriber)
         self.client.read(reader)
         self.client.read(self.requester)
-        self.client.on_topic = lambda _object, _request, payload: self.heard.append(HelloWorld.decode(payload).message)
-        self.client.on_reply = lambda *_: setattr(self, "replies", self.replies + 1)
 
     def _create(self, kind: ObjectKind, text: str, parent: Entity | None = None) -> Entity:
         parent_id = 0 if parent is None else parent.object_id

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 
 import pytest
 
@@ -133,9 +134,11 @@ class ClumsyClient(Client):
 def test_the_master_waits_until_the_agent_is_ready_and_repeats_what_found_no_room() -> None:
     async def scene() -> None:
         robot = Robot(sample_store())
-        clumsy = ClumsyClient(robot.outside.connect(), key=3, epoch_ns=epoch_ns)
+        make_client = partial(ClumsyClient, robot.outside.connect(), key=3, epoch_ns=epoch_ns)
+        service = MasterService(make_client, Profile(name="second"), period_s=3.0)
+        clumsy = service._client
+        assert isinstance(clumsy, ClumsyClient)
         clumsy.not_ready, clumsy.full = 2, 1
-        service = MasterService(clumsy, Profile(name="second"), period_s=3.0)
 
         async def play() -> None:
             async with asyncio.TaskGroup() as tasks:
@@ -158,9 +161,12 @@ def test_an_answer_that_finds_no_room_is_counted_and_the_part_asks_again() -> No
         robot = Robot(sample_store())
         inside = InprocHub()
         robot.agent.add_link(inside.server)
-        clumsy = ClumsyClient(inside.connect(), key=2, epoch_ns=epoch_ns)
+        robot.service = InventoryService(
+            partial(ClumsyClient, inside.connect(), key=2, epoch_ns=epoch_ns), robot.inventory
+        )
+        clumsy = robot.service._client
+        assert isinstance(clumsy, ClumsyClient)
         clumsy.full = 1
-        robot.service = InventoryService(clumsy, robot.inventory)
         visitor = Visitor(robot, 0xA1)
 
         async def play() -> None:

@@ -174,12 +174,16 @@ def test_nobody_overhears_the_inventorys_answers_to_others() -> None:
     async def scene() -> None:
         robot = Robot(sample_store())
         visitor = Visitor(robot, 0xA1)
-        spy = Client(robot.outside.connect(), key=0x99, epoch_ns=epoch_ns)
+        overheard: list[bytes] = []
+        spy = Client(
+            robot.outside.connect(),
+            key=0x99,
+            epoch_ns=epoch_ns,
+            on_topic=lambda _object, _request, payload: overheard.append(payload),
+        )
         participant = spy.create_participant()
         topic = spy.create_topic(participant, plug.INVENTORY_REPLY_TOPIC, plug.INVENTORY_REPLY_TYPE)
         spy.read(spy.create_reader(spy.create_subscriber(participant), topic))
-        overheard: list[bytes] = []
-        spy.on_topic = lambda _object, _request, payload: overheard.append(payload)
 
         async def play() -> None:
             async with asyncio.TaskGroup() as tasks:

@@ -15,10 +15,10 @@ from msbot.link.can import CanPartLink
 from msbot.link.can.legacy_link import COMPONENT, MASTER
 from msbot.link.can.protocol import Frame
 from msbot.link.can.protocol.join_master import STARTING_S
-from msbot.part import Client
 from msbot.space import MemorySpace
 from msbot.xrce.messages import Header, WriteData, encode_message
 from msbot.xrce.objects import EndpointQos
+from tests.hearing_client import HearingClient
 from tests.socketcan.bus import HASH, SETTINGS, candump, listening, running, until
 
 NATIVE = ["can:vcan0", "can:vcan0?compression=0", "can:vcan0?fd=1", "can:vcan0?fd=1&compression=0"]
@@ -34,7 +34,7 @@ def part_link(address: str, number: int) -> Link:
     return open_link(address, can=replace(SETTINGS, uid=number.to_bytes(8, "big")))
 
 
-async def exchange(one: Client, other: Client, samples: list[bytes]) -> None:
+async def exchange(one: HearingClient, other: HearingClient, samples: list[bytes]) -> None:
     """Samples go from one client to the other, all of them, in order."""
     came: list[bytes] = []
     other.on_topic = lambda object_id, request_id, payload: came.append(payload)
@@ -102,7 +102,7 @@ async def test_legacy_frames_are_those_of_the_thesis_and_its_client_works() -> N
     """T7 and T8: identifiers 0x123 and 0x120, byte 0 counts down; the whole set-up is done at the first try."""
     agent = Agent(MemorySpace())
     agent.add_link(open_link("can-legacy:vcan0", serve=True, can=SETTINGS))
-    client = Client(open_link("can-legacy:vcan0", can=SETTINGS), key=KEY)
+    client = HearingClient(open_link("can-legacy:vcan0", can=SETTINGS), key=KEY)
     async with candump("vcan0") as tool:
         tasks = [asyncio.create_task(agent.run()), asyncio.create_task(client.run())]
         try:
@@ -136,7 +136,7 @@ async def test_clients_with_eprosimas_can_fd_framing_reach_each_other_through_th
     """One frame is one packet of at most 63 octets; larger ones travel in fragments."""
     agent = Agent(MemorySpace())
     agent.add_link(open_link("canfd:vcan0", serve=True, can=SETTINGS))
-    clients = [Client(open_link(f"canfd:vcan0?id={key:#x}", can=SETTINGS), key=key) for key in (0xA1, 0xB2)]
+    clients = [HearingClient(open_link(f"canfd:vcan0?id={key:#x}", can=SETTINGS), key=key) for key in (0xA1, 0xB2)]
     async with listening("can:vcan0?fd=1") as ear:
         tasks = [asyncio.create_task(agent.run()), *(asyncio.create_task(client.run()) for client in clients)]
         try:

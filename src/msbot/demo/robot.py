@@ -69,8 +69,7 @@ class DemoRobot:
         random: Random | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        self.on_event: Callable[[DemoEvent], None] = lambda _event: None
-        """Called with every change of a part's state."""
+        self._event_listeners: list[Callable[[DemoEvent], None]] = []
         self.events: list[DemoEvent] = []
         self._random = random or Random()
         self._epoch_ns = epoch_ns
@@ -144,6 +143,10 @@ class DemoRobot:
         """Call `tap` with every frame on the simulated bus; there are none over UDP."""
         if self._wiring.driver is not None:
             self._wiring.driver.tap = tap
+
+    def on_event(self, listener: Callable[[DemoEvent], None]) -> None:
+        """Call the listener with every change of a part's state."""
+        self._event_listeners.append(listener)
 
     def finish(self) -> None:
         """End `run`."""
@@ -273,7 +276,8 @@ class DemoRobot:
             slot=event.slot or "",
         )
         self.events.append(shown)
-        self.on_event(shown)
+        for listener in self._event_listeners:
+            listener(shown)
 
     def _watch_start(self) -> None:
         """Traffic counts from the moment when every part of the ring can hear its partner for the first time."""

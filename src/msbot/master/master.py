@@ -11,6 +11,7 @@ import contextlib
 import random as random_module
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -90,10 +91,10 @@ class Master:
             agent_id=dice.randbytes(8),
             signal=self._link_signalled,
         )
-        self.access.recheck, self.access.disconnect = self.agent.recheck, self.agent.disconnect
-        self.inventory.watch.last_heard, self.inventory.watch.probe = self.agent.last_heard, self.agent.probe
-        self.stop_listeners: list[Callable[[StopStatus], object]] = []
-        """Called after every STOP and GO; for the journal."""
+        self.inventory.on_rights(self.agent.recheck)
+        self.inventory.on_superseded(partial(self.agent.disconnect, reason="its part came back from another address"))
+        self.inventory.watch.use_agent(last_heard=self.agent.last_heard, probe=self.agent.probe)
+        self._stop_listeners: list[Callable[[StopStatus], object]] = []
         self._keeper = StopKeeper(store, stop_file)
         self._stop = EmergencyStop(self._keeper.load())
         self._kept = self._stop.record
@@ -110,12 +111,12 @@ class Master:
         self.agent.add_link(hub.server)
         self._links: list[Link] = []
         self._master = MasterService(
-            Client(hub.connect(), key=MASTER_KEY, epoch_ns=epoch_ns, random=dice),
+            partial(Client, hub.connect(), key=MASTER_KEY, epoch_ns=epoch_ns, random=dice),
             self.profile,
             period_s=blueprint.timing.profile_period_s,
         )
         self._inventory = InventoryService(
-            Client(hub.connect(), key=INVENTORY_KEY, epoch_ns=epoch_ns, random=dice),
+            partial(Client, hub.connect(), key=INVENTORY_KEY, epoch_ns=epoch_ns, random=dice),
             self.inventory,
             explain=blueprint.options.explain,
             keys=Keys(store, dice) if blueprint.options.authentication == "key" else None,
@@ -195,7 +196,7 @@ class Master:
 
         self._keeper.keep(self._stop.record, stored)
         status = self.stop
-        for listener in self.stop_listeners:
+        for listener in self._stop_listeners:
             listener(status)
         return status
 
@@ -203,6 +204,10 @@ class Master:
         self._kept, self._stop_trouble = record, trouble
         if record == self._stop.record:
             self._stop_is_stored.set()
+
+    def on_stop(self, listener: Callable[[StopStatus], object]) -> None:
+        """Call the listener after every STOP and GO."""
+        self._stop_listeners.append(listener)
 
     def add_link(self, link: Link) -> None:
         """Let parts come in by a link, too; before or during `run`."""

@@ -54,7 +54,7 @@ class ByHand:
     def __init__(self, running: RunningRobot) -> None:
         self._running = running
         self._holds: dict[tuple[str, str], _Hold] = {}
-        running.master.stop_listeners.append(self._stopped)
+        running.master.on_stop(self._stopped)
 
     def publish(self, port: str, values: Sequence[str], seconds: float, who: str) -> Outcome:
         """Drive a port with these values, and hold it for so many seconds."""

@@ -14,7 +14,7 @@ class Stopping:
 
     def __init__(self, running: RunningRobot) -> None:
         self._running = running
-        running.master.stop_listeners.append(self._said)
+        running.master.on_stop(self._said)
 
     @property
     def status(self) -> StopStatus:

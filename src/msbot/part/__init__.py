@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from msbot.part.boards.gpio import PinDirection, SimGpio, UsbGpio
 from msbot.part.boards.numato import NumatoGpio
-from msbot.part.client.client import Client, Service
+from msbot.part.client.client import Client, ClientMaker, Service
 from msbot.part.client.discovery import FoundAgent, find_agents
 from msbot.part.client.entities import Entity
 from msbot.part.client.settings import ClientSettings, ConnectionState
@@ -19,6 +19,7 @@ from msbot.part.run import run
 
 __all__ = [
     "Client",
+    "ClientMaker",
     "ClientSettings",
     "ConnectionState",
     "Entity",

@@ -11,6 +11,7 @@ import logging
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from random import Random
 
 from msbot.errors import ConfigError, LocalProtocolError, RemoteProtocolError
@@ -75,7 +76,6 @@ class ProgramRunner:
         self._counters = PartCounters()
         self._configurations = 0
         self._mistake: ConfigError | None = None
-        self._client: Client | None = None
         self._ports: Ports | None = None
         self._membership: Membership | None = None
         self._loop_thread = 0
@@ -122,7 +122,7 @@ class ProgramRunner:
         epoch_ns: Callable[[], int],
     ) -> None:
         """Run the program over that link until `end` or cancellation (`Part.run_async`)."""
-        if self._client is not None:
+        if self._membership is not None:
             raise LocalProtocolError(f"part {self._local_name} runs already")
         self._loop_thread = threading.get_ident()
         self._local_name = identity.local_name
@@ -132,46 +132,52 @@ class ProgramRunner:
         self.settings.forget()
         # Not derived from the UID: two devices with one UID must be seen as two (they would take over each
         # other's session without a word).
-        client = Client(link, key=random.randrange(1, 1 << 32), settings=settings, epoch_ns=epoch_ns, random=random)
+        key = random.randrange(1, 1 << 32)
         claim = ClaimMessage(
             part_number=identity.part_number,
             local_name=identity.local_name,
             uid=identity.uid,
             session_nonce=random.getrandbits(32),
         )
-        membership = Membership(
-            client,
+        self._membership = membership = Membership(
+            partial(
+                Client,
+                link,
+                key=key,
+                settings=settings,
+                epoch_ns=epoch_ns,
+                random=random,
+                on_signal=self._signal_received,
+            ),
             self.joining,
             claim,
             profile_once=link.info.shared_bus,
-            prove=lambda nonce: identity.prove(nonce, client.key),
+            prove=lambda nonce: identity.prove(nonce, key),
             changed=self._changed,
             configure=self._configure,
             noticed=self._noticed,
+            on_topic=self._sample_received,
             obeyed_stop=lambda: self.safety.number,
         )
-        client.on_topic = self._sample_received
-        client.on_signal = self._signal_received
-        self._client, self._membership = client, membership
-        self._ports = Ports(client, membership.participant, membership.subscriber)
+        self._ports = Ports(membership.client, membership.participant, membership.subscriber)
         membership.start()
         loop = asyncio.get_running_loop()
         told = [loop.call_later(after_s, self._tell_of_silence, link.info.name) for after_s in SILENCE_S]
         try:
-            await client.run()
+            await membership.client.run()
         finally:
             for timer in told:
                 timer.cancel()
             membership.end("ended")
-            self._client = self._ports = self._membership = None
+            self._ports = self._membership = None
         if self._mistake is not None:
             raise self._mistake
 
     def end(self) -> None:
         """End `run` politely: the session is deleted, the master knows at once."""
-        if self._client is not None and self._membership is not None:
+        if self._membership is not None:
             self._membership.end("ended")
-            self._client.close_soon()
+            self._membership.client.close_soon()
 
     def _tell(self, when: When) -> None:
         for function in self.program.when[when]:
@@ -249,10 +255,7 @@ class ProgramRunner:
             self.guard.call(function, port)
 
     def _sample_received(self, object_id: int, _request_id: int, payload: bytes) -> None:
-        assert self._membership is not None
         assert self._ports is not None
-        if self._membership.take_sample(object_id, payload):
-            return
         bound = self._ports.port_of(object_id)
         listener = self.program.listeners.get(bound.binding.port) if bound is not None else None
         if bound is None or listener is None or self.joining.state is not JoinState.ACTIVE:

@@ -79,11 +79,6 @@ class Access:
         trusted_link: name of the link of the robot's own services.
     """
 
-    recheck: Callable[[int], None] | None
-    """Called with a client's key when its topics may have changed; the agent's `recheck`."""
-    disconnect: Callable[[int, str], object] | None
-    """Called with a client's key, and why, when another session has taken its part over; the agent's `disconnect`."""
-
     def __init__(
         self,
         inventory: Inventory,
@@ -92,7 +87,6 @@ class Access:
         free_topics: frozenset[str] = frozenset(),
         trusted_link: str = TRUSTED_LINK,
     ) -> None:
-        self.recheck = self.disconnect = None
         self.denied = Tally()
         """Sessions that were refused, by reason in words."""
         self._inventory = inventory
@@ -105,8 +99,6 @@ class Access:
         """Client key -> the link its session is open on."""
         self._plugs: dict[tuple[str, Hashable], float] = {}
         """Peers that a link has seen come and that have no session yet -> when."""
-        inventory.on_rights(self._rights_changed)
-        inventory.on_superseded(self._superseded)
 
     def may_join(self, client: AskingClient) -> bool:
         """Whether the client may open a session: not with a key that is in use on another link."""
@@ -172,11 +164,3 @@ class Access:
         if configuration is None or topic in RESERVED_TOPICS:
             return False
         return any(binding.topic == topic and binding.publishes is publishes for binding in configuration.bindings)
-
-    def _superseded(self, key: int) -> None:
-        if self.disconnect is not None:
-            self.disconnect(key, "its part came back from another address")
-
-    def _rights_changed(self, key: int) -> None:
-        if self.recheck is not None:
-            self.recheck(key)

@@ -54,7 +54,7 @@ class Admission:
         self._changes = changes
         self._watch = watch
         self.adopter: Adopter | None = None
-        self.superseded_handlers: list[Callable[[int], None]] = []
+        self.superseded_handlers: list[Callable[[int], object]] = []
         self._due: dict[InventoryRecord, tuple[float, Claim]] = {}
         """Contests that end by themselves: when, and what was claimed."""
 

@@ -92,7 +92,7 @@ class Inventory:
         """Call the handler when a part that stood by has got the slot of another one."""
         self._take_over_handlers.append(handler)
 
-    def on_superseded(self, handler: Callable[[int], None]) -> None:
+    def on_superseded(self, handler: Callable[[int], object]) -> None:
         """Call the handler with the key of every session whose part came back through another one of its client key."""
         self._admission.superseded_handlers.append(handler)
 

@@ -29,15 +29,26 @@ class LifeWatch:
     """
 
     def __init__(self, index: InventoryIndex, changes: StateChanges, timing: Timing, now: float) -> None:
-        self.last_heard: Callable[[int], float | None] = lambda _: None
-        """When the latest packet of the client with that key came, whatever was in it; the agent knows."""
-        self.probe: Callable[[int], object] = lambda _: None
-        """Have the agent ask the client with that key for a packet."""
+        self._last_heard: Callable[[int], float | None] = lambda _: None
+        self._probe: Callable[[int], object] = lambda _: None
         self._index = index
         self._changes = changes
         self.timing = timing
         self._tick_at = now + timing.tick_s
         self._watch_at = now + timing.beat_s / 2
+
+    def use_agent(self, *, last_heard: Callable[[int], float | None], probe: Callable[[int], object]) -> None:
+        """Have the agent's word besides the beats.
+
+        Args:
+            last_heard: when the latest packet of the client with that key came, whatever was in it.
+            probe: asks the client with that key for a packet.
+        """
+        self._last_heard, self._probe = last_heard, probe
+
+    def last_heard(self, client_key: int) -> float | None:
+        """When the latest packet of that client came, whatever was in it; None: nobody knows."""
+        return self._last_heard(client_key)
 
     def timer(self) -> float:
         """When `handle_timer` wants to be called next."""
@@ -86,7 +97,7 @@ class LifeWatch:
         if at is None or known_at is None:
             return
         if now - at > self.timing.beat_s:
-            self.probe(record.client_key)
+            self._probe(record.client_key)
         if at <= known_at:
             return
         record.heard_at = at

@@ -12,7 +12,7 @@ import logging
 
 from msbot.agent import client_key_of
 from msbot.errors import LinkFull, LocalProtocolError, RequestError
-from msbot.part import Client, ConnectionState, Entity, Service
+from msbot.part import Client, ClientMaker, ConnectionState, Entity, Service
 from msbot.part.join import plug
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.emergency_stop import EmergencyStop
@@ -50,19 +50,24 @@ class MasterService:
     """Step 1: publishes the robot's profile, latched and again every period (thesis 3.12.1, R44).
 
     Args:
-        client: speaks for the master; the service takes over its call-backs.
+        make_client: makes the client that speaks for the master, called with the callbacks that it needs.
         profile: what is published.
         period_s: seconds between two publications.
         limit: publications after which it falls silent (the thesis' count limit); None = never.
     """
 
     def __init__(
-        self, client: Client, profile: Profile, *, period_s: float = PROFILE_PERIOD_S, limit: int | None = None
+        self,
+        make_client: ClientMaker,
+        profile: Profile,
+        *,
+        period_s: float = PROFILE_PERIOD_S,
+        limit: int | None = None,
     ) -> None:
         self.profile = profile
         self.published = 0
         """Publications so far; the count in the profile."""
-        self._client = client
+        self._client = client = make_client(on_state=self._state_changed)
         self._period_s = period_s
         self._limit = limit
         self._opened = asyncio.Event()
@@ -70,7 +75,6 @@ class MasterService:
         publisher = client.create_publisher(participant)
         topic = client.create_topic(participant, PROFILE_TOPIC, PROFILE_TYPE)
         self._writer = client.create_writer(publisher, topic, EndpointQos(transient_local=True, depth=1))
-        client.on_state = self._state_changed
 
     async def run(self) -> None:
         """Serve until cancelled.
@@ -116,7 +120,7 @@ class InventoryService:
     own layout cannot be told anything.
 
     Args:
-        client: speaks for the inventory; the service takes over its call-backs.
+        make_client: makes the client that speaks for the inventory, called with the callbacks that it needs.
         inventory: decides.
         explain: answer refusals with their reason.
         keys: asks every claim for a proof; None: the robot is open.
@@ -125,7 +129,7 @@ class InventoryService:
 
     def __init__(
         self,
-        client: Client,
+        make_client: ClientMaker,
         inventory: Inventory,
         *,
         explain: bool = False,
@@ -137,7 +141,7 @@ class InventoryService:
         """Which STOP holds, and who has confirmed it."""
         self.told_unasked = 0
         """What was said to parts that did not ask."""
-        self._client = client
+        self._client = client = make_client(on_request=self._request_received)
         self._askers: dict[int, bytes] = {}
         """Client key -> GUID of its requests in the compact layout."""
         self._leases: dict[int, int] = {}
@@ -156,7 +160,6 @@ class InventoryService:
         self._compat = client.create_replier(participant, _COMPAT)
         for replier in (self._compact, self._compat):
             client.read(replier, stream_id=STREAM_BEST_EFFORT)
-        client.on_request = self._request_received
         inventory.on_rights(self._rights_changed)
         inventory.on_partner(self._partner_changed)
         inventory.on_event(self._part_changed)

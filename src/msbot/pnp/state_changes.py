@@ -31,7 +31,7 @@ class StateChanges:
         self._matcher = matcher
         self._events: deque[PartEvent] = deque()
         self._changed: deque[int] = deque()
-        self._later: deque[Callable[[], None]] = deque()
+        self._later: deque[Callable[[], object]] = deque()
         self._partners = Partners()
         self._is_publishing = False
         self.freed: dict[str, InventoryRecord] = {}
@@ -105,7 +105,7 @@ class StateChanges:
         self._changed.append(record.client_key)
         self._partners.touch(record)
 
-    def later(self, tell: Callable[[], None]) -> None:
+    def later(self, tell: Callable[[], object]) -> None:
         """Call that after all rights and events have been told."""
         self._later.append(tell)
 

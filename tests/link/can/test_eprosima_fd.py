@@ -15,10 +15,10 @@ from msbot.link.can.eprosima_fd import GAVE_WAY, MAX_PEERS, WRONG_LENGTH, CanFdE
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.protocol.ids import CanIds, stop_frame
 from msbot.link.can.sim import SimBus, SimBusDriver
-from msbot.part import Client
 from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
 from msbot.xrce.objects import EndpointQos
+from tests.hearing_client import HearingClient
 
 CLIENT = 0x0AB1
 PING = bytes.fromhex("80000000020108000 00afffd02000000".replace(" ", ""))
@@ -276,7 +276,8 @@ def test_clients_publish_and_subscribe_through_the_agent() -> None:
         agent = Agent(MemorySpace())
         agent.add_link(CanFdEprosimaLink(bus.driver.attach("agent")))
         clients = [
-            Client(CanFdEprosimaLink(bus.driver.attach(f"client {key}"), can_id=key), key=key) for key in (0xA1, 0xB2)
+            HearingClient(CanFdEprosimaLink(bus.driver.attach(f"client {key}"), can_id=key), key=key)
+            for key in (0xA1, 0xB2)
         ]
         tasks = [asyncio.create_task(agent.run()), *(asyncio.create_task(client.run()) for client in clients)]
         came: list[bytes] = []

@@ -18,11 +18,12 @@ from msbot.link.can.protocol import Frame
 from msbot.link.can.protocol.frames import FRAME_LOST
 from msbot.link.can.protocol.ids import CanIds, stop_frame
 from msbot.link.can.sim import SimBus, SimBusDriver
-from msbot.part import Client, ClientSettings
+from msbot.part import ClientSettings
 from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
 from msbot.xrce import is_whole
 from msbot.xrce.messages import Format, Header, ObjectKind, ObjectVariant, WriteData, encode_message
+from tests.hearing_client import HearingClient
 
 KEY = 0xBA5EBA11
 """The client key of the thesis' firmware."""
@@ -147,7 +148,7 @@ def test_t8_the_whole_set_up_succeeds_at_the_first_try_within_1000_ms() -> None:
         agent = Agent(MemorySpace())
         agent.add_link(CanLegacyLink(bus.driver.attach("master"), is_whole=is_whole))
         link = CanLegacyLink(bus.driver.attach("component"), is_whole=is_whole, component=True)
-        client = Client(link, key=KEY, settings=ClientSettings(mtu=4092))
+        client = HearingClient(link, key=KEY, settings=ClientSettings(mtu=4092))
         tasks = [asyncio.create_task(agent.run()), asyncio.create_task(client.run())]
         came: list[bytes] = []
         client.on_topic = lambda object_id, request_id, payload: came.append(payload)

@@ -8,7 +8,7 @@ import pytest
 
 from msbot.errors import LinkFull, LocalProtocolError, RequestError
 from msbot.link import InprocHub, LossyLink
-from msbot.part.client.client import Client, Service
+from msbot.part.client.client import Service
 from msbot.part.client.entities import Entity
 from msbot.part.client.settings import ConnectionState
 from msbot.runtime.virtual_time import run_virtual
@@ -22,6 +22,7 @@ from msbot.xrce.messages import (
     ObjectVariant,
 )
 from msbot.xrce.objects import EndpointQos
+from tests.hearing_client import HearingClient
 from tests.part.wire import STATUS_AGENT_OK, HandLink, QuietLink, start_agent
 
 ADDER = Service("adder", "AddRequest", "AddReply")
@@ -36,10 +37,10 @@ class Bench:
         self.tasks: list[asyncio.Task[None]] = []
         self.links: list[QuietLink] = []
 
-    def client(self, key: int, **lossy: float) -> Client:
+    def client(self, key: int, **lossy: float) -> HearingClient:
         link = QuietLink(self.hub.connect())
         self.links.append(link)
-        client = Client(LossyLink(link, random=Random(key), **lossy) if lossy else link, key=key)
+        client = HearingClient(LossyLink(link, random=Random(key), **lossy) if lossy else link, key=key)
         self.tasks.append(asyncio.get_running_loop().create_task(client.run()))
         return client
 
@@ -64,13 +65,13 @@ def play(scenario: Callable[[Bench], Awaitable[None]]) -> None:
     run_virtual(main())
 
 
-def make_writer(client: Client, topic: str = "T", qos: EndpointQos | None = None) -> Entity:
+def make_writer(client: HearingClient, topic: str = "T", qos: EndpointQos | None = None) -> Entity:
     participant = client.create_participant("w")
     publisher = client.create_publisher(participant)
     return client.create_writer(publisher, client.create_topic(participant, topic, "Text"), qos or EndpointQos())
 
 
-def make_reader(client: Client, topic: str = "T", qos: EndpointQos | None = None) -> tuple[Entity, list[bytes]]:
+def make_reader(client: HearingClient, topic: str = "T", qos: EndpointQos | None = None) -> tuple[Entity, list[bytes]]:
     got: list[bytes] = []
     participant = client.create_participant("r")
     subscriber = client.create_subscriber(participant)
@@ -441,7 +442,7 @@ def test_what_a_genuine_agent_sent_is_handed_on_as_the_genuine_client_does() -> 
 
     async def main() -> None:
         link = HandLink()
-        client = Client(link, key=0xAABBCCDD)
+        client = HearingClient(link, key=0xAABBCCDD)
         got: list[tuple[int, int, str]] = []
         client.on_topic = lambda object_id, request_id, payload: got.append((object_id, request_id, payload.hex()))
         client.create(ObjectVariant(ObjectKind.DATAREADER, Format.BINARY, blob=b""), number=1)
@@ -462,7 +463,7 @@ def test_what_a_genuine_agent_sent_is_handed_on_as_the_genuine_client_does() -> 
 def test_replies_and_requests_without_their_prefix_are_dropped() -> None:
     async def main() -> None:
         link = HandLink()
-        client = Client(link, key=1)
+        client = HearingClient(link, key=1)
         participant = client.create_participant()
         client.create_requester(participant, ADDER)
         client.create_replier(participant, ADDER)

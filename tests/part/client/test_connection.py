@@ -7,9 +7,9 @@ import pytest
 
 from msbot.errors import ConfigError, LinkDown, LinkFull, LocalProtocolError, RequestError
 from msbot.link import Signal
-from msbot.part.client.client import Client
 from msbot.part.client.settings import ClientSettings, ConnectionState
 from msbot.runtime.virtual_time import run_virtual
+from tests.hearing_client import HearingClient
 from tests.part.wire import STATUS_AGENT_OK, HandLink
 
 LOGIN_81 = "8000000000011000585243450100010faabbccdd8100fc01"
@@ -21,7 +21,7 @@ PONG_UNKNOWN = PONG[:24] + "0000" + PONG[28:]
 DELETE_SESSION = "81000000030104000002fffe"
 SESSION_DELETED = "81000000050106000002fffe0000"
 
-Scenario = Callable[[Client, HandLink, list[tuple[float, str, str]]], Awaitable[None]]
+Scenario = Callable[[HearingClient, HandLink, list[tuple[float, str, str]]], Awaitable[None]]
 
 
 def play(scenario: Scenario, settings: ClientSettings | None = None) -> list[tuple[float, str, str]]:
@@ -30,7 +30,7 @@ def play(scenario: Scenario, settings: ClientSettings | None = None) -> list[tup
 
     async def main() -> None:
         link = HandLink()
-        client = Client(link, key=0xAABBCCDD, settings=settings)
+        client = HearingClient(link, key=0xAABBCCDD, settings=settings)
         loop = asyncio.get_running_loop()
         client.on_state = lambda state, reason: changes.append((round(loop.time(), 3), state.value, reason))
         running = loop.create_task(client.run())
@@ -53,7 +53,7 @@ async def open_session(link: HandLink) -> None:
 
 
 def test_the_login_is_what_a_c_client_sends_and_is_repeated() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         assert link.take() == [LOGIN_81]
         await asyncio.sleep(1.1)
         assert link.take() == [LOGIN_81, LOGIN_81]
@@ -67,7 +67,7 @@ def test_the_login_is_what_a_c_client_sends_and_is_repeated() -> None:
 
 
 def test_without_an_answer_it_is_lost_and_goes_on_trying() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         with pytest.raises(RequestError, match=r"no session on hand within 5\.2 s"):
             await client.connect(5.2)
         assert len(link.take()) == 11
@@ -78,7 +78,7 @@ def test_without_an_answer_it_is_lost_and_goes_on_trying() -> None:
 
 
 def test_a_refusal_is_told_in_words_and_tried_again_later() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         link.take()
         link.receive("8100000004010b008600585243450100010f00")
         await asyncio.sleep(0.7)
@@ -90,7 +90,7 @@ def test_a_refusal_is_told_in_words_and_tried_again_later() -> None:
 
 
 def test_a_silent_agent_is_pinged_and_an_answer_keeps_the_session() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)
         await asyncio.sleep(2.0)
         assert link.take() == [PING]
@@ -103,7 +103,7 @@ def test_a_silent_agent_is_pinged_and_an_answer_keeps_the_session() -> None:
 
 
 def test_an_agent_that_acknowledges_is_not_pinged() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)
         for _ in range(5):
             await asyncio.sleep(1.9)
@@ -119,7 +119,7 @@ def test_an_agent_that_acknowledges_is_not_pinged() -> None:
 
 
 def test_a_dead_agent_is_noticed_and_the_next_session_has_another_id() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)
         await asyncio.sleep(2.7)
         assert link.take() == [PING, PING, PING, LOGIN_82]
@@ -136,7 +136,7 @@ def test_a_dead_agent_is_noticed_and_the_next_session_has_another_id() -> None:
 
 
 def test_an_agent_that_has_forgotten_us_is_logged_in_to_at_once() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)
         client.check_agent()
         await asyncio.sleep(0.001)
@@ -149,7 +149,7 @@ def test_an_agent_that_has_forgotten_us_is_logged_in_to_at_once() -> None:
 
 
 def test_an_agent_that_begins_the_session_anew_for_a_late_login_is_logged_in_to_at_once() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         link.receive(STATUS_AGENT_OK)
         link.receive(STATUS_AGENT_OK)
         assert client.state is ConnectionState.CONNECTED, "a mere copy: nothing was sent yet"
@@ -167,7 +167,7 @@ def test_an_agent_that_begins_the_session_anew_for_a_late_login_is_logged_in_to_
 
 
 def test_ping_measures_and_tells_whether_we_are_known() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)
         asking = asyncio.create_task(client.ping())
         await asyncio.sleep(0.05)
@@ -182,7 +182,7 @@ def test_ping_measures_and_tells_whether_we_are_known() -> None:
 
 
 def test_time_synchronisation_follows_the_formula() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)
         asking = asyncio.create_task(client.sync_time())
         await asyncio.sleep(0.05)
@@ -199,7 +199,7 @@ def test_time_synchronisation_follows_the_formula() -> None:
 
 
 def test_broken_packets_are_counted_and_harm_nobody() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)
         for packet in (b"", b"\x81", b"\x81\x00\x00", b"\x00\x00\x00\x00\x01"):
             link.receive(packet)
@@ -210,7 +210,7 @@ def test_broken_packets_are_counted_and_harm_nobody() -> None:
 
 
 def test_packets_wait_for_room_on_the_link() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)
         link.room = False
         client.create_participant("x")
@@ -225,7 +225,7 @@ def test_packets_wait_for_room_on_the_link() -> None:
 
 @pytest.mark.parametrize("failure", [LinkFull("full"), LinkDown("down")])
 def test_a_link_that_refuses_a_packet_gets_it_again(failure: Exception) -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         link.take()
         link.failure = failure
         await asyncio.sleep(0.6)
@@ -238,7 +238,7 @@ def test_a_link_that_refuses_a_packet_gets_it_again(failure: Exception) -> None:
 
 
 def test_a_link_without_its_peer_waits() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         link.take()
         link.remote = None
         await asyncio.sleep(0.6)
@@ -251,7 +251,7 @@ def test_a_link_without_its_peer_waits() -> None:
 
 
 def test_a_pulled_cable_is_told_and_the_link_opened_again() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)
         link.breaks.put_nowait(LinkDown("the adapter has gone"))
         await asyncio.sleep(0.5)
@@ -270,7 +270,7 @@ def test_a_link_that_never_worked_ends_the_client_with_its_reason() -> None:
     async def main() -> None:
         link = HandLink()
         link.breaks.put_nowait(LinkDown("no such host"))
-        client = Client(link, key=1)
+        client = HearingClient(link, key=1)
         with pytest.raises(LinkDown, match="no such host"):
             await client.run()
         assert client.state is ConnectionState.CLOSED
@@ -282,7 +282,7 @@ def test_a_link_that_never_worked_ends_the_client_with_its_reason() -> None:
 
 @pytest.mark.parametrize("signal", [Signal.LINK_DOWN, Signal.PEER_GONE])
 def test_a_link_that_says_the_peer_is_gone_is_believed(signal: Signal) -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         heard: list[Signal] = []
         client.on_signal = lambda signal, *_: heard.append(signal)
         await open_session(link)
@@ -299,7 +299,7 @@ def test_a_link_that_says_the_peer_is_gone_is_believed(signal: Signal) -> None:
 
 
 def test_a_stop_signal_is_passed_on_and_changes_nothing() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         heard: list[str] = []
         client.on_signal = lambda _signal, _peer, reason, _now: heard.append(reason)
         await open_session(link)
@@ -311,7 +311,7 @@ def test_a_stop_signal_is_passed_on_and_changes_nothing() -> None:
 
 
 def test_closing_deletes_the_session_and_ends_run() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)
         closing = asyncio.create_task(client.close())
         await asyncio.sleep(0.001)
@@ -327,7 +327,7 @@ def test_closing_deletes_the_session_and_ends_run() -> None:
 
 
 def test_closing_does_not_wait_for_ever() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await open_session(link)
         await client.close()
 
@@ -335,7 +335,7 @@ def test_closing_does_not_wait_for_ever() -> None:
 
 
 def test_closing_without_a_session_is_immediate() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         await client.close()
         await client.close()
 
@@ -344,13 +344,13 @@ def test_closing_without_a_session_is_immediate() -> None:
 
 def test_closing_a_client_that_does_not_run_is_nothing() -> None:
     async def main() -> None:
-        await Client(HandLink(), key=1).close()
+        await HearingClient(HandLink(), key=1).close()
 
     run_virtual(main())
 
 
 def test_session_ids_below_80_carry_the_key() -> None:
-    async def scenario(client: Client, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         assert link.take() == ["00000000aabbccdd00011000585243450100010faabbccdd0100fc01"]
         link.receive("01000000aabbccdd04010b000000585243450100010f00")
         assert client.state is ConnectionState.CONNECTED
@@ -367,13 +367,13 @@ def test_session_ids_that_cannot_take_turns_are_refused(session_id: int) -> None
 @pytest.mark.parametrize("key", [0, -1, 1 << 32])
 def test_keys_out_of_range_are_refused(key: int) -> None:
     with pytest.raises(LocalProtocolError, match="choose 1 to 0xFFFFFFFF"):
-        Client(HandLink(), key=key)
+        HearingClient(HandLink(), key=key)
 
 
 def test_a_time_limit_of_the_caller_is_not_swallowed() -> None:
     async def main() -> None:
         with pytest.raises(TimeoutError):
             async with asyncio.timeout(0.1):
-                await Client(HandLink(), key=1).run()
+                await HearingClient(HandLink(), key=1).run()
 
     run_virtual(main())

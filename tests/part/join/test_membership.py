@@ -1,7 +1,7 @@
 """What a part says to the inventory, octet by octet, and when it reads on which stream."""
 
 import asyncio
-from collections.abc import Callable
+from functools import partial
 
 from msbot.part.client.client import Client
 from msbot.part.join import plug
@@ -35,24 +35,19 @@ def reply(number: int, message: plug.VerdictMessage | plug.BeatReply | plug.Conf
     return data(0x0017, number, b"\0\x11\0\x17" + message.encode())
 
 
-def hand_to(membership: Membership) -> Callable[[int, int, bytes], None]:
-    """A client's callback that gives every sample to the membership."""
-
-    def on_topic(object_id: int, _request_id: int, payload: bytes) -> None:
-        assert membership.take_sample(object_id, payload)
-
-    return on_topic
-
-
 def test_the_whole_way_to_active_and_the_beats() -> None:
     async def main() -> None:
         link = HandLink()
-        client = Client(link, key=1)
         changes: list[Changed] = []
         configurations: list[plug.ConfigurationMessage] = []
         membership = Membership(
-            client, Joining(ExpectedRobot()), CLAIM, changed=changes.append, configure=configurations.append
+            partial(Client, link, key=1),
+            Joining(ExpectedRobot()),
+            CLAIM,
+            changed=changes.append,
+            configure=configurations.append,
         )
+        client = membership.client
         assert [ObjectKind(entity.variant.kind).name for entity in client.entities] == [
             "PARTICIPANT",
             "SUBSCRIBER",
@@ -61,7 +56,6 @@ def test_the_whole_way_to_active_and_the_beats() -> None:
             "REQUESTER",
         ]
         requester = client.entities[-1]
-        client.on_topic = hand_to(membership)
         membership.start()
         running = asyncio.create_task(client.run())
         await asyncio.sleep(0.01)
@@ -119,12 +113,16 @@ def test_the_whole_way_to_active_and_the_beats() -> None:
 def test_where_many_share_a_bus_the_profile_is_read_once_and_after_another_robots_until_it_agrees() -> None:
     async def main() -> None:
         link = HandLink()
-        client = Client(link, key=1)
         joining = Joining(ExpectedRobot(name="ROBOT"))
         membership = Membership(
-            client, joining, CLAIM, profile_once=True, changed=lambda _: None, configure=lambda _: None
+            partial(Client, link, key=1),
+            joining,
+            CLAIM,
+            profile_once=True,
+            changed=lambda _: None,
+            configure=lambda _: None,
         )
-        client.on_topic = hand_to(membership)
+        client = membership.client
         membership.start()
         running = asyncio.create_task(client.run())
 
@@ -169,10 +167,17 @@ def test_where_many_share_a_bus_the_profile_is_read_once_and_after_another_robot
 def test_a_refusal_with_a_code_of_the_future_still_has_words() -> None:
     async def main() -> None:
         link = HandLink()
-        client = Client(link, key=1)
         joining = Joining(ExpectedRobot())
-        membership = Membership(client, joining, CLAIM, changed=lambda _: None, configure=lambda _: None)
-        client.on_topic = hand_to(membership)
+        others: list[tuple[int, int, bytes]] = []
+        membership = Membership(
+            partial(Client, link, key=1),
+            joining,
+            CLAIM,
+            changed=lambda _: None,
+            configure=lambda _: None,
+            on_topic=lambda *sample: others.append(sample),
+        )
+        client = membership.client
         membership.start()
         running = asyncio.create_task(client.run())
         await asyncio.sleep(0.01)
@@ -181,7 +186,11 @@ def test_a_refusal_with_a_code_of_the_future_still_has_words() -> None:
         link.receive(reply(1, plug.VerdictMessage(lease=0, configuration_version=0, beat_period_ms=0, reason=99)))
         assert joining.state is JoinState.REFUSED
         assert joining.reason == "refused for reason 99, which this version does not know"
-        assert not membership.take_sample(0x0FF6, b"")
+        assert others == []
+        topic = client.create_topic(membership.participant, "T", "Text")
+        reader = client.create_reader(membership.subscriber, topic)
+        link.receive(data(reader.object_id, 2, b"not the profile"))
+        assert others == [(reader.object_id, 10, b"not the profile")]
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
 
@@ -191,10 +200,11 @@ def test_a_refusal_with_a_code_of_the_future_still_has_words() -> None:
 def test_a_master_cannot_make_a_part_beat_without_a_pause() -> None:
     async def main() -> None:
         link = HandLink()
-        client = Client(link, key=1)
         joining = Joining(ExpectedRobot())
-        membership = Membership(client, joining, CLAIM, changed=lambda _: None, configure=lambda _: None)
-        client.on_topic = hand_to(membership)
+        membership = Membership(
+            partial(Client, link, key=1), joining, CLAIM, changed=lambda _: None, configure=lambda _: None
+        )
+        client = membership.client
         membership.start()
         running = asyncio.create_task(client.run())
         await asyncio.sleep(0.01)

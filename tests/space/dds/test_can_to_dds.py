@@ -14,22 +14,22 @@ from msbot import HelloWorld
 from msbot.agent import Agent
 from msbot.link.can import CanMasterLink, CanPartLink
 from msbot.link.can.sim import SimBus, SimBusDriver
-from msbot.part import Client
 from msbot.space import Qos, Space, Topic
 from msbot.space.dds import DdsSpace
 from msbot.xrce.messages import Format, ObjectKind, ObjectVariant
+from tests.hearing_client import HearingClient
 from tests.space.dds.foreign_programs import TYPE, command_of, message
 from tests.space.dds.peers import Inbox, program, until
 
 
 @asynccontextmanager
-async def client_on_can(space: Space) -> AsyncIterator[Client]:
+async def client_on_can(space: Space) -> AsyncIterator[HearingClient]:
     """An agent on a simulated bus, and a client that has logged in over it."""
     driver = SimBusDriver(SimBus(500_000))
     driver.attach("monitor")
     agent = Agent(space)
     agent.add_link(CanMasterLink(driver.attach("master"), profile_hash=7, random=Random(1)))
-    client = Client(CanPartLink(driver.attach("part"), uid=b"part 1..", random=Random(2)), key=0x0A0B0C0D)
+    client = HearingClient(CanPartLink(driver.attach("part"), uid=b"part 1..", random=Random(2)), key=0x0A0B0C0D)
     async with asyncio.TaskGroup() as tasks:
         running = [tasks.create_task(agent.run()), tasks.create_task(client.run())]
         await client.connect(30)

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from msbot.agent import Agent
 from msbot.link import InprocHub
-from msbot.part import Client, Service
+from msbot.part import Service
 from msbot.space import Qos, Topic
 from msbot.space.dds import DdsSpace, services
+from tests.hearing_client import HearingClient
 from tests.space.dds.foreign_programs import SOURCES
 from tests.space.dds.peers import Inbox, program, until
 
@@ -35,9 +36,9 @@ def test_what_is_too_short_has_no_header() -> None:
     assert services.split(bytes(16)) == (bytes(8), 0, b"")
 
 
-async def connected(hub: InprocHub, tasks: asyncio.TaskGroup, key: int) -> tuple[Client, asyncio.Task[None]]:
+async def connected(hub: InprocHub, tasks: asyncio.TaskGroup, key: int) -> tuple[HearingClient, asyncio.Task[None]]:
     """A board that has logged in."""
-    client = Client(hub.connect(), key=key)
+    client = HearingClient(hub.connect(), key=key)
     running = tasks.create_task(client.run())
     await client.connect(30)
     return client, running

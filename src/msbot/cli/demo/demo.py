@@ -378,7 +378,7 @@ async def _run_plain(robot: DemoRobot, notes: _Notes) -> None:
         click.echo(text)
         sys.stdout.flush()
 
-    robot.on_event = lambda event: say(event_words(event))
+    robot.on_event(lambda event: say(event_words(event)))
     notes.say = say
     async with asyncio.TaskGroup() as tasks:
         reporting = tasks.create_task(_every(STATUS_S, lambda: say(status_words(robot.snapshot()))))

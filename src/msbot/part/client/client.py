@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from random import Random
 
 from msbot.errors import LinkFull, LocalProtocolError, RequestError
-from msbot.link import Link, Peer, Signal, SignalHandler
+from msbot.link import Link, SignalHandler
 from msbot.part.client.agent_watch import Stall
-from msbot.part.client.connection import Connection, Hooks
+from msbot.part.client.connection import Connection
 from msbot.part.client.entities import Entity, EntityTable, Reading
 from msbot.part.client.settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
 from msbot.xrce.messages import STREAM_RELIABLE, DeliveryControl, ObjectKind, ObjectVariant, status_words
@@ -63,11 +63,12 @@ class Service:
 ServiceVariant = Callable[[str, str, str, str, str, int], ObjectVariant]
 
 
-class Client:
-    """One client of one agent over one link (see the module's docstring).
+def _unheard(*_: object) -> None:
+    """Nobody wants to know."""
 
-    The callbacks run in the loop's thread, must not block and must not raise.
-    """
+
+class Client:
+    """One client of one agent over one link (see the module's docstring)."""
 
     def __init__(
         self,
@@ -77,8 +78,17 @@ class Client:
         settings: ClientSettings | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
         random: Random | None = None,
+        on_state: Callable[[ConnectionState, str], None] = _unheard,
+        on_signal: SignalHandler = _unheard,
+        on_topic: Callable[[int, int, bytes], None] = _unheard,
+        on_request: Callable[[int, int, bytes, bytes], None] = _unheard,
+        on_reply: Callable[[int, int, bytes], None] = _unheard,
+        on_status: Callable[[int, int, int], None] = _unheard,
+        on_room: Callable[[], None] = _unheard,
     ) -> None:
         """Make a client; it connects when `run` is awaited.
+
+        The callbacks run in the loop's thread, must not block and must not raise.
 
         Args:
             link: a link with one remote peer; the client takes over its handlers.
@@ -86,6 +96,13 @@ class Client:
             settings: periods and limits; those that fit the link if absent.
             epoch_ns: wall clock for time synchronisation, in ns since 1970.
             random: spreads the retries of refused clients.
+            on_state: (state, reason in words) at every change.
+            on_signal: the link's signals, after the client took them in.
+            on_topic: (object id of the reader, request id of the read, payload).
+            on_request: (object id of the replier, request id of the read, identity for `reply`, payload).
+            on_reply: (object id of the requester, request id that `write` returned, payload).
+            on_status: (request id, object id, status octet) of every answer.
+            on_room: after a LinkFull there is room again.
 
         Raises:
             LocalProtocolError: the key is out of range.
@@ -93,29 +110,24 @@ class Client:
         if not 0 < key <= 0xFFFFFFFF:
             raise LocalProtocolError(f"client key {key} is out of range: choose 1 to 0xFFFFFFFF")
         self.settings = settings or ClientSettings.for_link(link.info)
-        self.on_state: Callable[[ConnectionState, str], None] = lambda *_: None
-        """(state, reason in words) at every change."""
-        self.on_signal: SignalHandler = lambda *_: None
-        """The link's signals, after the client took them in."""
-        self.on_topic: Callable[[int, int, bytes], None] = lambda *_: None
-        """(object id of the reader, request id of the read, payload)."""
-        self.on_request: Callable[[int, int, bytes, bytes], None] = lambda *_: None
-        """(object id of the replier, request id of the read, identity for `reply`, payload)."""
-        self.on_reply: Callable[[int, int, bytes], None] = lambda *_: None
-        """(object id of the requester, request id that `write` returned, payload)."""
-        self.on_status: Callable[[int, int, int], None] = lambda *_: None
-        """(request id, object id, status octet) of every answer."""
-        self.on_room: Callable[[], None] = lambda: None
-        """After a LinkFull there is room again."""
+        self._on_topic = on_topic
+        self._on_request = on_request
+        self._on_reply = on_reply
+        self._on_status = on_status
+        self._on_room = on_room
         self._entities = EntityTable(answer_s=self.settings.answer_s)
         self._stall = Stall(self.settings.stall_s)
         self._connection = Connection(
             link,
-            self._hooks(),
             key=key,
             settings=self.settings,
             epoch_ns=epoch_ns,
             random=random or Random(key),
+            on_state=on_state,
+            on_signal=on_signal,
+            on_event=self._event_received,
+            on_session_over=self._session_over,
+            before_sending=self._before_sending,
         )
 
     # The session
@@ -306,47 +318,32 @@ class Client:
         """Answer, through a replier, the request that came with that identity; raises as `write` does."""
         return self.write(entity, identity + payload, stream_id=stream_id)
 
-    def _hooks(self) -> Hooks:
-        return Hooks(
-            session_over=self._session_over,
-            event_received=self._event_received,
-            before_sending=self._before_sending,
-            state_changed=self._state_changed,
-            signal_received=self._signal_received,
-        )
-
-    def _state_changed(self, state: ConnectionState, reason: str) -> None:
-        self.on_state(state, reason)
-
-    def _signal_received(self, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
-        self.on_signal(signal, peer, reason, now)
-
     def _session_over(self) -> None:
         self._entities.restart()
         self._stall.progress()
 
-    def _event_received(self, event: ClientEvent, now: float) -> None:  # noqa: ARG002 - the hook's signature
+    def _event_received(self, event: ClientEvent, now: float) -> None:  # noqa: ARG002 - the callback's signature
         match event:
             case DataReceived():
                 self._sample_received(event)
             case StatusReceived():
                 self._stall.progress()
                 self._entities.answered(event.request_id, event.status)
-                self.on_status(event.request_id, event.object_id, event.status)
+                self._on_status(event.request_id, event.object_id, event.status)
             case WindowOpened():
                 self._stall.progress()
-                self.on_room()
+                self._on_room()
 
     def _sample_received(self, event: DataReceived) -> None:
         entity = self._entities.get(event.object_id)
         kind = entity.variant.kind if entity is not None else None
         payload = event.payload
         if kind == ObjectKind.DATAREADER:
-            self.on_topic(event.object_id, event.request_id, payload)
+            self._on_topic(event.object_id, event.request_id, payload)
         elif kind == ObjectKind.REQUESTER and len(payload) >= RELATED_OCTETS:
-            self.on_reply(event.object_id, int.from_bytes(payload[:2], "big"), payload[RELATED_OCTETS:])
+            self._on_reply(event.object_id, int.from_bytes(payload[:2], "big"), payload[RELATED_OCTETS:])
         elif kind == ObjectKind.REPLIER and len(payload) >= IDENTITY_OCTETS:
-            self.on_request(event.object_id, event.request_id, payload[:IDENTITY_OCTETS], payload[IDENTITY_OCTETS:])
+            self._on_request(event.object_id, event.request_id, payload[:IDENTITY_OCTETS], payload[IDENTITY_OCTETS:])
         else:
             self.counters.dropped += 1
             return
@@ -372,3 +369,7 @@ class Client:
         # Without room there is nothing more to be asked: WindowOpened comes first.
         asked_again_at = entities.timer() if has_room else None
         return stalled_at if asked_again_at is None else min(stalled_at, asked_again_at)
+
+
+ClientMaker = Callable[..., Client]
+"""Makes a client when it is called with the callbacks that it shall have: `partial(Client, link, key=1)`."""

@@ -17,7 +17,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 from random import Random
 
 from msbot.errors import LinkDown, LinkError, RemoteProtocolError
@@ -43,34 +42,32 @@ _COMES_UP = (Signal.LINK_UP, Signal.PEER_JOINED, Signal.PEER_BACK)
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class Hooks:
-    """What a connection calls of the one who uses its session."""
-
-    session_over: Callable[[], None]
-    """All that was booked and answered in the session is void."""
-    event_received: Callable[[ClientEvent, float], None]
-    """Something came in the session, other than what keeps it open: (event, now)."""
-    before_sending: Callable[[float], float | None]
-    """(now): book what is due in the open session; returns when there will be more, or None."""
-    state_changed: Callable[[ConnectionState, str], None]
-    """(state, reason in words)."""
-    signal_received: SignalHandler
-    """A signal of the link, after the connection took it in."""
-
-
 class Connection:
-    """Keeps a session open (see the module's docstring); `session` may be used while `state` is CONNECTED."""
+    """Keeps a session open (see the module's docstring); `session` may be used while `state` is CONNECTED.
+
+    Link, key, settings, clock and dice are those of `Client`.
+
+    Args:
+        on_state: (state, reason in words) at every change.
+        on_signal: a signal of the link, after the connection took it in.
+        on_event: something came in the session, other than what keeps it open: (event, now).
+        on_session_over: all that was booked and answered in the session is void.
+        before_sending: (now): books what is due in the open session; returns when there will be more, or None.
+    """
 
     def __init__(
         self,
         link: Link,
-        hooks: Hooks,
         *,
         key: int,
         settings: ClientSettings,
         epoch_ns: Callable[[], int],
         random: Random,
+        on_state: Callable[[ConnectionState, str], None],
+        on_signal: SignalHandler,
+        on_event: Callable[[ClientEvent, float], None],
+        on_session_over: Callable[[], None],
+        before_sending: Callable[[float], float | None],
     ) -> None:
         self.state = ConnectionState.CONNECTING
         self.reason = "not started"
@@ -79,7 +76,11 @@ class Connection:
         self.counters = ClientCounters()
         self.news = News()
         self.link = link
-        self._hooks = hooks
+        self._on_state = on_state
+        self._on_signal = on_signal
+        self._on_event = on_event
+        self._on_session_over = on_session_over
+        self._before_sending = before_sending
         self._epoch_ns = epoch_ns
         self._random = random
         self._watch = Watch(quiet_s=settings.quiet_s, ping_s=settings.ping_s, pings=settings.pings)
@@ -169,7 +170,7 @@ class Connection:
         """Give the session up and log in anew."""
         self._lost_at = None
         self._watch.cancel()
-        self._hooks.session_over()
+        self._on_session_over()
         self._set_state(ConnectionState.LOST, reason)
         self._login(now)
 
@@ -223,7 +224,7 @@ class Connection:
         self.news.tell()
         if changed:
             _log.debug("client %08X is %s: %s", self.key, state.value, reason)
-            self._hooks.state_changed(state, reason)
+            self._on_state(state, reason)
 
     def _finish(self) -> None:
         if self._scope is not None:
@@ -261,7 +262,7 @@ class Connection:
                 case SessionClosed():
                     self._close_at = now
                 case _:
-                    self._hooks.event_received(event, now)
+                    self._on_event(event, now)
             self.news.tell()
 
     def _connected(self, now: float) -> None:
@@ -288,7 +289,7 @@ class Connection:
             self._turn.book()
         elif signal in _COMES_UP and self.state is not ConnectionState.CONNECTED:
             self._login(now)
-        self._hooks.signal_received(signal, peer, reason, now)
+        self._on_signal(signal, peer, reason, now)
 
     def _send_ping(self, now: float) -> None:
         self.session.ping(now)
@@ -313,7 +314,7 @@ class Connection:
                 self.lose("the agent does not answer any more", now)
         self.session.handle_timer(now)
         self._take_events(now)
-        more_at = self._hooks.before_sending(now) if self.is_open else None
+        more_at = self._before_sending(now) if self.is_open else None
         self._send(now)
         self._turn.set_timer(
             self.session.timer(), more_at, self._watch.timer(), self._login_at, self._lost_at, self._close_at

@@ -12,7 +12,7 @@ import logging
 from collections.abc import Callable
 
 from msbot.errors import LinkFull, LocalProtocolError, RemoteProtocolError
-from msbot.part.client.client import ENDLESS, Client, Service
+from msbot.part.client.client import ENDLESS, ClientMaker, Service
 from msbot.part.client.loop_turn import Turn
 from msbot.part.client.settings import ConnectionState
 from msbot.part.join import plug
@@ -52,11 +52,11 @@ _log = logging.getLogger(__name__)
 
 
 class Membership:
-    """One part's membership in one robot, over one client; takes over `on_state` and `on_reply` of the client."""
+    """One part's membership in one robot, over one client."""
 
     def __init__(
         self,
-        client: Client,
+        make_client: ClientMaker,
         joining: Joining,
         claim: plug.ClaimMessage,
         *,
@@ -65,12 +65,14 @@ class Membership:
         changed: Callable[[Changed], None],
         configure: Callable[[plug.ConfigurationMessage], None],
         noticed: Callable[[plug.Notice], None] = lambda _: None,
+        on_topic: Callable[[int, int, bytes], None] = lambda *_: None,
         obeyed_stop: Callable[[], int] = lambda: 0,
     ) -> None:
-        """Ask the client for what joining needs; `start` begins.
+        """Make the client and ask it for what joining needs; `start` begins.
 
         Args:
-            client: not yet running.
+            make_client: called with the callbacks that joining needs; whoever calls `run` of the client it makes
+                brings the membership to life.
             joining: in its first state.
             claim: what the part says about itself in step 2.
             profile_once: read the profile only until step 1 is done, because it costs others on the link their time,
@@ -79,18 +81,22 @@ class Membership:
             changed: hears every change of the state.
             configure: puts a configuration into use; called before the change to `active` is heard.
             noticed: hears what the inventory says unasked.
+            on_topic: hears the samples that are not the robot's profile, as `Client.on_topic`.
             obeyed_stop: the number of the STOP that the part obeys, which its beats then carry; 0 = none.
         """
         self.joining = joining
         self.dropped = 0
         """Profiles and replies that made no sense."""
-        self._client = client
+        self.client = client = make_client(
+            on_state=self._client_changed, on_reply=self._reply_received, on_topic=self._sample_received
+        )
         self._claim = claim.encode()
         self._profile_once = profile_once
         self._changed = changed
         self._configure = configure
         self._prove = prove
         self._noticed = noticed
+        self._on_topic = on_topic
         self._obeyed_stop = obeyed_stop
         self._turn = Turn(self._work)
         # Without a name: nobody hears who the part is before it has recognised its robot.
@@ -102,8 +108,6 @@ class Membership:
         self._requester = client.create_requester(self.participant, INVENTORY)
         self._read_profile(JoinState.LOOKING)
         client.read(self._requester)
-        client.on_state = self._client_changed
-        client.on_reply = self._reply_received
 
     def start(self) -> None:
         """Begin; must be called in the loop's thread."""
@@ -120,20 +124,20 @@ class Membership:
         self.joining.beat_soon(self._turn.now())
         self._drain()
 
-    def take_sample(self, object_id: int, payload: bytes) -> bool:
-        """Take a sample if it is the robot's profile (thesis 4.3.1: the object id must be the reader's)."""
+    def _sample_received(self, object_id: int, request_id: int, payload: bytes) -> None:
+        # Thesis 4.3.1: the object id must be that of the profile's reader.
         if object_id != self._profile_reader.object_id:
-            return False
+            self._on_topic(object_id, request_id, payload)
+            return
         try:
             profile = plug.ProfileMessage.decode(payload)
         except RemoteProtocolError as error:
             self._drop("profile", error)
-            return True
+            return
         # The thesis gives the fields their meaning by position (3.12.1).
         robot = ExpectedRobot(profile.message, profile.name, profile.id, profile.make)
         self.joining.profile_seen(robot, self._turn.now())
         self._drain()
-        return True
 
     def _client_changed(self, state: ConnectionState, reason: str) -> None:
         now = self._turn.now()
@@ -194,9 +198,9 @@ class Membership:
                     request = plug.ConfigurationRequest(lease=action.lease, have_version=action.have_version)
                     self._send(request.encode(), STREAM_RELIABLE)
                 case CheckAgent():
-                    self._client.check_agent()
+                    self.client.check_agent()
                 case BeginAnew():
-                    self._client.reconnect(action.reason)
+                    self.client.reconnect(action.reason)
         self._turn.set_timer(self.joining.timer())
 
     def _send_beat(self, lease: int) -> None:
@@ -206,7 +210,7 @@ class Membership:
 
     def _send(self, request: bytes, stream_id: int) -> None:
         try:
-            self._client.write(self._requester, request, stream_id=stream_id)
+            self.client.write(self._requester, request, stream_id=stream_id)
         except (LinkFull, LocalProtocolError) as error:
             # No room, or the session is closing: `joining` asks again in time.
             _log.debug("not sent to the inventory: %s", error)
@@ -216,7 +220,7 @@ class Membership:
         running = None if reading is None else reading.control
         wanted = self._profile_control(state, running)
         if reading is None or wanted != running:
-            self._client.read(self._profile_reader, control=wanted)
+            self.client.read(self._profile_reader, control=wanted)
 
     def _profile_control(self, state: JoinState, running: DeliveryControl | None) -> DeliveryControl | None:
         """How the profile is to be read from that state on."""
@@ -238,7 +242,7 @@ class Membership:
     def _read_replies(self, stream_id: int) -> None:
         reading = self._requester.reading
         if reading is None or reading.stream_id != stream_id:
-            self._client.read(self._requester, stream_id=stream_id)
+            self.client.read(self._requester, stream_id=stream_id)
 
     def _drop(self, what: str, error: RemoteProtocolError) -> None:
         self.dropped += 1

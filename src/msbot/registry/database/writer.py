@@ -40,6 +40,7 @@ WATCH_S = 1.0
 
 _log = logging.getLogger(__name__)
 _T = TypeVar("_T")
+Follow = Callable[[Connection], Callable[[bool], None]]
 
 
 class Writer:
@@ -64,9 +65,7 @@ class Writer:
     ) -> None:
         self.lost = 0
         """Notes that were given up: the queue was full, or the database does not take them."""
-        self.follow: Callable[[Connection], Callable[[bool], None]] = lambda _: lambda _: None
-        """Called in the transaction of each change; what it gives is called when that is stored, with True when nobody
-        waits for it any more."""
+        self._follow: Follow = lambda _: lambda _: None
         self._watch: Callable[[Connection], None] | None = None
         self._engine = engine.execution_options(**{WRITE: True})
         self._plain = engine
@@ -111,10 +110,16 @@ class Writer:
             return None
         return f"the database {self._database} {fault}; changes kept in memory until it can be written: {self.pending}"
 
-    def watch(self, watch: Callable[[Connection], None]) -> None:
-        """Have something called about once a second while there is nothing to write."""
+    def watch(self, look: Callable[[Connection], None], follow: Follow) -> None:
+        """Have somebody told of what changes in the database.
+
+        Args:
+            look: called about once a second while there is nothing to write.
+            follow: called in the transaction of each change; what it gives is called when that is stored, with True
+                when nobody waits for it any more.
+        """
         with self._changed:
-            self._watch = watch
+            self._watch, self._follow = look, follow
             self._changed.notify_all()
 
     def put(self, note: Note) -> None:
@@ -261,7 +266,7 @@ class Writer:
                 engine = self._engine.execution_options(**{WAIT_S: job.wait_s})
                 with engine.connect() as connection, connection.begin():
                     made = job.change(connection)
-                    then = self.follow(connection)
+                    then = self._follow(connection)
                     with self._changed:
                         if job.is_given_up:
                             raise RegistryError("nobody waits for this change any more")

@@ -48,8 +48,7 @@ class RobotStore:
         self, writer: Writer, database: str, robot: RobotRecord, memory: RobotMemory, epoch_ns: Callable[[], int]
     ) -> None:
         self.robot = robot
-        self.on_news: Callable[[], object] = lambda: None
-        """See `Runs.on_news`."""
+        self._news_listeners: list[Callable[[], object]] = []
         self._writer = writer
         self._database = database
         self._epoch_ns = epoch_ns
@@ -69,6 +68,15 @@ class RobotStore:
         self._remembered: dict[str, str] = {}
         self._placed: dict[str, str] = {}
         self.use(memory, 0)
+
+    def on_news(self, listener: Callable[[], object]) -> None:
+        """See `Runs.on_news`."""
+        self._news_listeners.append(listener)
+
+    def tell_news(self) -> None:
+        """The database has what nobody of this process waits for."""
+        for listener in self._news_listeners:
+            listener()
 
     @property
     def newest_edit(self) -> int:

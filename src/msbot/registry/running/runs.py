@@ -44,8 +44,7 @@ class Runs:
         storage.flush()
         memory = storage.write(begin)
         storage.runs_a_robot = True
-        writer.follow = self._follow
-        writer.watch(self._look)
+        writer.watch(self._look, self._follow)
         self._stores[robot.id] = RobotStore(writer, storage.words, robot, memory, storage.epoch_ns)
         return self._stores[robot.id]
 
@@ -72,7 +71,7 @@ class Runs:
         That is another program's change, or one that was stored later than somebody would wait.
         """
         if robot.id in self._stores:
-            self._stores[robot.id].on_news = call
+            self._stores[robot.id].on_news(call)
 
     def end(self) -> None:
         """Tell the journal that parts are lost with their master."""
@@ -96,7 +95,7 @@ class Runs:
             for one, memory, stored in read:
                 one.use(memory, stored)
                 if is_late:
-                    one.on_news()
+                    one.tell_news()
 
         return take_over
 
@@ -107,4 +106,4 @@ class Runs:
             if newest != one.newest_edit:
                 stored = one.stored
                 one.use(read_memory(connection, one.robot.id), stored)
-                one.on_news()
+                one.tell_news()
