@@ -14,6 +14,7 @@ from msbot.cli.db import command
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.errors import MsbotError, RegistryError
 from msbot.registry import open_registry
+from tests.registry.hand import Hand
 
 Run = Callable[..., Result]
 
@@ -43,7 +44,7 @@ def test_an_up_to_date_database_needs_no_migration(run: Run) -> None:
 def test_a_backup_is_made_and_brought_back(run: Run) -> None:
     assert run("backup", "copy.db").output.startswith("copy.db is written: ")
     with open_registry("robot.db") as registry:
-        registry.users.keep("ann", "viewer", "ann", password_hash="")
+        Hand(registry).keep_user("ann", "viewer", "ann", password_hash="")
     asked = run("restore", "copy.db", answer="n\n")
     assert (asked.exit_code, "Put the content of copy.db in place of all that robot.db has?" in asked.output) == (
         1,

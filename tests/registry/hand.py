@@ -7,7 +7,7 @@ from functools import partial
 
 from msbot.config import Endpoint, Scalar
 from msbot.registry import EditKind, EditRecord, Registry, RobotRecord
-from msbot.registry.edits import blocks, slot_values, wires
+from msbot.registry.edits import blocks, slot_values, users, wires
 from msbot.registry.edits import part_places as places
 from msbot.registry.edits.undo import undo
 
@@ -52,3 +52,12 @@ class Hand:
 
     def note(self, robot: RobotRecord, kind: str, words: str, who: str) -> None:
         self._edits.note(robot, EditKind(kind), words, who)
+
+    def keep_user(
+        self, name: str, role: str, who: str, *, password_hash: str = "", tokens: tuple[tuple[str, str], ...] = ()
+    ) -> EditRecord:
+        person = users.Person(name, role, password_hash, tokens)
+        return self._edits.make(None, who, partial(users.keep, people=[person]))
+
+    def remove_user(self, name: str, who: str) -> EditRecord:
+        return self._edits.make(None, who, partial(users.remove, name=name))

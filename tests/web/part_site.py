@@ -60,8 +60,8 @@ class PartSite:
     def address(self) -> str:
         return f"ws://127.0.0.1:{self.port}"
 
-    def token(self, name: str, purpose: str = "test") -> str:
-        return self.accounts.new_token(name, purpose, who="ada")
+    async def token(self, name: str, purpose: str = "test") -> str:
+        return await self.accounts.new_token(name, purpose, who="ada")
 
     def client(self, token: str) -> WebSocketClientLink:
         return WebSocketClientLink(self.address, token)

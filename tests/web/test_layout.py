@@ -108,10 +108,10 @@ def test_a_page_ends_with_its_session_and_looking_keeps_none_alive(tmp_path: Pat
         assert screen.scripts == []
         assert idle.session.used_at == used_at
         assert page.may(Right.SET)
-        rig.accounts.change_role("student", "viewer", who="ada")
+        await rig.accounts.change_role("student", "viewer", who="ada")
         page.check_session()
         assert not page.may(Right.SET)
-        rig.accounts.remove_user("student", who="ada")
+        await rig.accounts.remove_user("student", who="ada")
         page.check_session()
         assert screen.scripts == ["msbotSignIn()"]
         assert page.refreshers == []

@@ -25,7 +25,7 @@ from tests.web.part_site import part_site
 async def test_a_part_that_comes_by_the_page_is_a_part_like_any_other() -> None:
     async with part_site() as site:
         heard: list[bytes] = []
-        token = site.token("bob")
+        token = await site.token("bob")
         async with site.part(0, token):
             await site.until(lambda: site.active() == {"S0"})
             (info,) = site.master.inventory.view(asyncio.get_running_loop().time())
@@ -39,7 +39,7 @@ async def test_who_may_not_run_parts_reads_why() -> None:
     async with part_site() as site:
         for token, words in (
             ("msbot_wrong", r"the page does not let this part in: \$MSBOT_TOKEN has to hold an API token"),
-            (site.token("vic"), r"a viewer may not run parts; a student may"),
+            (await site.token("vic"), r"a viewer may not run parts; a student may"),
         ):
             with pytest.raises(LinkDown, match=words):
                 await asyncio.wait_for(site.client(token).run(), 30)
@@ -48,18 +48,18 @@ async def test_who_may_not_run_parts_reads_why() -> None:
 
 async def test_a_part_whose_token_is_taken_away_goes() -> None:
     async with part_site() as site:
-        token = site.token("bob")
+        token = await site.token("bob")
         link = site.client(token)
         ended = asyncio.create_task(link.run())
         await site.until(lambda: link.has_room(link.remote))
         link.send(b"x", link.remote)
-        site.accounts.remove_token("bob", "test", who="ada")
+        await site.accounts.remove_token("bob", "test", who="ada")
         with pytest.raises(LinkDown, match="you are signed out"):
             await asyncio.wait_for(ended, 30)
 
 
 async def test_a_connection_that_breaks_is_made_again() -> None:
-    async with part_site() as site, site.part(0, site.token("bob")):
+    async with part_site() as site, site.part(0, await site.token("bob")):
         await site.until(lambda: site.active() == {"S0"})
         site.break_all()
         await site.until(lambda: not site.active())

@@ -15,20 +15,19 @@ from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, refusal, show
 
 
-def test_users_are_kept_with_role_and_tokens(tmp_path: Path) -> None:
+async def test_users_are_kept_with_role_and_tokens(tmp_path: Path) -> None:
     with open_registry(tmp_path / "robot.db") as registry:
         users = RegistryUsers(registry)
-        assert users.users() == []
+        assert registry.users.all() == []
         bob = User("bob", Role.STUDENT, "salt", (("desk", "abc"),))
-        users.keep_user(bob, "ada")
-        users.keep_user(User("Zoe", Role.VIEWER, "pepper"), "ada")
-        assert bob in users.users()
-        assert {user.name for user in users.users()} == {"bob", "Zoe"}
+        await users.keep_users([bob, User("Zoe", Role.VIEWER, "pepper")], "ada")
+        assert bob in await registry.storage.in_time(users.users)
+        assert {user.name for user in registry.users.all()} == {"bob", "Zoe"}
         promoted = User("bob", Role.TEACHER, "salt", ())
-        users.keep_user(promoted, "ada")
-        assert promoted in users.users()
-        users.remove_user("bob", "ada")
-        assert [user.name for user in users.users()] == ["Zoe"]
+        await users.keep_users([promoted], "ada")
+        assert promoted in await registry.storage.in_time(users.users)
+        await users.remove_user("bob", "ada")
+        assert [user.name for user in registry.users.all()] == ["Zoe"]
 
 
 def test_the_journal_is_told_newest_first_with_its_evidence(tmp_path: Path) -> None:

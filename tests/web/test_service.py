@@ -103,7 +103,7 @@ def test_a_role_that_is_taken_away_counts_at_once(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         teacher = rig.session(Role.TEACHER)
         assert (await rig.act(teacher, "window", seconds=5.0)).words
-        rig.service.change_role(rig.session(Role.ADMINISTRATOR), "teacher", "viewer")
+        await rig.service.change_role(rig.session(Role.ADMINISTRATOR), "teacher", "viewer")
         assert isinstance(await refusal(lambda: rig.act(teacher, "close_window")), NotAllowed)
         assert rig.service.me(teacher).rights == ["see", "stop"]
 
@@ -216,7 +216,7 @@ def test_people_and_tokens_are_listed_without_their_secrets(tmp_path: Path) -> N
     async def scene(rig: Rig) -> None:
         ada = rig.session(Role.ADMINISTRATOR)
         await rig.service.add_user(ada, "<b>bob</b>", "student", PASSWORD)
-        token = rig.service.new_token(ada, "<b>bob</b>", "desk")
+        token = await rig.service.new_token(ada, "<b>bob</b>", "desk")
         (line,) = [user for user in rig.service.users(ada) if user.role == "student" and user.name != "student"]
         assert (line.name, line.tokens) == ("<b>bob</b>", ["desk"])
         assert token not in line.model_dump_json()

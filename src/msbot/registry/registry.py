@@ -85,7 +85,7 @@ class Registry:
         self.runs = Runs(storage)
         self.robots = Robots(storage, self.runs)
         self.edits = Edits(storage)
-        self.users = Users(storage, self.edits)
+        self.users = Users(storage)
         self.keys = PartKeys(storage, self.edits)
 
     @property

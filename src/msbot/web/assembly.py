@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import partial
 
-from msbot.config import Blueprint, Library
-from msbot.errors import RegistryError
+from msbot.config import Library
 from msbot.master import Master
 from msbot.operations.dispatch import RunningOperations
 from msbot.part import Message
 from msbot.pnp import KnownObject
-from msbot.registry import Registry, RobotRecord
+from msbot.registry import Registry, RobotRecord, RobotStore
 from msbot.sim import message_class
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.kept_sessions import session_file
@@ -30,8 +28,8 @@ from msbot.web.simulated.bench import Bench, NoBench
 from msbot.web.timeline import Timeline
 from msbot.web.views import BusMeter, Views
 
-BLUEPRINT_S = 1.0
-"""So long after a change by hand the pages show the wires as they are now."""
+SESSIONS_S = 1.0
+"""So often it is looked who may still be signed in."""
 LOOK_S = 0.25
 """The robot is looked at that often, whether or not a page is open: for beat intervals and newly bound topics."""
 
@@ -55,34 +53,10 @@ class Database:
     address: str
     """As it was opened."""
 
-
-class _Present:
-    """The blueprint as it holds now, with what people changed by hand.
-
-    It is read in a thread, and only when somebody has changed something: the robot never waits for it.
-    """
-
-    def __init__(self, master: Master, database: Database | None) -> None:
-        self._database = database
-        self._newest_edit: int | None = -1
-        self._blueprint = master.blueprint
-
-    def __call__(self) -> Blueprint:
-        return self._blueprint
-
-    async def look(self) -> None:
-        """Read it anew if there is something new; while the database cannot be read, what is known still holds."""
-        if self._database is not None:
-            with contextlib.suppress(RegistryError):
-                self._blueprint = await asyncio.to_thread(self._read, self._database)
-
-    def _read(self, database: Database) -> Blueprint:
-        newest = next((edit.id for edit in database.registry.edits.latest(database.robot, 1)), None)
-        if newest == self._newest_edit:
-            return self._blueprint
-        blueprint = database.registry.robots.blueprint(database.robot)
-        self._newest_edit = newest
-        return blueprint
+    @property
+    def memory(self) -> RobotStore:
+        """The robot as its database has it, without asking the database."""
+        return self.registry.runs.store(self.robot)
 
 
 class WebRoom:
@@ -113,11 +87,10 @@ class WebRoom:
             lambda name: library.messages[name].units if name in library.messages else {},
         )
         timeline = Timeline()
-        self._present = _Present(master, database)
         master.inventory.on_event(timeline.note)
         self._views = Views(
             master,
-            blueprint=self._present,
+            blueprint=lambda: master.blueprint if database is None else database.memory.blueprint,
             library=library,
             live=Live(master.space, _classes_of(library), clock),
             frames=seen.frames,
@@ -129,7 +102,7 @@ class WebRoom:
             bus=seen.bus,
             stop=lambda: stop_state(master.stop),
         )
-        self._users: UserStore = MemoryUsers() if database is None else RegistryUsers(database.registry)
+        self._users: UserStore = MemoryUsers() if database is None else RegistryUsers(database.registry, database.robot)
         self._accounts = accounts = Accounts(self._users, clock=clock)
         if entry_link:
             accounts.entry_token()
@@ -152,18 +125,16 @@ class WebRoom:
         try:
             async with asyncio.TaskGroup() as tasks:
                 tasks.create_task(self._keep_looking())
-                tasks.create_task(self._keep_reading())
+                tasks.create_task(self._keep_sessions())
                 tasks.create_task(self.server.run())
         finally:
             await asyncio.shield(self._sessions.keep())
 
-    async def _keep_reading(self) -> None:
-        """Follow what other programs change in the database, and keep the sessions."""
+    async def _keep_sessions(self) -> None:
+        """Follow what other programs change about people, and keep the sessions."""
         while True:
-            await asyncio.sleep(BLUEPRINT_S)
-            await self._present.look()
-            with contextlib.suppress(RegistryError):  # those who are known stay known
-                self._accounts.load(await asyncio.to_thread(self._users.users))
+            await asyncio.sleep(SESSIONS_S)
+            self._accounts.load(self._users.users())
             self._accounts.sessions.end_old()
             await self._sessions.keep()
 

@@ -7,6 +7,7 @@ import tempfile
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
@@ -16,8 +17,10 @@ from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Role, role_named
 from msbot.pnp import PartState
 from msbot.registry import EditKind, EditRecord, JournalEntry, PartRecord, Registry, RobotRecord, UserRecord
+from msbot.registry.edits import users as people
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
+from msbot.runtime.daemon_threads import DaemonThreads
 from msbot.runtime.worker import Workshop
 from msbot.web.access.users import User
 from msbot.web.api.models import JournalLine, Robot, RobotTile
@@ -44,22 +47,30 @@ class Records:
 
 
 class RegistryUsers:
-    """The `UserStore` of a robot with a database."""
+    """The `UserStore` of a database.
 
-    def __init__(self, registry: Registry) -> None:
+    Args:
+        registry: the database.
+        robot: the robot of it that runs here, from whose memory they are read then.
+    """
+
+    def __init__(self, registry: Registry, robot: RobotRecord | None = None) -> None:
         self._registry = registry
+        self._robot = robot
 
     def users(self) -> list[User]:
         """See `UserStore.users`."""
-        return [_user(record) for record in self._registry.users.all()]
+        registry, robot = self._registry, self._robot
+        return [_user(one) for one in (registry.users.all() if robot is None else registry.runs.store(robot).users)]
 
-    def keep_user(self, user: User, who: str) -> None:
-        """See `UserStore.keep_user`."""
-        self._registry.users.keep(user.name, user.role.word, who, password_hash=user.password_hash, tokens=user.tokens)
+    async def keep_users(self, users: Sequence[User], who: str) -> None:
+        """See `UserStore.keep_users`."""
+        kept = [people.Person(user.name, user.role.word, user.password_hash, user.tokens) for user in users]
+        await self._registry.edits.make_soon(None, who, partial(people.keep, people=kept))
 
-    def remove_user(self, name: str, who: str) -> None:
+    async def remove_user(self, name: str, who: str) -> None:
         """See `UserStore.remove_user`."""
-        self._registry.users.remove(name, who)
+        await self._registry.edits.make_soon(None, who, partial(people.remove, name=name))
 
 
 def registry_records(
@@ -75,6 +86,7 @@ def registry_records(
         address: the database as it was opened: for backups.
     """
 
+    aside = DaemonThreads(1, "msbot backup")  # one at a time: each takes a copy of everything
     workshop = Workshop()  # what strangers write is read by another process, see there
 
     async def diff(toml: str) -> list[str]:
@@ -86,12 +98,13 @@ def registry_records(
         return (await operations.applying.put_in_force(wanted, who=who)).words
 
     async def backup() -> bytes:
-        return await asyncio.to_thread(_backup, address)
+        return await asyncio.get_running_loop().run_in_executor(aside, _backup, address)
 
     async def restore(content: bytes, who: str) -> str:
-        known = await registry.storage.in_time(registry.users.all)
+        known = registry.runs.store(robot).users
         has_administrator = any(user.role == Role.ADMINISTRATOR.word for user in known)  # the demo has none
-        await asyncio.to_thread(held.hold, address, content, needs_administrator=has_administrator)
+        hold = partial(held.hold, address, content, needs_administrator=has_administrator)
+        await asyncio.get_running_loop().run_in_executor(aside, hold)
         registry.edits.note(robot, EditKind.RESTORE, "a backup is put in force when the master starts anew", who)
         return "The backup is checked and kept: it is put in force when the master starts anew."
 

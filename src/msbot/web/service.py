@@ -227,10 +227,10 @@ class Service:
         self._need(session, Right.ADMINISTER)
         return [_edit_line(edit) for edit in await self._records.people_edits(limit)]
 
-    def change_role(self, session: Session, name: str, role: str) -> Done:
+    async def change_role(self, session: Session, name: str, role: str) -> Done:
         """Give a user another role."""
         self._need(session, Right.ADMINISTER)
-        self.accounts.change_role(name, role, who=session.name)
+        await self.accounts.change_role(name, role, who=session.name)
         return Done(words=f"{name} is {role_named(role).one} now")
 
     async def change_password(self, session: Session, name: str, password: str, old: str | None) -> Done:
@@ -246,21 +246,21 @@ class Service:
         await self.accounts.change_password(name, password, who=session.name, old=(old or "") if is_own else None)
         return Done(words=f"{name} has a new password; sessions and API tokens of {name} have ended")
 
-    def remove_user(self, session: Session, name: str) -> Done:
+    async def remove_user(self, session: Session, name: str) -> Done:
         """Let a person in no more."""
         self._need(session, Right.ADMINISTER)
-        self.accounts.remove_user(name, who=session.name)
+        await self.accounts.remove_user(name, who=session.name)
         return Done(words=f"{name} is removed")
 
-    def new_token(self, session: Session, name: str, purpose: str) -> str:
+    async def new_token(self, session: Session, name: str, purpose: str) -> str:
         """Make an API token for oneself; an administrator makes them for others, too."""
         self._need(session, Right.SEE if name == session.name else Right.ADMINISTER)
-        return self.accounts.new_token(name, purpose, who=session.name)
+        return await self.accounts.new_token(name, purpose, who=session.name)
 
-    def remove_token(self, session: Session, name: str, purpose: str) -> Done:
+    async def remove_token(self, session: Session, name: str, purpose: str) -> Done:
         """Make an API token worthless."""
         self._need(session, Right.SEE if name == session.name else Right.ADMINISTER)
-        self.accounts.remove_token(name, purpose, who=session.name)
+        await self.accounts.remove_token(name, purpose, who=session.name)
         return Done(words=f"the token for {purpose} is removed")
 
     async def backup(self, session: Session) -> bytes:

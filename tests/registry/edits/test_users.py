@@ -6,23 +6,24 @@ from msbot.config import Blueprint, Library
 from msbot.errors import ConfigError
 from msbot.registry import ROLES, KeyRecord, Registry
 from tests.registry.events import UID
+from tests.registry.hand import Hand
 
 SECRET = bytes(range(16))
 
 
 def test_a_user_is_added_changed_and_removed(registry: Registry) -> None:
     assert registry.users.all() == []
-    registry.users.keep("ann", "administrator", "setup", password_hash="salt")
-    edit = registry.users.keep("bob", "student", "ann", password_hash="", tokens=(("tablet", "abc"),))
+    Hand(registry).keep_user("ann", "administrator", "setup", password_hash="salt")
+    edit = Hand(registry).keep_user("bob", "student", "ann", password_hash="", tokens=(("tablet", "abc"),))
     assert (edit.kind, edit.who, edit.words) == ("user", "ann", "user bob added as student")
     bob = registry.users.find("bob")
     assert bob is not None
     assert (bob.name, bob.role, bob.password_hash, bob.tokens) == ("bob", "student", "", (("tablet", "abc"),))
     words = [
-        registry.users.keep("bob", "teacher", "ann", password_hash="").words,
-        registry.users.keep("bob", "teacher", "ann", password_hash="pepper").words,
-        registry.users.keep("bob", "teacher", "ann", password_hash="pepper", tokens=(("desk", "def"),)).words,
-        registry.users.remove("bob", "ann").words,
+        Hand(registry).keep_user("bob", "teacher", "ann", password_hash="").words,
+        Hand(registry).keep_user("bob", "teacher", "ann", password_hash="pepper").words,
+        Hand(registry).keep_user("bob", "teacher", "ann", password_hash="pepper", tokens=(("desk", "def"),)).words,
+        Hand(registry).remove_user("bob", "ann").words,
     ]
     assert words == [
         "user bob is teacher now; was student",
@@ -36,14 +37,14 @@ def test_a_user_is_added_changed_and_removed(registry: Registry) -> None:
 
 
 def test_somebody_stays_administrator(registry: Registry) -> None:
-    registry.users.keep("ann", "administrator", "setup", password_hash="salt")
+    Hand(registry).keep_user("ann", "administrator", "setup", password_hash="salt")
     words = "ann is the only administrator: make somebody else administrator first"
     with pytest.raises(ConfigError, match=words):
-        registry.users.remove("ann", "ann")
+        Hand(registry).remove_user("ann", "ann")
     with pytest.raises(ConfigError, match=words):
-        registry.users.keep("ann", "viewer", "ann", password_hash="salt")
-    registry.users.keep("bob", "administrator", "ann", password_hash="")
-    registry.users.remove("ann", "bob")
+        Hand(registry).keep_user("ann", "viewer", "ann", password_hash="salt")
+    Hand(registry).keep_user("bob", "administrator", "ann", password_hash="")
+    Hand(registry).remove_user("ann", "bob")
 
 
 @pytest.mark.parametrize(
@@ -56,9 +57,9 @@ def test_somebody_stays_administrator(registry: Registry) -> None:
 )
 def test_a_user_that_cannot_be(registry: Registry, name: str, role: str, sentence: str) -> None:
     with pytest.raises(ConfigError, match=sentence):
-        registry.users.keep(name, role, "x", password_hash="")
+        Hand(registry).keep_user(name, role, "x", password_hash="")
     with pytest.raises(ConfigError, match="there is no user"):
-        registry.users.remove(name, "x")
+        Hand(registry).remove_user(name, "x")
     assert registry.edits.latest(None) == []
 
 
@@ -81,5 +82,5 @@ def test_a_part_has_one_key(registry: Registry, blueprint: Blueprint, library: L
 
 def test_the_secret_stands_in_no_edit(registry: Registry) -> None:
     registry.keys.keep(UID, SECRET, "ann")
-    registry.users.keep("ann", "administrator", "setup", password_hash="salted hash")
+    Hand(registry).keep_user("ann", "administrator", "setup", password_hash="salted hash")
     assert [name for name in ("salted hash", SECRET.hex()) if name in str(registry.edits.latest(None))] == []

@@ -14,6 +14,7 @@ from msbot.registry import open_registry
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.registry.maintenance.backup_check import fault_of
+from tests.registry.hand import Hand
 
 ENDLESS = """
 DROP TABLE users;
@@ -28,7 +29,7 @@ def backup(path: Path, tmp_path: Path, blueprint: Blueprint, library: Library) -
     with open_registry(path) as registry:
         robot = registry.robots.apply_blueprint(blueprint, library)
         registry.runs.begin(robot)
-        registry.users.keep("ada", "administrator", "ada", password_hash="hash")
+        Hand(registry).keep_user("ada", "administrator", "ada", password_hash="hash")
     target = tmp_path / "backup.db"
     upkeep.back_up(str(path), target)
     return target

@@ -29,7 +29,7 @@ def full(registry: Registry, blueprint: Blueprint, library: Library) -> Registry
     Hand(registry).place(robot, UID, "BB", "Ann")
     Hand(registry).undo(robot, None, "Ann")
     Hand(registry).block(robot, "number", "WXYZ", "hot", "Ann")
-    registry.users.keep("ann", "administrator", "ann", password_hash="salt", tokens=(("desk", "abc"),))
+    Hand(registry).keep_user("ann", "administrator", "ann", password_hash="salt", tokens=(("desk", "abc"),))
     registry.keys.keep(UID, b"\x00secret", "ann")
     registry.runs.node_ids(robot, "can:0").keep(7, UID)
     registry.storage.flush()

@@ -9,16 +9,17 @@ from msbot.errors import RegistryError
 from msbot.registry import Registry, open_registry
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
+from tests.registry.hand import Hand
 
 
 @pytest.fixture
 def backup(registry: Registry, path: Path, blueprint: Blueprint, library: Library, tmp_path: Path) -> bytes:
     """A backup of the database while bob could sign in; he cannot any more."""
     registry.robots.apply_blueprint(blueprint, library)
-    registry.users.keep("ann", "administrator", "ann", password_hash="salt", tokens=())
-    registry.users.keep("bob", "student", "ann", password_hash="salt", tokens=())
+    Hand(registry).keep_user("ann", "administrator", "ann", password_hash="salt", tokens=())
+    Hand(registry).keep_user("bob", "student", "ann", password_hash="salt", tokens=())
     upkeep.back_up(str(path), tmp_path / "copy.db")
-    registry.users.remove("bob", "ann")
+    Hand(registry).remove_user("bob", "ann")
     return (tmp_path / "copy.db").read_bytes()
 
 

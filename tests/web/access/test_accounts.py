@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Sequence
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError
+from msbot.errors import ConfigError, RegistryError
 from msbot.operations.rights import Right, Role, role_named
 from msbot.web.access.accounts import Accounts, NotAllowed, SignedOut
 from msbot.web.access.attempts import SignInRefused
@@ -114,11 +117,11 @@ async def test_a_changed_role_counts_at_once_and_a_removed_user_is_out() -> None
     await accounts.add_user("bob", Role.TEACHER, "also correct", who="ada")
     session = await sign_in(accounts, "bob", "also correct")
     accounts.require(session, Right.ARRANGE)
-    accounts.change_role("bob", "viewer", who="ada")
+    await accounts.change_role("bob", "viewer", who="ada")
     with pytest.raises(NotAllowed, match="a viewer may not arrange parts; a teacher may"):
         accounts.require(session, Right.ARRANGE)
     accounts.require(session, Right.STOP)
-    accounts.remove_user("bob", who="ada")
+    await accounts.remove_user("bob", who="ada")
     with pytest.raises(SignedOut):
         accounts.require(session, Right.SEE)
 
@@ -145,11 +148,11 @@ async def test_signing_out_ends_the_session() -> None:
 async def test_the_last_administrator_stays() -> None:
     accounts, _ = make()
     with pytest.raises(ConfigError, match="last administrator"):
-        accounts.remove_user("ada", who="ada")
+        await accounts.remove_user("ada", who="ada")
     with pytest.raises(ConfigError, match="last administrator"):
-        accounts.change_role("ada", "teacher", who="ada")
+        await accounts.change_role("ada", "teacher", who="ada")
     await accounts.add_user("bob", Role.ADMINISTRATOR, "also correct", who="ada")
-    accounts.change_role("ada", "teacher", who="bob")
+    await accounts.change_role("ada", "teacher", who="bob")
 
 
 @pytest.mark.parametrize("name", ["", " ada", "a" * 65, "a\nb", "ada"])
@@ -161,23 +164,23 @@ async def test_names_that_will_not_do(name: str) -> None:
 
 async def test_api_tokens_stand_for_their_user_until_they_are_removed() -> None:
     accounts, _ = make()
-    token = accounts.new_token("ada", "logger", who="ada")
+    token = await accounts.new_token("ada", "logger", who="ada")
     session = accounts.by_api_token(token)
     assert session is not None
     assert (session.name, session.role, session.is_program) == ("ada", Role.ADMINISTRATOR, True)
     assert token not in str(accounts.users())
     with pytest.raises(ConfigError, match="already"):
-        accounts.new_token("ada", "logger", who="ada")
-    accounts.remove_token("ada", "logger", who="ada")
+        await accounts.new_token("ada", "logger", who="ada")
+    await accounts.remove_token("ada", "logger", who="ada")
     assert accounts.by_api_token(token) is None
     with pytest.raises(ConfigError, match="no token"):
-        accounts.remove_token("ada", "logger", who="ada")
+        await accounts.remove_token("ada", "logger", who="ada")
 
 
 @given(st.text(max_size=80))
 def test_a_guessed_token_opens_nothing(guess: str) -> None:
     accounts, _ = make()
-    accounts.new_token("ada", "logger", who="ada")
+    asyncio.run(accounts.new_token("ada", "logger", who="ada"))
     assert accounts.by_api_token(guess) is None
     assert accounts.session(guess) is None
 
@@ -194,7 +197,7 @@ def test_roles_have_the_rights_of_the_ones_below() -> None:
 
 async def test_a_new_password_ends_the_api_tokens_and_asks_for_the_old_one() -> None:
     accounts, _ = make()
-    token = accounts.new_token("ada", "logger", who="ada")
+    token = await accounts.new_token("ada", "logger", who="ada")
     with pytest.raises(ConfigError, match="old password is wrong"):
         await accounts.change_password("ada", "another horse", who="ada", old="guess")
     assert accounts.by_api_token(token) is not None
@@ -209,6 +212,51 @@ async def test_an_old_hash_still_verifies_and_is_made_anew() -> None:
     assert store.users()[0].password_hash == "hash of correct horse"
     accounts.load(store.users())
     assert accounts.session(session.token) is session, "a better hash of the same password ends nothing"
+
+
+class FullDisk(MemoryUsers):
+    """A store that takes nothing."""
+
+    async def keep_users(self, users: Sequence[User], who: str) -> None:
+        raise RegistryError("nothing was changed: the disk is full")
+
+    async def remove_user(self, name: str, who: str) -> None:
+        raise RegistryError("nothing was changed: the disk is full")
+
+
+async def test_what_cannot_be_stored_does_not_count_and_nobody_is_kept_out_by_it() -> None:
+    people = (User("ada", Role.ADMINISTRATOR, "old hash of correct horse"), user("bob"))
+    accounts = Accounts(FullDisk(*people), clock=Clock(), hasher=PlainHasher())
+    session = await sign_in(accounts)  # the hash is made anew the next time
+    deeds = (
+        accounts.add_user("eve", Role.STUDENT, "long enough", who="ada"),
+        accounts.change_role("bob", "viewer", who="ada"),
+        accounts.change_password("bob", "another horse", who="ada"),
+        accounts.remove_user("bob", who="ada"),
+        accounts.new_token("bob", "logger", who="ada"),
+    )
+    for deed in deeds:
+        with pytest.raises(RegistryError, match="nothing was changed"):
+            await deed
+    assert accounts.users() == list(people)
+    assert accounts.session(session.token) is session
+
+
+async def test_of_two_administrators_who_turn_each_other_out_one_stays() -> None:
+    accounts = Accounts(SlowUsers(user("ada"), user("bob")), clock=Clock(), hasher=PlainHasher())
+    done = await asyncio.gather(
+        accounts.remove_user("bob", who="ada"), accounts.remove_user("ada", who="bob"), return_exceptions=True
+    )
+    assert [type(one) for one in done] == [type(None), ConfigError]
+    assert [one.name for one in accounts.users()] == ["ada"]
+
+
+class SlowUsers(MemoryUsers):
+    """A store that others get in before."""
+
+    async def remove_user(self, name: str, who: str) -> None:
+        await asyncio.sleep(0)
+        await super().remove_user(name, who)
 
 
 async def test_a_browser_that_was_used_before_is_not_kept_out_by_guesses_from_elsewhere() -> None:

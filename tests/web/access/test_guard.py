@@ -145,7 +145,7 @@ async def test_a_made_up_cookie_is_nobody() -> None:
 
 async def test_an_api_token_is_let_through_and_a_forged_one_is_not() -> None:
     rig = Rig()
-    token = rig.accounts.new_token("bob", "logger", who="ada")
+    token = await rig.accounts.new_token("bob", "logger", who="ada")
     assert (await rig.ask("/api/robot", authorization=f"Bearer {token}")).status == 200
     assert (await rig.ask("/api/stop", "POST", authorization=f"Bearer {token}")).status == 200
     for forged in (f"Bearer {token}x", "Bearer ", f"Basic {token}", token):
@@ -156,7 +156,7 @@ async def test_an_api_token_is_let_through_and_a_forged_one_is_not() -> None:
 
 async def test_a_token_is_no_way_to_the_pages() -> None:
     rig = Rig()
-    token = rig.accounts.new_token("bob", "logger", who="ada")
+    token = await rig.accounts.new_token("bob", "logger", who="ada")
     assert (await rig.ask("/", authorization=f"Bearer {token}")).status == 303
 
 

@@ -70,7 +70,7 @@ async def test_sessions_survive_a_restart_and_the_file_signs_nobody_in(folder: P
     await file.keep()
     assert mode_of(folder / "sessions.json") & 0o077 == 0
     assert ada.token not in text_of(folder / "sessions.json")
-    users.remove_user("bob", "ada")
+    await users.remove_user("bob", "ada")
     clock.now = 5.0  # another boot's clock
     after, _ = restarted(folder, users, clock)
     found = after.session(ada.token)

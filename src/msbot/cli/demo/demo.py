@@ -32,7 +32,7 @@ from msbot.errors import ConfigError, MsbotError
 from msbot.link.can.sim import SimBusServer, check_free
 from msbot.master import StopSocket, first_error, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
-from msbot.registry import Registry, RobotRecord, open_registry
+from msbot.registry import Registry, RobotRecord, RobotStore, StoredNodeIds, open_registry
 from msbot.space import SpaceAddress
 
 if TYPE_CHECKING:
@@ -157,21 +157,27 @@ def command(
     if sys.stdout.isatty() and not options.page.off and not as_json_object:
         click.echo("Starting the robot and its page ...")
     with tempfile.TemporaryDirectory(prefix="msbot-demo-") as folder, contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(_main(options, Path(folder), db))
+        path = Path(folder) / "robot.toml"
+        write_sample(path, options.sample)
+        library = load_library()
+        blueprint = load_blueprint(path, library)
+        address = str(db or Path(folder) / "robot.db")
+        with open_registry(address) as registry:  # which may take its time: no event loop waits for it
+            store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
+            node_ids = registry.runs.node_ids(store.robot, "demo")
+            asyncio.run(_main(options, blueprint, library, (registry, store, address), node_ids))
 
 
-async def _main(options: _Options, folder: Path, db: Path | None) -> None:
-    path = folder / "robot.toml"
-    write_sample(path, options.sample)
-    library = load_library()
-    blueprint = load_blueprint(path, library)
-    address = str(db or folder / "robot.db")
-    with robot_space(options.space, blueprint, library) as space, open_registry(address) as registry:
-        record = registry.robots.apply_blueprint(blueprint, library)
+async def _main(
+    options: _Options, blueprint: Blueprint, library: Library, database: tuple[Registry, RobotStore, str],
+    node_ids: StoredNodeIds,
+) -> None:  # fmt: skip
+    registry, store, address = database
+    with robot_space(options.space, blueprint, library) as space:
         robot = DemoRobot(
             blueprint,
-            registry.runs.begin(record),
-            node_ids=registry.runs.node_ids(record, "demo"),
+            store,
+            node_ids=node_ids,
             wire=options.wire,
             bitrate=options.bitrate,
             data_bitrate=options.data_bitrate,
@@ -182,7 +188,7 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
             spares=_spares(blueprint) if options.spare else None,
         )
         _check_script(options.script, robot)
-        operations = RunningOperations(robot.master, registry, record, library=library)
+        operations = RunningOperations(robot.master, registry, store.robot, library=library)
         notes = _Notes()
         deeds = _deeds(robot, operations, notes)
         with _logging(robot, options.log):
@@ -194,7 +200,7 @@ async def _main(options: _Options, folder: Path, db: Path | None) -> None:
 
             if not options.page.off:
                 with made_to_stay():
-                    room = _make_page(robot, operations, library, (registry, record, address), options.page)
+                    room = _make_page(robot, operations, library, (registry, store.robot, address), options.page)
                 beside.append(serve_page(room, robot.master.ready, options.page, notes.add))
             beside.append(
                 _answering(robot, operations, address, page_address, lambda: registry.storage.health.trouble).run()

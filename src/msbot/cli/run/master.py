@@ -27,12 +27,12 @@ from msbot.cli.options import (
 from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.config import Blueprint, Library, open_blueprint
-from msbot.link import open_link
+from msbot.link import Link, open_link
 from msbot.link.can import CanSettings, Codec
 from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.pnp import PartEvent
-from msbot.registry import open_registry
+from msbot.registry import Registry, RobotStore, open_registry
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.runtime.terminal_log import TerminalHandler
 from msbot.space import SpaceAddress
@@ -75,24 +75,36 @@ def command(
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # what is wrong is told before the database is touched
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(_main(robot, library, addresses, space, db or database_beside(blueprint), page))
+        _with_database(robot, library, addresses, space, db or database_beside(blueprint), page)
 
 
-async def _main(  # noqa: PLR0917 - what the command was given
+def _with_database(  # noqa: PLR0917 - what the command was given
     blueprint: Blueprint, library: Library, addresses: Sequence[str], where: SpaceAddress, db: str, page: PageWishes
 ) -> None:
+    """Opening and closing a database may take its time: no event loop runs meanwhile, and Ctrl-C ends it."""
     profile = profile_of(blueprint)
     kept = held.bring_back_held(db)
     if kept is not None:
         click.echo(f"the backup that was handed in is in force; what the database had is kept in {kept}")
-    with robot_space(where, blueprint, library) as space, open_registry(db) as registry:
+    with open_registry(db) as registry:
         robot = registry.robots.apply_blueprint(blueprint, library)
-        file = stop_file(profile.name, profile.serial_number, database_identity(db))
-        master = Master(blueprint, registry.runs.begin(robot), space=space, stop_file=file)
-        operations = RunningOperations(master, registry, robot, library=library)
-        master.inventory.on_event(_say)
+        store = registry.runs.begin(robot)
         can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.runs.node_ids, robot))
         links = [open_link(address, serve=True, can=can) for address in addresses]
+        asyncio.run(_main(blueprint, library, links, where, (registry, store, db), page))
+
+
+async def _main(  # noqa: PLR0917
+    blueprint: Blueprint, library: Library, links: Sequence[Link], where: SpaceAddress,
+    database: tuple[Registry, RobotStore, str], page: PageWishes,
+) -> None:  # fmt: skip
+    registry, store, db = database
+    robot, profile = store.robot, profile_of(blueprint)
+    with robot_space(where, blueprint, library) as space:
+        file = stop_file(profile.name, profile.serial_number, database_identity(db))
+        master = Master(blueprint, store, space=space, stop_file=file)
+        operations = RunningOperations(master, registry, robot, library=library)
+        master.inventory.on_event(_say)
         for link in links:
             master.add_link(link)
         links_words = ", ".join(link.info.name for link in links)
@@ -117,9 +129,13 @@ async def _main(  # noqa: PLR0917 - what the command was given
                 from msbot.web.assembly import Database, WebRoom
                 from msbot.web.real_buses import seen_of_links
 
-                database = Database(registry, robot, db)
                 room = WebRoom(
-                    master, operations, library, database=database, seen=seen_of_links(links), settings=page.settings()
+                    master,
+                    operations,
+                    library,
+                    database=Database(registry, robot, db),
+                    seen=seen_of_links(links),
+                    settings=page.settings(),
                 )
             page_beside.append(serve_page(room, master.ready, page, click.echo))
         status = StatusServer(

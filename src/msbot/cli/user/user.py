@@ -102,7 +102,7 @@ def passwd(name: str, *, from_stdin: bool, generate: bool, db: str | None) -> No
 def change_role(name: str, role: str, db: str | None) -> None:
     """Give NAME another ROLE."""
     with _accounts(db) as accounts:
-        accounts.change_role(name, role, who=user_name())
+        asyncio.run(accounts.change_role(name, role, who=user_name()))
     click.echo(f"{name} is {role_named(role).one} now")
 
 
@@ -113,7 +113,7 @@ def remove(names: tuple[str, ...], db: str | None) -> None:
     """Let NAME sign in no more; several names remove several people."""
     with _accounts(db) as accounts:
         for name in names:
-            accounts.remove_user(name, who=user_name())
+            asyncio.run(accounts.remove_user(name, who=user_name()))
             click.echo(f"{name} may sign in no more")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from time import monotonic
 from typing import ParamSpec, TypeVar
@@ -16,6 +15,7 @@ from msbot.registry.database.database_errors import told_as_registry_error
 from msbot.registry.database.database_file import DatabaseFile
 from msbot.registry.database.engine import WAIT_S, WRITE, Address
 from msbot.registry.database.writer import Writer
+from msbot.runtime.daemon_threads import DaemonThreads
 
 SLOWEST_S = 5.0
 """So long a person waits for a change at a running robot, besides the database's wait for another program."""
@@ -74,7 +74,7 @@ class Storage:
         self._file = None if read_only or address.path is None else DatabaseFile(engine, address.path)
         check = (lambda: None) if self._file is None else self._file.check
         self._writer = None if read_only else Writer(engine, address.words, check=check)
-        self._threads = ThreadPoolExecutor(READERS, thread_name_prefix="msbot registry reader")
+        self._threads = DaemonThreads(READERS, "msbot registry reader")
         self._asking: dict[int, float] = {}
         """When each of those that are being served, or wait, has asked."""
         self._asked = 0
@@ -179,7 +179,7 @@ class Storage:
             self._writer.close()
         if self._file is not None:
             self._file.close()
-        self._threads.shutdown(wait=False, cancel_futures=True)
+        self._threads.shutdown()
         self.engine.dispose()
 
     def _no_answer(self) -> str:

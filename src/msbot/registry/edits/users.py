@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
+from typing import NamedTuple
 
 from sqlalchemy import Connection
 
@@ -13,12 +15,49 @@ from msbot.registry.edits.editing import Edits
 from msbot.registry.records import EditKind, EditRecord, KeyRecord, UserRecord
 
 
+class Person(NamedTuple):
+    """Somebody who may sign in, as they are to be kept."""
+
+    name: str
+    """To log in with."""
+    role: str
+    """`viewer`, `student`, `teacher` or `administrator`."""
+    password_hash: str = ""
+    """Salted; empty: no password will do."""
+    tokens: tuple[tuple[str, str], ...] = ()
+    """Pairs of (what for, hash) that stand for a password."""
+
+
+def keep(connection: Connection, author: Author, people: Iterable[Person]) -> EditRecord:
+    """Add users, or change those of these names: all of them, or nobody; for `Edits.make`. Gives the last edit.
+
+    Raises:
+        ConfigError: no such role, or nobody would be administrator any more.
+    """
+    edit = None
+    for name, role, password_hash, tokens in people:
+        words = statements.keep_user(
+            connection, name, role, password_hash=password_hash, tokens=tokens, now_ns=author.now_ns
+        )
+        edit = record(connection, author, EditKind.USER, words)
+    assert edit is not None
+    return edit
+
+
+def remove(connection: Connection, author: Author, name: str) -> EditRecord:
+    """Forget a user; for `Edits.make`.
+
+    Raises:
+        ConfigError: there is none of that name, or nobody would be administrator any more.
+    """
+    return record(connection, author, EditKind.USER, statements.remove_user(connection, name))
+
+
 class Users:
     """Who may sign in."""
 
-    def __init__(self, storage: Storage, edits: Edits) -> None:
+    def __init__(self, storage: Storage) -> None:
         self._storage = storage
-        self._edits = edits
 
     def all(self) -> list[UserRecord]:
         """All users, by name.
@@ -35,44 +74,6 @@ class Users:
             RegistryError: the database cannot be read.
         """
         return self._storage.read(partial(statements.find_user, name=name))
-
-    def keep(
-        self, name: str, role: str, who: str, *, password_hash: str, tokens: tuple[tuple[str, str], ...] = ()
-    ) -> EditRecord:
-        """Add a user, or change the one of that name.
-
-        Args:
-            name: to log in with.
-            role: viewer, student, teacher or administrator.
-            who: who does it.
-            password_hash: salted; empty: no password will do.
-            tokens: pairs of (what for, hash) that stand for a password.
-
-        Raises:
-            ConfigError: no such role, or nobody would be administrator any more.
-            RegistryError: the database cannot be written; nothing has changed.
-        """
-
-        def make(connection: Connection, author: Author) -> EditRecord:
-            words = statements.keep_user(
-                connection, name, role, password_hash=password_hash, tokens=tokens, now_ns=author.now_ns
-            )
-            return record(connection, author, EditKind.USER, words)
-
-        return self._edits.make(None, who, make)
-
-    def remove(self, name: str, who: str) -> EditRecord:
-        """Forget a user.
-
-        Raises:
-            ConfigError: there is none of that name, or nobody would be administrator any more.
-            RegistryError: the database cannot be written; nothing has changed.
-        """
-
-        def make(connection: Connection, author: Author) -> EditRecord:
-            return record(connection, author, EditKind.USER, statements.remove_user(connection, name))
-
-        return self._edits.make(None, who, make)
 
 
 class PartKeys:

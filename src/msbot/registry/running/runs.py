@@ -7,6 +7,7 @@ from functools import partial
 
 from sqlalchemy import Connection
 
+from msbot.errors import RegistryError
 from msbot.registry.database import statements as store
 from msbot.registry.database.storage import Storage
 from msbot.registry.records import RobotRecord
@@ -47,6 +48,17 @@ class Runs:
         writer.watch(self._look, self._follow)
         self._stores[robot.id] = RobotStore(writer, storage.words, robot, memory, storage.epoch_ns)
         return self._stores[robot.id]
+
+    def store(self, robot: RobotRecord) -> RobotStore:
+        """The memory of a robot that runs here: answers at once, whatever the database does.
+
+        Raises:
+            RegistryError: this process does not run it.
+        """
+        found = self._stores.get(robot.id)
+        if found is None:
+            raise RegistryError(f"robot {robot.name} does not run in this process")
+        return found
 
     def is_run(self, robot: RobotRecord) -> bool:
         """Whether a master runs this robot now: this process, or another one.

@@ -7,11 +7,13 @@ another program change there comes in by `load`. A changed role and a removed us
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import hmac
 import secrets
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
-from msbot.errors import ConfigError, MsbotError
+from msbot.errors import ConfigError, MsbotError, RegistryError
 from msbot.operations.rights import Right, Role, role_named
 from msbot.web.access.attempts import Attempts, SignInRefused
 from msbot.web.access.class_list import Newcomer
@@ -57,10 +59,19 @@ class Accounts:
         self._setup_token = ""
         self._entry_token = ""
         self._device_key = secrets.token_bytes(32)
+        self._changing = asyncio.Lock()
+        """Held from looking at somebody until the change is stored: no other change comes in between."""
         self.load(store.users())
 
     def load(self, users: Iterable[User]) -> None:
-        """Take what the store holds now; sessions of people who are not there any more end."""
+        """Take what the store holds now; sessions of people who are not there any more end.
+
+        While somebody is being changed here nothing is taken: what the store holds would be half of it.
+        """
+        if not self._changing.locked():
+            self._take(users)
+
+    def _take(self, users: Iterable[User]) -> None:
         before, self._users = self._users, {user.name: user for user in users}
         self._token_users = {digest: user.name for user in self._users.values() for _, digest in user.tokens}
         for name, old in before.items():
@@ -151,10 +162,18 @@ class Accounts:
             self._attempts.wrong(name, address, known, self._clock())
             raise SignInRefused("wrong name or password")
         self._attempts.right(name, address, known)
-        session = self.sessions.begin(user.name, user.role)
         if self._hasher.is_outdated(stored):
-            self._keep(User(user.name, user.role, await self._hasher.hash(password), user.tokens), user.name)
-        return session
+            await self._hash_anew(user, password)
+        return self.sessions.begin(user.name, user.role)
+
+    async def _hash_anew(self, user: User, password: str) -> None:
+        """Keep a better hash of the same password; if that cannot be, the next time they sign in will do."""
+        hashed = await self._hasher.hash(password)
+        with contextlib.suppress(RegistryError):
+            async with self._changing:
+                present = self._users.get(user.name)
+                if present is not None and present.password_hash == user.password_hash:
+                    await self._keep(user.name, replace(present, password_hash=hashed))
 
     def device_of(self, name: str) -> str:
         """What a browser keeps after signing in: it says that this person has used it before, nothing else."""
@@ -232,8 +251,9 @@ class Accounts:
         self._check_name(name)
         check_password(password)
         hashed = await self._hasher.hash(password)
-        self._check_name(name)  # meanwhile somebody else may have taken it
-        self._keep(User(name, role, hashed), who)
+        async with self._changing:
+            self._check_name(name)  # meanwhile somebody else may have taken it
+            await self._keep(who, User(name, role, hashed))
 
     async def add_people(self, people: Iterable[Newcomer], *, who: str) -> None:
         """Let a whole class sign in: all of them, or nobody.
@@ -245,21 +265,23 @@ class Accounts:
         for one in newcomers:
             self._check_name(one.name)
         users = [User(one.name, one.role, await self._hasher.hash(one.password)) for one in newcomers]
-        for user in users:
-            self._check_name(user.name)
-        for user in users:
-            self._keep(user, who)
+        async with self._changing:
+            for user in users:
+                self._check_name(user.name)
+            await self._keep(who, *users)
 
-    def change_role(self, name: str, role: str, *, who: str) -> None:
+    async def change_role(self, name: str, role: str, *, who: str) -> None:
         """Give a user another role; it counts at once.
 
         Raises:
             ConfigError: there is no such user or role, or it is the last administrator.
         """
-        user, wanted = self._find(name), role_named(role)
-        if wanted is not Role.ADMINISTRATOR:
-            self._check_not_last(user, "have another role")
-        self._keep(User(user.name, wanted, user.password_hash, user.tokens), who)
+        wanted = role_named(role)
+        async with self._changing:
+            user = self._find(name)
+            if wanted is not Role.ADMINISTRATOR:
+                self._check_not_last(user, "have another role")
+            await self._keep(who, replace(user, role=wanted))
         self.sessions.change_role(name, wanted)
 
     async def change_password(self, name: str, password: str, *, who: str, old: str | None = None) -> None:
@@ -279,53 +301,56 @@ class Accounts:
         if old is not None and not await self._hasher.matches(user.password_hash, old[: LONGEST + 1]):
             raise ConfigError("the old password is wrong")
         hashed = await self._hasher.hash(password)
-        user = self._find(name)
-        self._keep(User(user.name, user.role, hashed), who)
+        async with self._changing:
+            await self._keep(who, replace(self._find(name), password_hash=hashed, tokens=()))
         self.sessions.end_all_of(name)
 
-    def remove_user(self, name: str, *, who: str) -> None:
+    async def remove_user(self, name: str, *, who: str) -> None:
         """Let a person in no more.
 
         Raises:
             ConfigError: there is no such user, or it is the last administrator.
         """
-        self._check_not_last(self._find(name), "be removed")
-        self._store.remove_user(name, who)
-        self.load([user for user in self._users.values() if user.name != name])
+        async with self._changing:
+            self._check_not_last(self._find(name), "be removed")
+            await self._store.remove_user(name, who)
+            self._take([user for user in self._users.values() if user.name != name])
 
-    def new_token(self, name: str, purpose: str, *, who: str) -> str:
+    async def new_token(self, name: str, purpose: str, *, who: str) -> str:
         """Make an API token; this is the only moment it can be read.
 
         Raises:
             ConfigError: there is no such user, or the purpose is taken or makes no sense.
         """
-        user = self._find(name)
         if not purpose or len(purpose) > MAX_NAME or not purpose.isprintable():
             raise ConfigError(f"say what the token is for, in 1 to {MAX_NAME} characters")
-        if any(purpose == known for known, _ in user.tokens):
-            raise ConfigError(f"{name} has a token for {purpose!r} already: remove it first")
         token = f"msbot_{secrets.token_urlsafe(32)}"
-        tokens = (*user.tokens, (purpose, digest_of(token)))
-        self._keep(User(user.name, user.role, user.password_hash, tokens), who)
+        async with self._changing:
+            user = self._find(name)
+            if any(purpose == known for known, _ in user.tokens):
+                raise ConfigError(f"{name} has a token for {purpose!r} already: remove it first")
+            await self._keep(who, replace(user, tokens=(*user.tokens, (purpose, digest_of(token)))))
         return token
 
-    def remove_token(self, name: str, purpose: str, *, who: str) -> None:
+    async def remove_token(self, name: str, purpose: str, *, who: str) -> None:
         """Make an API token worthless.
 
         Raises:
             ConfigError: there is no such user or token.
         """
-        user = self._find(name)
-        tokens = tuple(token for token in user.tokens if token[0] != purpose)
-        if tokens == user.tokens:
-            raise ConfigError(f"{name} has no token for {purpose!r}")
-        self._keep(User(user.name, user.role, user.password_hash, tokens), who)
+        async with self._changing:
+            user = self._find(name)
+            tokens = tuple(token for token in user.tokens if token[0] != purpose)
+            if tokens == user.tokens:
+                raise ConfigError(f"{name} has no token for {purpose!r}")
+            await self._keep(who, replace(user, tokens=tokens))
 
     # Helpers
 
-    def _keep(self, user: User, who: str) -> None:
-        self._store.keep_user(user, who)
-        self._users[user.name] = user
+    async def _keep(self, who: str, *users: User) -> None:
+        """What the store did not take does not count."""
+        await self._store.keep_users(users, who)
+        self._users.update({user.name: user for user in users})
         self._token_users = {digest: one.name for one in self._users.values() for _, digest in one.tokens}
 
     def _check_name(self, name: str) -> None:

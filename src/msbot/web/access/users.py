@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -20,15 +21,18 @@ class User:
 
 
 class UserStore(Protocol):
-    """Where users are kept: the registry, or memory. Methods may raise `RegistryError`."""
+    """Where users are kept: the registry, or memory. Methods may raise `RegistryError`.
+
+    Whoever changes something waits until it is stored; an event loop goes on meanwhile.
+    """
 
     def users(self) -> list[User]:
         """All users, by name."""
 
-    def keep_user(self, user: User, who: str) -> None:
-        """Add a user, or replace the one of that name; journalled with who did it."""
+    async def keep_users(self, users: Sequence[User], who: str) -> None:
+        """Add users, or replace those of these names: all of them, or nobody; journalled with who did it."""
 
-    def remove_user(self, name: str, who: str) -> None:
+    async def remove_user(self, name: str, who: str) -> None:
         """Forget a user."""
 
 
@@ -42,10 +46,10 @@ class MemoryUsers:
         """See `UserStore.users`."""
         return sorted(self._users.values(), key=lambda user: user.name)
 
-    def keep_user(self, user: User, who: str) -> None:  # noqa: ARG002 - the protocol's signature
-        """See `UserStore.keep_user`."""
-        self._users[user.name] = user
+    async def keep_users(self, users: Sequence[User], who: str) -> None:  # noqa: ARG002 - the protocol's signature
+        """See `UserStore.keep_users`."""
+        self._users.update({user.name: user for user in users})
 
-    def remove_user(self, name: str, who: str) -> None:  # noqa: ARG002
+    async def remove_user(self, name: str, who: str) -> None:  # noqa: ARG002
         """See `UserStore.remove_user`."""
         self._users.pop(name, None)

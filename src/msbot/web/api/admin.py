@@ -35,7 +35,7 @@ def make_admin_api(service: Service) -> APIRouter:
         """Give a user another role or password; one's own password only with the old one."""
         done = Done(words=f"nothing about {name} is to be changed")
         if change.role is not None:
-            done = service.change_role(session, name, change.role)
+            done = await service.change_role(session, name, change.role)
         if change.password is not None:
             done = await service.change_password(session, name, change.password, change.old_password)
         return done
@@ -43,17 +43,17 @@ def make_admin_api(service: Service) -> APIRouter:
     @router.delete("/users/{name}")
     async def remove_user(session: SignedIn, name: UserName) -> Done:
         """Let a person in no more."""
-        return service.remove_user(session, name)
+        return await service.remove_user(session, name)
 
     @router.post("/users/{name}/tokens")
     async def new_token(session: SignedIn, name: UserName, purpose: Words) -> NewToken:
         """Make an API token; it is shown this once."""
-        return NewToken(token=service.new_token(session, name, purpose.words))
+        return NewToken(token=await service.new_token(session, name, purpose.words))
 
     @router.delete("/users/{name}/tokens/{purpose}")
     async def remove_token(session: SignedIn, name: UserName, purpose: Purpose) -> Done:
         """Make an API token worthless."""
-        return service.remove_token(session, name, purpose)
+        return await service.remove_token(session, name, purpose)
 
     @router.get("/backup")
     async def backup(session: SignedIn) -> Response:

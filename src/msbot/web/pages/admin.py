@@ -207,8 +207,8 @@ def _tokens(page: Page) -> None:
             async def make() -> None:
                 token: list[str] = []
 
-                def deed(session: Session) -> Done:
-                    token.append(service.new_token(session, str(name.value), str(wanted.value or "")))
+                async def deed(session: Session) -> Done:
+                    token.append(await service.new_token(session, str(name.value), str(wanted.value or "")))
                     return Done(words=say("The token is made."))
 
                 if await page.do(deed) is not None:

@@ -1,0 +1,73 @@
+"""Threads for work that may hang (a database, a disk): the process ends without waiting for them.
+
+The executors of `concurrent.futures` are waited for when the interpreter ends, so that a server that does not answer
+would keep the process for ever.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from queue import SimpleQueue
+from threading import Lock, Thread
+from typing import ParamSpec, TypeVar
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+
+class DaemonThreads(Executor):
+    """An executor whose threads nobody waits for.
+
+    Args:
+        most: so many threads at most; they begin when they are needed.
+        name: of the threads.
+    """
+
+    def __init__(self, most: int, name: str) -> None:
+        self._most = most
+        self._name = name
+        self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._lock = Lock()
+        self._threads = 0
+        self._unfinished = 0
+        self._is_shut = False
+
+    def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
+        """See `Executor.submit`."""
+        future: Future[_T] = Future()
+
+        def job() -> None:
+            if not future.set_running_or_notify_cancel():
+                return
+            try:
+                result = fn(*args, **kwargs)
+            except BaseException as error:
+                future.set_exception(error)
+            else:
+                future.set_result(result)
+
+        with self._lock:
+            if self._is_shut:
+                raise RuntimeError(f"{self._name}: nothing is done any more")
+            self._unfinished += 1
+            if self._threads < min(self._most, self._unfinished):
+                self._threads += 1
+                Thread(target=self._work, name=self._name, daemon=True).start()
+        self._jobs.put(job)
+        return future
+
+    def shutdown(self, wait: bool = False, *, cancel_futures: bool = False) -> None:  # noqa: ARG002 - `Executor`'s own
+        """Take no more work; what was handed over is done if the process lasts so long."""
+        with self._lock:
+            if self._is_shut:
+                return
+            self._is_shut = True
+            for _ in range(self._threads):
+                self._jobs.put(None)
+
+    def _work(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            job()
+            with self._lock:
+                self._unfinished -= 1
