@@ -36,14 +36,14 @@ async def still_there(site: PartSite) -> None:
 
 async def test_fifty_sockets_of_one_person_leave_room_for_others() -> None:
     async with part_site() as site, contextlib.AsyncExitStack() as stack:
-        token = site.token("eve")
+        token = await site.token("eve")
         sockets = [await stack.enter_async_context(dial(site, token)) for _ in range(50)]
         for socket in sockets[:MOST_OF_PERSON]:
             await socket.send(b"x")
         for socket in sockets[MOST_OF_PERSON:]:
             assert await end_of(socket) == (4403, "eve has 32 parts on the page already: end one first")
         assert site.link.counters.dropped[TOO_MANY] == 50 - MOST_OF_PERSON
-        async with site.part(0, site.token("bob")):
+        async with site.part(0, await site.token("bob")):
             await site.until(lambda: site.active() == {"S0"})
             await still_there(site)
 
@@ -51,18 +51,18 @@ async def test_fifty_sockets_of_one_person_leave_room_for_others() -> None:
 @pytest.mark.parametrize("size", [1, 16, 512, 65_535])
 async def test_garbage_disturbs_nobody(size: int) -> None:
     dice = Random(size)
-    async with part_site() as site, site.part(0, site.token("bob")):
+    async with part_site() as site, site.part(0, await site.token("bob")):
         await site.until(lambda: site.active() == {"S0"})
-        async with dial(site, site.token("eve")) as socket:
+        async with dial(site, await site.token("eve")) as socket:
             for _ in range(100 if size < 10_000 else 3):
                 await socket.send(dice.randbytes(size))
             await still_there(site)
 
 
 async def test_what_is_no_packet_is_answered_with_a_sentence() -> None:
-    async with part_site() as site, site.part(0, site.token("bob")):
+    async with part_site() as site, site.part(0, await site.token("bob")):
         await site.until(lambda: site.active() == {"S0"})
-        token = site.token("eve")
+        token = await site.token("eve")
         for message, words in (
             ("hello robot", "a part sends packets of DDS-XRCE in binary messages, and no text"),
             (bytes(70_000), "a packet has 1 to 65535 octets, not 70000"),
@@ -79,9 +79,9 @@ async def test_what_is_no_packet_is_answered_with_a_sentence() -> None:
 
 
 async def test_a_connection_that_is_torn_off_in_mid_message_is_gone() -> None:
-    async with part_site() as site, site.part(0, site.token("bob")):
+    async with part_site() as site, site.part(0, await site.token("bob")):
         await site.until(lambda: site.active() == {"S0"})
-        async with dial(site, site.token("eve")) as socket:
+        async with dial(site, await site.token("eve")) as socket:
             await socket.send(b"x")
             await site.until(lambda: len(site.link._peers) == 2)
             # A frame of 1,000 octets, of which ten come.
@@ -92,10 +92,10 @@ async def test_a_connection_that_is_torn_off_in_mid_message_is_gone() -> None:
 
 
 async def test_who_floods_is_told_and_slows_down_nobody_but_itself() -> None:
-    async with part_site() as site, site.part(0, site.token("bob")):
+    async with part_site() as site, site.part(0, await site.token("bob")):
         await site.until(lambda: site.active() == {"S0"})
         loop = asyncio.get_running_loop()
-        async with dial(site, site.token("eve")) as socket:
+        async with dial(site, await site.token("eve")) as socket:
             told = asyncio.create_task(socket.recv())
             began, before = loop.time(), site.link.counters.packets_in
 

@@ -163,16 +163,16 @@ def command(
         blueprint = load_blueprint(path, library)
         address = str(db or Path(folder) / "robot.db")
         with open_registry(address) as registry:  # which may take its time: no event loop waits for it
-            store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
-            node_ids = registry.runs.node_ids(store.robot, "demo")
-            asyncio.run(_main(options, blueprint, library, (registry, store, address), node_ids))
+            robot = registry.robots.apply_blueprint(blueprint, library)
+            store, node_ids = registry.runs.begin(robot), registry.runs.node_ids(robot, "demo")
+            asyncio.run(_main(options, blueprint, library, (registry, store, node_ids, address)))
 
 
 async def _main(
-    options: _Options, blueprint: Blueprint, library: Library, database: tuple[Registry, RobotStore, str],
-    node_ids: StoredNodeIds,
+    options: _Options, blueprint: Blueprint, library: Library,
+    database: tuple[Registry, RobotStore, StoredNodeIds, str],
 ) -> None:  # fmt: skip
-    registry, store, address = database
+    registry, store, node_ids, address = database
     with robot_space(options.space, blueprint, library) as space:
         robot = DemoRobot(
             blueprint,
@@ -205,9 +205,8 @@ async def _main(
             beside.append(
                 _answering(robot, operations, address, page_address, lambda: registry.storage.health.trouble).run()
             )
-            beside.append(
-                StopSocket(robot.master, lambda: details_of(robot.master, address, page=page_address())).run()
-            )
+            stop = StopSocket(robot.master, lambda: details_of(robot.master, address, page=page_address()))
+            beside.append(stop.run())
             if options.bus is None or robot.bus_driver is None:
                 await _run_beside(_run(robot, options, notes, deeds), beside)
             else:
