@@ -88,4 +88,4 @@ def test_each_robot_of_each_database_has_its_own_file(tmp_path: Path) -> None:
         for database in ("/a/robot.db", "/b/robot.db")
     }
     assert len(files) == 8
-    assert {path.parent for path in files} == {tmp_path / "msbot" / "stop"}
+    assert {path.parent for path in files} == {tmp_path / "stop"}

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.errors import ConfigError
-from msbot.runtime.user_folder import check_owner, is_running, user_folder
+from msbot.runtime.user_folders import check_owner, is_running, running_folder
 
 PREFIX = "status-"
 
@@ -30,8 +30,8 @@ class StatusFile:
 
 
 def status_folder() -> Path:
-    """The user's folder for such files (`user_folder`)."""
-    return user_folder()
+    """The user's folder for such files (`running_folder`)."""
+    return running_folder()
 
 
 def leave_word(folder: Path, port: int) -> StatusFile:

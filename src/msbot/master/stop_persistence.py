@@ -19,9 +19,9 @@ from dataclasses import asdict
 from pathlib import Path
 from threading import Condition, Thread
 
-from msbot.part.join.uid import state_folder
 from msbot.pnp import PartStore
 from msbot.pnp.emergency_stop import StopRecord
+from msbot.runtime.user_folders import state_folder
 
 RESERVED = 3
 """Descriptors that writing the file takes at most at the same time."""
@@ -42,7 +42,7 @@ def stop_file(name: str, serial_number: str, database: str, folder: Path | None 
     """
     which = hashlib.sha256("\0".join((name, serial_number, database)).encode()).hexdigest()[:12]
     readable = "".join(char if char.isascii() and char.isalnum() else "-" for char in name[:40])
-    return (folder or state_folder()) / "msbot" / "stop" / f"{readable}-{which}.json"
+    return (folder or state_folder()) / "stop" / f"{readable}-{which}.json"
 
 
 class StopKeeper:

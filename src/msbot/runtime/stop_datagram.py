@@ -17,6 +17,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from msbot.runtime.user_folders import socket_folder
+
 IS_ABSTRACT: Final = sys.platform == "linux"
 """Whether such a socket needs no file."""
 IS_THERE: Final = hasattr(socket, "AF_UNIX")
@@ -49,7 +51,7 @@ def ask_masters(request: Mapping[str, object], timeout_s: float = ANSWER_S) -> t
     if not names:
         return [], 0
     answers: list[dict[str, object]] = []
-    own = "" if IS_ABSTRACT else str(_socket_folder() / f".asks-{os.getpid()}-{secrets.token_hex(2)}")
+    own = "" if IS_ABSTRACT else str(socket_folder() / f".asks-{os.getpid()}-{secrets.token_hex(2)}")
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asking:
             if IS_ABSTRACT:
@@ -97,7 +99,7 @@ def new_name() -> str:
     word = f"{_prefix()}{os.getpid()}-{secrets.token_hex(2)}"
     if IS_ABSTRACT:
         return f"\0{word}"
-    place = _socket_folder()
+    place = socket_folder()
     place.mkdir(mode=0o700, parents=True, exist_ok=True)
     return str(place / f"{word}.sock")
 
@@ -107,17 +109,13 @@ def _names() -> list[str]:
     if not IS_THERE:
         return []
     if not IS_ABSTRACT:
-        return [str(path) for path in sorted(_socket_folder().glob(f"{prefix}*.sock"))]
+        return [str(path) for path in sorted(socket_folder().glob(f"{prefix}*.sock"))]
     try:
         lines = Path("/proc/net/unix").read_text().splitlines()
     except OSError:
         return []
     words = {line.rpartition(" ")[2] for line in lines if f"@{prefix}" in line}
     return sorted(f"\0{word[1:]}" for word in words if word.startswith(f"@{prefix}"))
-
-
-def _socket_folder() -> Path:
-    return Path.home() / ".local" / "state" / "msbot" / "stop"
 
 
 def _prefix() -> str:

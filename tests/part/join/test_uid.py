@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from msbot.errors import ConfigError
-from msbot.part.join.uid import parse_uid, state_folder, stored_uid
+from msbot.part.join.uid import parse_uid, stored_uid
 
 UID = bytes.fromhex("0011223344556677")
 
@@ -27,7 +27,7 @@ def test_a_uid_is_drawn_once_per_part(tmp_path: Path) -> None:
     assert stored_uid("ABCD", "left eye", tmp_path) == first
     assert stored_uid("ABCD", "right eye", tmp_path) != first
     assert stored_uid("EFGH", "left eye", tmp_path) != first
-    assert sorted(path.name for path in (tmp_path / "msbot/uid").iterdir()) == [
+    assert sorted(path.name for path in (tmp_path / "uid").iterdir()) == [
         "ABCD.left%20eye",
         "ABCD.right%20eye",
         "EFGH.left%20eye",
@@ -37,13 +37,13 @@ def test_a_uid_is_drawn_once_per_part(tmp_path: Path) -> None:
 def test_names_cannot_leave_the_folder_or_collide(tmp_path: Path) -> None:
     names = [("..", "../../x"), ("a.b", "c"), ("a", "b.c"), ("é", "%C3%A9"), ("%C3%A9", "é")]
     assert len({stored_uid(number, name, tmp_path) for number, name in names}) == len(names)
-    assert len(list((tmp_path / "msbot/uid").iterdir())) == len(names)
-    assert [path.name for path in tmp_path.iterdir()] == ["msbot"]
+    assert len(list((tmp_path / "uid").iterdir())) == len(names)
+    assert [path.name for path in tmp_path.iterdir()] == ["uid"]
 
 
 def test_a_broken_file_is_named(tmp_path: Path) -> None:
     stored_uid("ABCD", "x", tmp_path)
-    path = tmp_path / "msbot/uid/ABCD.x"
+    path = tmp_path / "uid/ABCD.x"
     path.write_text("rubbish")
     with pytest.raises(ConfigError, match=r"ABCD\.x: UID 'rubbish'.*or delete the file"):
         stored_uid("ABCD", "x", tmp_path)
@@ -69,12 +69,4 @@ def test_of_two_starts_at_once_both_use_the_uid_that_was_first(tmp_path: Path, m
 
     monkeypatch.setattr(Path, "write_text", overtaken)
     assert stored_uid("ABCD", "x", tmp_path) == UID
-    assert [path.name for path in (tmp_path / "msbot/uid").iterdir()] == ["ABCD.x"]
-
-
-def test_the_folder_follows_the_desktop_rules(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert state_folder({"XDG_STATE_HOME": "/x"}) == Path("/x")
-    assert state_folder({}) == Path.home() / ".local/state"
-    monkeypatch.setattr("sys.platform", "win32")
-    assert state_folder({"LOCALAPPDATA": "/y"}) == Path("/y")
-    assert state_folder({}) == Path.home() / "AppData/Local"
+    assert [path.name for path in (tmp_path / "uid").iterdir()] == ["ABCD.x"]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from msbot.errors import ConfigError
+from msbot.runtime.user_folders import settings_folder
 
 Run = Callable[[Sequence[str]], "subprocess.CompletedProcess[str]"]
 
@@ -25,8 +25,7 @@ def unit_folder(*, for_all: bool) -> Path:
     """Where unit files go."""
     if for_all:
         return Path("/etc/systemd/system")
-    home = os.environ.get("XDG_CONFIG_HOME")
-    return (Path(home) if home else Path.home() / ".config") / "systemd" / "user"
+    return settings_folder("systemd") / "user"
 
 
 def _run(command: Sequence[str]) -> subprocess.CompletedProcess[str]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 import secrets
-import sys
-from collections.abc import Mapping
 from pathlib import Path
 
 from msbot.errors import ConfigError
 from msbot.part.join.plug import UID_OCTETS
+from msbot.runtime.user_folders import state_folder
 
 
 def parse_uid(text: str) -> bytes:
@@ -28,16 +27,9 @@ def parse_uid(text: str) -> bytes:
     return uid
 
 
-def state_folder(environ: Mapping[str, str] = os.environ) -> Path:
-    """Where this user's programs keep what must survive a restart (XDG base directories)."""
-    if sys.platform == "win32":
-        return Path(environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    return Path(environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
-
-
 def kept_file(what: str, part_number: str, local_name: str, folder: Path | None = None) -> Path:
     """Where something about that part is kept on this computer; `what` is `uid` or `key`."""
-    return (folder or state_folder()) / "msbot" / what / f"{_file_name(part_number)}.{_file_name(local_name)}"
+    return (folder or state_folder()) / what / f"{_file_name(part_number)}.{_file_name(local_name)}"
 
 
 def stored_uid(part_number: str, local_name: str, folder: Path | None = None) -> bytes:

@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from msbot.errors import ConfigError
-from msbot.runtime.user_folder import check_owner, user_folder
+from msbot.runtime.user_folders import check_owner, running_folder
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import LONGEST_S, KeptSession
 
@@ -89,4 +89,4 @@ class SessionFile:
 
 def session_file(accounts: Accounts, mark: str) -> SessionFile:
     """The file for the robot of that mark: letters and digits."""
-    return SessionFile(accounts, user_folder() / f"sessions-{mark}.json")
+    return SessionFile(accounts, running_folder() / f"sessions-{mark}.json")

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from msbot.errors import ConfigError, LinkDown
-from msbot.runtime.user_folder import check_owner, is_running, user_folder
+from msbot.runtime.user_folders import check_owner, is_running, running_folder
 
 DEFAULT_NAME: Final = "classroom"
 """The bus that is meant when none is named."""
@@ -69,7 +69,7 @@ def publish(bus: NamedBus, folder: Path | None = None) -> Path:
         LinkDown: a running process serves a bus of that name already.
         ConfigError: the folder cannot be used, or is not the user's own.
     """
-    folder = folder or user_folder()
+    folder = folder or running_folder()
     path = _path(bus.name, folder)
     draft = folder / f".{PREFIX}{bus.pid}-{secrets.token_hex(4)}"
     try:
@@ -91,7 +91,7 @@ def publish(bus: NamedBus, folder: Path | None = None) -> Path:
 
 def withdraw(bus: NamedBus, folder: Path | None = None) -> None:
     """Remove the file of a bus, if it is still that of this one."""
-    folder = folder or user_folder()
+    folder = folder or running_folder()
     path = _path(bus.name, folder)
     if _read(path) == bus:
         path.unlink(missing_ok=True)
@@ -103,7 +103,7 @@ def find_bus(name: str, folder: Path | None = None) -> NamedBus | None:
     Raises:
         ConfigError: it is no name, or the folder is not the user's own.
     """
-    folder = folder or user_folder()
+    folder = folder or running_folder()
     path = _path(check_name(name), folder)
     if not folder.is_dir():
         return None
@@ -154,7 +154,7 @@ def list_buses(folder: Path | None = None) -> list[NamedBus]:
     Raises:
         ConfigError: the folder is not the user's own.
     """
-    folder = folder or user_folder()
+    folder = folder or running_folder()
     names = sorted(path.name.removeprefix(PREFIX).removesuffix(".json") for path in folder.glob(f"{PREFIX}*.json"))
     found = (find_bus(name, folder) for name in names if _NAME.fullmatch(name))
     return [bus for bus in found if bus is not None]

@@ -1,0 +1,89 @@
+"""The folders of this user: what must survive a restart, what running programs leave for each other, settings.
+
+`platformdirs` knows the rules of each system (XDG base directories on Linux). Where an earlier version kept its files
+elsewhere, they are found there.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+import tempfile
+from pathlib import Path
+
+from msbot.errors import ConfigError
+
+APP = "msbot"
+
+
+def state_folder() -> Path:
+    """Where this user's programs keep what must survive a restart: `$XDG_STATE_HOME/msbot` on Linux."""
+    from platformdirs import user_state_path  # `msbot --help` needs no folder
+
+    folder = user_state_path(APP, appauthor=False)
+    earlier = _earlier_state_folder()
+    if earlier == folder or folder.is_dir():
+        return folder
+    # Sockets stand there in any case (`socket_folder`); only files were kept.
+    return earlier if any(path.is_file() for path in earlier.glob("*/*")) else folder
+
+
+def settings_folder(program: str) -> Path:
+    """Where another program looks for this user's settings: `$XDG_CONFIG_HOME/PROGRAM` on Linux."""
+    from platformdirs import user_config_path  # as above
+
+    return user_config_path(program, appauthor=False)
+
+
+def socket_folder() -> Path:
+    """Where sockets have a name in the file system.
+
+    The same for all programs of the user, whatever their environment says, and short: such a name has 104 octets.
+    """
+    return Path.home() / ".local" / "state" / APP / "stop"
+
+
+def running_folder() -> Path:
+    """Where this user's running programs leave word for each other: `$XDG_RUNTIME_DIR/msbot`.
+
+    Where there is none, it is one in the folder for temporary files, and not what `platformdirs` would take: that
+    depends on who is logged in at the moment, and the programs would miss each other.
+    """
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime and Path(runtime).is_dir():
+        return Path(runtime) / APP
+    owner = str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+    return Path(tempfile.gettempdir()) / f"{APP}-{owner}"
+
+
+def check_owner(folder: Path) -> None:
+    """Make sure that a folder is the user's own; in one that others can write to, a file may be anybody's.
+
+    Raises:
+        ConfigError: it is not.
+    """
+    if not hasattr(os, "getuid"):
+        return
+    info = folder.lstat()
+    if not stat.S_ISDIR(info.st_mode) or info.st_uid != os.getuid() or info.st_mode & 0o077:
+        raise ConfigError(f"{folder} is not a folder that belongs to you alone: remove it")
+
+
+def is_running(pid: int) -> bool:
+    """Whether there is a process with that number; taken to be so where it cannot be found out."""
+    if os.name != "posix":
+        return True  # there, a signal 0 would be more than a question
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
+
+
+def _earlier_state_folder() -> Path:
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / APP
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / APP

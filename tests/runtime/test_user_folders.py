@@ -1,0 +1,88 @@
+"""The folders of this user, and who may write there."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from msbot.errors import ConfigError
+from msbot.runtime.user_folders import (
+    check_owner,
+    is_running,
+    running_folder,
+    settings_folder,
+    socket_folder,
+    state_folder,
+)
+
+
+def test_the_folder_is_the_runtime_folder_or_a_temporary_one_of_the_user(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    assert running_folder() == tmp_path / "msbot"
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    assert running_folder() == Path(tempfile.gettempdir()) / f"msbot-{os.getuid()}"
+
+
+def test_what_survives_a_restart_follows_the_desktop_rules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for variable in ("XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+        monkeypatch.delenv(variable, raising=False)
+    assert state_folder() == tmp_path / ".local/state/msbot"
+    assert settings_folder("systemd") == tmp_path / ".config/systemd"
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    assert state_folder() == tmp_path / "state/msbot"
+    assert settings_folder("systemd") == tmp_path / "config/systemd"
+    assert socket_folder() == tmp_path / ".local/state/msbot/stop", "the same whatever the environment says"
+
+
+def test_files_of_an_earlier_version_are_found_until_the_new_folder_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on macOS, where an earlier version kept them below `~/.local/state`."""
+    new = tmp_path / "Library/msbot"
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("XDG_STATE_HOME", raising=False)
+    monkeypatch.setattr("platformdirs.user_state_path", lambda *_, **__: new)
+    assert state_folder() == new
+    earlier = tmp_path / ".local/state/msbot"
+    (earlier / "stop").mkdir(parents=True)
+    with socket.socket(socket.AF_UNIX) as asks:
+        asks.bind(str(earlier / "stop/asks.sock"))
+    assert state_folder() == new, "only sockets there"
+    (earlier / "uid").mkdir()
+    (earlier / "uid/ABCD.ABCD").write_text("0011223344556677")
+    assert state_folder() == earlier
+    new.mkdir(parents=True)
+    assert state_folder() == new
+
+
+def test_a_folder_that_others_can_read_is_refused(tmp_path: Path) -> None:
+    tmp_path.chmod(0o700)
+    check_owner(tmp_path)
+    tmp_path.chmod(0o755)
+    with pytest.raises(ConfigError, match="belongs to you alone"):
+        check_owner(tmp_path)
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "msbot").write_text("")
+    with pytest.raises(ConfigError, match="remove it"):
+        check_owner(tmp_path / "msbot")
+
+
+def test_a_process_runs_until_it_has_ended() -> None:
+    assert is_running(os.getpid())
+    assert is_running(1), "of another user"
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    assert not is_running(ended.pid)
+    assert is_running(1 << 80), "no number of a process, so nothing is known"
