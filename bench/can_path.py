@@ -29,7 +29,7 @@ from msbot.agent import Agent
 from msbot.link import LinkCounters, Peer
 from msbot.link.can import CanBusInfo, CanMasterLink, Codec
 from msbot.link.can.adapters import CanDriver
-from msbot.link.can.adapters.interface import Interface
+from msbot.link.can.adapters.interface import CanInterface
 from msbot.link.can.adapters.remedies import Wanted
 from msbot.link.can.adapters.socketcan import SocketCanAdapter
 from msbot.link.can.adapters.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
@@ -61,7 +61,7 @@ from msbot.xrce.sessions import DataReceived
 IDS = CanIds()
 CODEC = Codec(compress, decompress)
 INFO = CanBusInfo("can:bench", None)
-INTERFACE = Interface("bench", 1, is_can=True, is_up=True, mtu=16, kind="can")
+INTERFACE = CanInterface("bench", 1, is_can=True, is_up=True, mtu=16, kind="can")
 SETTINGS = ClientSessionSettings(ids_by_rule=True)
 """As those of a part on a link that compresses."""
 BUS_FRAMES = 8_500

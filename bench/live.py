@@ -21,7 +21,7 @@ from msbot.link.can.sim import SimBusDriver
 from msbot.master import Master
 from msbot.part import Part
 from msbot.part.messages.standard import Level
-from msbot.pnp import Binding, Configuration, MemoryStore, PartType, Slot
+from msbot.pnp import Configuration, MemoryStore, PartType, Slot, SlotBinding
 from msbot.runtime.virtual_time import run_virtual
 
 KEY = bytes(range(16))
@@ -29,8 +29,8 @@ ROUNDS = 20
 """How often each is done; the moments are spread over the period of the samples."""
 
 _PROFILE = RobotProfile("BENCH", "1", "1", "today", "us")
-_KNOB = Binding("level", "power", "Level", publishes=True, reliable=False)
-_FAN = Binding("power", "power", "Level", publishes=False, reliable=False)
+_KNOB = SlotBinding("level", "power", "Level", publishes=True, reliable=False)
+_FAN = SlotBinding("power", "power", "Level", publishes=False, reliable=False)
 
 
 @dataclass

@@ -19,7 +19,7 @@ from msbot.link.can.eprosima_fd import MAX_PEERS, CanFdEprosimaLink
 from msbot.link.can.native_link import MASTER, CanMasterLink, CanPartLink
 from msbot.link.can.native_link_base import NativeEnd
 from msbot.link.can.peer_framing import Codec
-from msbot.link.can.protocol.frames import FD_LENGTHS, FIRST, LAST, Frame, Joiner, check_frame, split
+from msbot.link.can.protocol.frames import FD_LENGTHS, FIRST, LAST, Frame, FrameJoiner, check_frame, split
 from msbot.link.can.protocol.ids import (
     Assign,
     Beacon,
@@ -117,7 +117,7 @@ class CanWorld:
         self.part = CanPartLink(self.buses[1], uid=UID, random=Random(2), profile_hash=ROBOT, codec=coder, mtu=MTU)
         self.eprosima = CanFdEprosimaLink(self.buses[2])
         self.links: tuple[NativeEnd | CanFdEprosimaLink, ...] = (self.master, self.part, self.eprosima)
-        self.joiner = Joiner(MTU)
+        self.joiner = FrameJoiner(MTU)
         self.packets: list[list[bytes]] = [[] for _ in self.links]
         self.seen: set[str] = set()
         ends: tuple[Link, ...] = self.links
@@ -292,7 +292,7 @@ def _round_trip(case: Case) -> set[str]:
     for step in case:
         if step.data:
             for fd in (False, True):
-                joiner = Joiner(max(len(step.data), 1))
+                joiner = FrameJoiner(max(len(step.data), 1))
                 joined = [joiner.receive(part, 0.0) for part in split(step.data, len(case) & 0x3F, fd)]
                 if joined[-1] != step.data or any(part is not None for part in joined[:-1]):
                     raise Violation(f"{step.data.hex()} was cut and joined to {joined[-1]!r}")

@@ -15,7 +15,7 @@ from fuzz.virtual import play, read_logs, the_loop
 from msbot.agent import Agent
 from msbot.errors import LinkFull, LocalProtocolError, RequestError
 from msbot.link import Signal
-from msbot.part import Client, ClientSettings, ConnectionState, Entity, Service
+from msbot.part import Client, ClientSettings, ConnectionState, Entity, ServiceNames
 from msbot.space import MemorySpace
 from msbot.xrce.messages import Acknack, Data, Header, StatusAgent, StatusReply, SubmessageId
 from tests.agent.wiring import FakeLink, serving
@@ -50,7 +50,7 @@ class ClientWorld:
         topic = client.create_topic(participant, "light", "T")
         self.writer = client.create_writer(client.create_publisher(participant), topic)
         self.reader = client.create_reader(client.create_subscriber(participant), topic)
-        service = Service("add", "Q", "A")
+        service = ServiceNames("add", "Q", "A")
         self.requester = client.create_requester(participant, service)
         self.replier = client.create_replier(participant, service)
         self.participant = participant

@@ -13,7 +13,7 @@ from fuzz.virtual import play, read_logs, the_loop
 from msbot.agent import Agent
 from msbot.errors import ConfigError, LinkFull, LocalProtocolError
 from msbot.link import InprocHub
-from msbot.part import Client, Entity, HelloWorld, JoinState, Message, Part, Service
+from msbot.part import Client, Entity, HelloWorld, JoinState, Message, Part, ServiceNames
 from msbot.part.join.plug import (
     INVENTORY_REPLY_TYPE,
     INVENTORY_REQUEST_TYPE,
@@ -93,7 +93,7 @@ class PartWorld:
             master.create_writer(publisher, master.create_topic(participant, name, "HelloWorld"))
             for name in ("two", "honest two")
         )
-        service = Service(INVENTORY_SERVICE, INVENTORY_REQUEST_TYPE, INVENTORY_REPLY_TYPE)
+        service = ServiceNames(INVENTORY_SERVICE, INVENTORY_REQUEST_TYPE, INVENTORY_REPLY_TYPE)
         self.replier = master.create_replier(participant, service)
         master.read(self.replier, stream_id=STREAM_BEST_EFFORT)
         self._make_part()

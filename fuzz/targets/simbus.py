@@ -27,7 +27,7 @@ from msbot.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot.link.can.sim.server import MAX_PROGRAMS, Program, SimBusServer
+from msbot.link.can.sim.server import MAX_PROGRAMS, SimBusConnection, SimBusServer
 
 PROGRAMS = 4
 KEY = bytes(16)
@@ -75,13 +75,13 @@ class SimBusWorld:
         self.driver = SimBusDriver(SimBus(500_000, 2_000_000, fd=True))
         self.server = SimBusServer(self.driver, "fuzz")
         self.server.key = KEY
-        self.programs: dict[int, tuple[Program, Wire]] = {}
+        self.programs: dict[int, tuple[SimBusConnection, Wire]] = {}
         self.seen: set[str] = set()
 
-    def program(self, number: int) -> tuple[Program, Wire]:
+    def program(self, number: int) -> tuple[SimBusConnection, Wire]:
         """The program of that number; connected if it is not."""
         if number not in self.programs or not self.programs[number][1].is_open:
-            program, wire = Program(self.server), Wire()
+            program, wire = SimBusConnection(self.server), Wire()
             program.connection_made(wire)
             self.programs[number] = program, wire
         return self.programs[number]

@@ -18,7 +18,7 @@ from fuzz.virtual import play, read_logs, the_loop
 from msbot.errors import LinkDown, LinkFull
 from msbot.link.can.adapters.driver import CanDriver
 from msbot.link.can.adapters.error_frames import read_report
-from msbot.link.can.adapters.interface import Interface, parse_interface
+from msbot.link.can.adapters.interface import CanInterface, parse_interface
 from msbot.link.can.adapters.remedies import Wanted, why_not
 from msbot.link.can.adapters.socketcan import SocketCanAdapter
 from msbot.link.can.adapters.socketcan_frames import CLASSIC_SIZE, ERROR, FD_SIZE, pack_frame, unpack_frame
@@ -26,7 +26,7 @@ from msbot.link.can.controller import BusState, CanBusInfo
 from msbot.link.can.filters import IdFilter
 from msbot.link.can.protocol.frames import Frame
 
-CAN0 = Interface("can0", 3, is_can=True, is_up=True, mtu=72, kind="can", bitrate=500_000)
+CAN0 = CanInterface("can0", 3, is_can=True, is_up=True, mtu=72, kind="can", bitrate=500_000)
 RING = 64
 """Small, so that it is met."""
 ERRORS = (errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.ENOBUFS, errno.EIO, errno.ENOMEM, errno.EBADMSG)
@@ -72,7 +72,7 @@ class Kernel:
         self.wire: socket.socket | None = None
         self.opened = 0
 
-    def find(self, _: str) -> Interface | None:
+    def find(self, _: str) -> CanInterface | None:
         """What the kernel says of the interface."""
         if not self.switches["there"]:
             return None
@@ -80,7 +80,7 @@ class Kernel:
         if self.switches["passive"] and state is BusState.ACTIVE:
             state = BusState.PASSIVE
         restart_ms = 100 if self.switches["kernel restarts"] else 0
-        return Interface(
+        return CanInterface(
             "can0", 3, is_can=True, is_up=self.switches["up"], mtu=72, kind="can", state=state, restart_ms=restart_ms
         )
 

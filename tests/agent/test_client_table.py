@@ -6,7 +6,7 @@ from functools import partial
 
 import pytest
 
-from msbot.agent.client_table import ClientTable, Port
+from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.gate import ClientInfo, OpenGate
 from msbot.agent.limits import AgentSettings
 from msbot.agent.proxy import Proxy, Surroundings
@@ -18,8 +18,8 @@ from tests.agent.wiring import FakeLink
 
 
 @pytest.fixture
-def port() -> Port:
-    return Port(FakeLink(), batch=None)
+def port() -> ServedLink:
+    return ServedLink(FakeLink(), batch=None)
 
 
 def client(key: int, session_id: int = 0x81, peer: Peer = "peer") -> Proxy:
@@ -37,7 +37,7 @@ def client(key: int, session_id: int = 0x81, peer: Peer = "peer") -> Proxy:
     return Proxy(ClientInfo(key, "fake:", peer, str(peer)), session, surroundings, 0.0, dead_after_s=30.0)
 
 
-def test_a_client_is_found_by_key_and_by_address(port: Port) -> None:
+def test_a_client_is_found_by_key_and_by_address(port: ServedLink) -> None:
     table = ClientTable()
     proxy = client(7)
     table.place(proxy, port, "here")
@@ -47,13 +47,13 @@ def test_a_client_is_found_by_key_and_by_address(port: Port) -> None:
     assert (len(table), list(table)) == (1, [proxy])
 
 
-def test_a_client_that_moves_leaves_its_old_address(port: Port) -> None:
+def test_a_client_that_moves_leaves_its_old_address(port: ServedLink) -> None:
     table = ClientTable()
     proxy = client(7)
     table.place(proxy, port, "here")
     proxy.is_blocked = True
     port.blocked[proxy] = None
-    other = Port(FakeLink(), batch=None)
+    other = ServedLink(FakeLink(), batch=None)
     table.place(proxy, other, "there")
     assert not port.clients
     assert not port.blocked
@@ -62,7 +62,7 @@ def test_a_client_that_moves_leaves_its_old_address(port: Port) -> None:
     assert len(table) == 1
 
 
-def test_any_number_of_clients_with_keys_may_share_an_address(port: Port) -> None:
+def test_any_number_of_clients_with_keys_may_share_an_address(port: ServedLink) -> None:
     table = ClientTable()
     keyed = [client(key, 0x01) for key in (1, 2)]
     plain = client(3)
@@ -76,7 +76,7 @@ def test_any_number_of_clients_with_keys_may_share_an_address(port: Port) -> Non
     assert not port.clients
 
 
-def test_only_sessions_below_0x80_are_found_by_the_key_in_a_header(port: Port) -> None:
+def test_only_sessions_below_0x80_are_found_by_the_key_in_a_header(port: ServedLink) -> None:
     table = ClientTable()
     for key, session_id in ((1, 0x01), (2, 0x81)):
         table.place(client(key, session_id), port, key)
@@ -86,7 +86,7 @@ def test_only_sessions_below_0x80_are_found_by_the_key_in_a_header(port: Port) -
     assert table.keyed(1, port, "elsewhere", anywhere=True) is table.by_key(1)
 
 
-def test_a_removed_client_is_gone_everywhere(port: Port) -> None:
+def test_a_removed_client_is_gone_everywhere(port: ServedLink) -> None:
     table = ClientTable()
     proxy = client(7)
     table.place(proxy, port, "here")
@@ -97,7 +97,7 @@ def test_a_removed_client_is_gone_everywhere(port: Port) -> None:
     assert not port.clients
 
 
-def test_a_client_that_has_gone_is_known_by_key_and_has_no_address(port: Port) -> None:
+def test_a_client_that_has_gone_is_known_by_key_and_has_no_address(port: ServedLink) -> None:
     table = ClientTable()
     plain, keyed = client(7), client(8, 0x01)
     for proxy in (plain, keyed):
@@ -117,7 +117,7 @@ def test_a_client_that_has_gone_is_known_by_key_and_has_no_address(port: Port) -
     assert not port.gone
 
 
-def test_an_address_that_somebody_else_has_taken_brings_nobody_back(port: Port) -> None:
+def test_an_address_that_somebody_else_has_taken_brings_nobody_back(port: ServedLink) -> None:
     table = ClientTable()
     gone, other = client(7), client(8)
     table.place(gone, port, "here")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from msbot.agent.limits import AgentSettings
-from msbot.agent.object_creation import Creator, Entity, NoSuchTopic, Participant
+from msbot.agent.object_creation import ClientObject, Creator, NoSuchTopic, Participant
 from msbot.space import Deliver, Guid, MemorySpace, Qos, Reader, Space, Topic, Writer
 from msbot.xrce.objects import (
     ParticipantDef,
@@ -43,7 +43,7 @@ class Maker:
         self.space = WatchedSpace()
         space: Space = self.space
         self._creator = Creator(FakeHost(space), settings or AgentSettings())
-        self.objects: dict[int, Entity] = {}
+        self.objects: dict[int, ClientObject] = {}
         self.root = self._creator.make(0x0011, ParticipantDef(domain_id, "p"), None, self.objects)
 
     def topic(self, object_id: int, name: str, type_name: str = "T") -> Topic | None:
@@ -88,7 +88,7 @@ def test_a_topic_must_exist_before_its_writers(name: int | str) -> None:
 
 def test_a_topic_of_another_participant_is_none_of_ours() -> None:
     maker = Maker()
-    maker.objects[0x0022] = Entity(TopicDef("light", "T"), Participant(7), Topic("light", "T", 7))
+    maker.objects[0x0022] = ClientObject(TopicDef("light", "T"), Participant(7), Topic("light", "T", 7))
     with pytest.raises(NoSuchTopic):
         maker.endpoint(writer(0x0022))
 

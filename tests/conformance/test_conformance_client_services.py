@@ -5,14 +5,14 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 
-from msbot.part.client.client import Service
+from msbot.part.client.client import ServiceNames
 from msbot.part.client.settings import ConnectionState
 from msbot.runtime.virtual_time import run_virtual
 from tests.conformance.agent_rig import WELCOME, acknack, octets, packets
 from tests.hearing_client import HearingClient
 from tests.part.wire import HandLink
 
-SERVICE = Service("svc", "ReqT", "RepT")
+SERVICE = ServiceNames("svc", "ReqT", "RepT")
 IDENTITY = "01 02 03 04 05 06 07 08 09 0a 0b 0c 00 00 01 03 00 00 00 00 07 00 00 00"
 
 Scenario = Callable[[HearingClient, HandLink], Awaitable[None]]

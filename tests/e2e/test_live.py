@@ -9,7 +9,7 @@ from random import Random
 
 import pytest
 
-from msbot.config import Endpoint, load_blueprint, load_library
+from msbot.config import SlotPort, load_blueprint, load_library
 from msbot.link.can import CanMasterLink, CanPartLink, Codec
 from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.master import Master
@@ -179,9 +179,9 @@ def test_a_wire_that_is_moved_is_live_at_once_and_the_programs_know_nothing_of_i
         robot.plug(fan(story))
         await asyncio.sleep(1.0)
         assert set(story) == {50.0}
-        Hand(robot.registry).unbind(robot.record, "power", Endpoint("fan", "power"), "test")
+        Hand(robot.registry).unbind(robot.record, "power", SlotPort("fan", "power"), "test")
         Hand(robot.registry).bind(
-            robot.record, "spare power", "test", type_name="Level", source=None, targets=[Endpoint("fan", "power")]
+            robot.record, "spare power", "test", type_name="Level", source=None, targets=[SlotPort("fan", "power")]
         )
         robot.changed("fan", "knob", "other knob")
         await asyncio.sleep(AT_ONCE_S)

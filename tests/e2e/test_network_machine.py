@@ -18,7 +18,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from msbot.agent import Agent, AgentSettings, ClientInfo, OpenGate
 from msbot.errors import LinkFull, LocalProtocolError
 from msbot.link import InprocHub, LinkInfo, LossyLink, PacketHandler, RoomHandler, SignalHandler
-from msbot.part import Client, ClientSettings, ConnectionState, Entity, Service
+from msbot.part import Client, ClientSettings, ConnectionState, Entity, ServiceNames
 from msbot.runtime.virtual_time import VirtualTimeLoop
 from msbot.space import MemorySpace
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
@@ -29,7 +29,7 @@ NODES = 3
 HEALED_S = 40.0
 """Longer than anybody waits for anything: a stall is noticed after 5 s, a lost agent after 2.6 s, both may follow."""
 KEEP_ALL = EndpointQos(keep_all=True)
-ADD = Service("add", "Q", "A")
+ADD = ServiceNames("add", "Q", "A")
 
 _T = TypeVar("_T")
 

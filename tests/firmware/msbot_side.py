@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from zlib import crc32
 
-from msbot.config import Blueprint, Endpoint, Library, load_blueprint, load_library
+from msbot.config import Blueprint, Library, SlotPort, load_blueprint, load_library
 from msbot.errors import RemoteProtocolError
 from msbot.link.can import CanMasterLink, CanPartLink, Codec
 from msbot.link.can.protocol.frames import (
@@ -20,7 +20,7 @@ from msbot.link.can.protocol.frames import (
     WRONG_CHECK_BYTE,
     WRONG_LENGTH,
     Frame,
-    Joiner,
+    FrameJoiner,
     split,
 )
 from msbot.link.can.protocol.ids import (
@@ -64,10 +64,9 @@ __all__ = [
     "ComponentEvent",
     "ComponentJoin",
     "ComponentState",
-    "Endpoint",
     "Frame",
+    "FrameJoiner",
     "Joined",
-    "Joiner",
     "Library",
     "Master",
     "Part",
@@ -78,6 +77,7 @@ __all__ = [
     "SimBus",
     "SimBusDriver",
     "SimCanBus",
+    "SlotPort",
     "Switch",
     "Tally",
     "assign_frame",

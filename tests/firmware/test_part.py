@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.firmware.building import SOURCES
 from tests.firmware.c_part import CPart, Described, PartState
-from tests.firmware.msbot_side import Endpoint, Part, Switch, prove
+from tests.firmware.msbot_side import Part, SlotPort, Switch, prove
 from tests.firmware.pipe import Firmware
 from tests.firmware.robot import Robot, play
 from tests.registry.hand import Hand
@@ -165,9 +165,9 @@ def test_a_wire_can_be_moved_while_it_runs(firmware: Firmware, tmp_path: Path) -
         second.publish("on", Switch(on=False))
         await asyncio.sleep(SOON_S)
         assert part.heard == [(DRIVE, ON)]
-        Hand(robot.registry).unbind(robot.record, "lever", Endpoint("board", "drive"), "test")
+        Hand(robot.registry).unbind(robot.record, "lever", SlotPort("board", "drive"), "test")
         Hand(robot.registry).bind(
-            robot.record, "other", "test", type_name="Switch", source=None, targets=[Endpoint("board", "drive")]
+            robot.record, "other", "test", type_name="Switch", source=None, targets=[SlotPort("board", "drive")]
         )
         for slot in ("board", "lever", "other"):
             robot.master.inventory.configuration_changed(slot)

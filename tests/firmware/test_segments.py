@@ -1,11 +1,11 @@
-"""Frames of messages: the firmware against MsBOT's own `split` and `Joiner`, octet by octet."""
+"""Frames of messages: the firmware against MsBOT's own `split` and `FrameJoiner`, octet by octet."""
 
 from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.firmware.msbot_side import Joiner, Tally, split
+from tests.firmware.msbot_side import FrameJoiner, Tally, split
 from tests.firmware.pipe import Firmware
 
 MTU = 256
@@ -31,7 +31,7 @@ def joined(frames: list[tuple[int, bytes]], limit: int) -> tuple[list[bytes], di
     """The same by MsBOT's own joiner."""
     dropped = Tally()
     # Half a unit less: the firmware counts whole ones.
-    joiner = Joiner(limit, dropped=dropped, repeat_s=(REPEAT - 0.5) * UNIT_US / 1e6)
+    joiner = FrameJoiner(limit, dropped=dropped, repeat_s=(REPEAT - 0.5) * UNIT_US / 1e6)
     return [joiner.receive(data, at / 1e6) or b"" for at, data in frames], dropped
 
 

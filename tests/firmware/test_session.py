@@ -7,7 +7,7 @@ import struct
 import pytest
 
 from tests.firmware.c_part import Described, PartState
-from tests.firmware.msbot_side import Joiner, ProfileMessage
+from tests.firmware.msbot_side import FrameJoiner, ProfileMessage
 from tests.firmware.pipe import Firmware, frame_of
 
 UID = bytes(range(1, 9))
@@ -23,7 +23,7 @@ class Agent:
 
     def __init__(self, firmware: Firmware) -> None:
         self.firmware = firmware
-        self.joiner = Joiner(300)
+        self.joiner = FrameJoiner(300)
         described = Described(uid=UID, codec=False, robot=("ROBOT", "", "", ""))
         joined = (0x0200_0000 | 5).to_bytes(4, "little") + b"\1" + UID
         firmware.ask(b"A" + described.octets(0), b"B", b"N\0" + bytes(4), b"F" + bytes(4) + joined)

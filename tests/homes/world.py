@@ -14,7 +14,7 @@ from typing import Protocol
 from msbot.config import Blueprint, Options, RobotProfile
 from msbot.link.byte_frames import SerialReceiver, encode_serial
 from msbot.link.can import CanMasterLink, CanPartLink, Codec
-from msbot.link.can.protocol.frames import Frame, Joiner, split
+from msbot.link.can.protocol.frames import Frame, FrameJoiner, split
 from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.link.can.sim.driver import SimCanBus
 from msbot.link.contract import Signal
@@ -25,7 +25,7 @@ from msbot.part import Part
 from msbot.part.join.keys import prove
 from msbot.part.join.plug import Refusal
 from msbot.part.messages.standard import STANDARD_MESSAGES
-from msbot.pnp import Binding, Configuration, MemoryStore, PartType, Slot
+from msbot.pnp import Configuration, MemoryStore, PartType, Slot, SlotBinding
 from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce import compress, decompress
 from msbot.xrce.compression.dictionary import DICTIONARY, FIXED
@@ -83,7 +83,9 @@ class World:
         self.driver = SimBusDriver(SimBus(500_000, random=Random(seed)))
         self.driver.attach("monitor")
         self.lines = MemoryLines()
-        mine = [Binding(port, port, kind, publishes=way == "out", reliable=True) for port, way, kind in robot.bindings]
+        mine = [
+            SlotBinding(port, port, kind, publishes=way == "out", reliable=True) for port, way, kind in robot.bindings
+        ]
         others = [replace(binding, publishes=not binding.publishes) for binding in mine]
         spare = Slot(SPARE_SLOT, robot.number)
         self.store = MemoryStore(
@@ -244,7 +246,27 @@ class _Wire(asyncio.Transport):
 
 
 __all__ = [
-    "CODEC", "DICTIONARY", "FIXED", "STANDARD_MESSAGES", "UID", "CanPartLink", "Frame", "Home", "Joiner", "MemoryLines",
-    "Part", "Refusal", "Robot", "SerialReceiver", "SimCanBus", "UdpServerLink", "World", "compress",
-    "decompress", "encode_serial", "prove", "run_virtual", "split",
+    "CODEC",
+    "DICTIONARY",
+    "FIXED",
+    "STANDARD_MESSAGES",
+    "UID",
+    "CanPartLink",
+    "Frame",
+    "FrameJoiner",
+    "Home",
+    "MemoryLines",
+    "Part",
+    "Refusal",
+    "Robot",
+    "SerialReceiver",
+    "SimCanBus",
+    "UdpServerLink",
+    "World",
+    "compress",
+    "decompress",
+    "encode_serial",
+    "prove",
+    "run_virtual",
+    "split",
 ]  # fmt: skip

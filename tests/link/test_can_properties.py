@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from msbot.link import Signal
 from msbot.link.can.native_link import MASTER
-from msbot.link.can.protocol.frames import WRONG_CHECK_BYTE, Joiner, split
+from msbot.link.can.protocol.frames import WRONG_CHECK_BYTE, FrameJoiner, split
 from msbot.link.can.protocol.node_ids import MemoryNodeIds
 from msbot.link.can.sim import SimBus
 from msbot.link.can.sim.driver import SimCanBus
@@ -167,7 +167,7 @@ def test_of_bursts_that_the_counter_cannot_see_the_check_byte_misses_one_in_256(
     for _ in range(TRIALS):
         packet = random.randbytes(7 * 65 + 6)
         frames = split(packet, random.randrange(64), fd=False)
-        joiner = Joiner(dropped=dropped)
+        joiner = FrameJoiner(dropped=dropped)
         joiner.receive(frames[0], 0.0)
         deceived += joiner.receive(frames[65], 0.1) is not None
     assert deceived == DECEIVED

@@ -281,14 +281,14 @@ class SmallMaster:
 def publishes(port: str, topic: str, type_name: str = "HelloWorld", *, reliable: bool = True) -> plug.PortBinding:
     """A binding of a port that sends."""
     return plug.PortBinding(
-        port=port, topic=topic, topic_type=type_name, direction=plug.Direction.PUBLISH, reliable=int(reliable)
+        port=port, topic=topic, topic_type=type_name, direction=plug.BindingDirection.PUBLISH, reliable=int(reliable)
     )
 
 
 def subscribes(port: str, topic: str, type_name: str = "HelloWorld", *, reliable: bool = True) -> plug.PortBinding:
     """A binding of a port that receives."""
     return plug.PortBinding(
-        port=port, topic=topic, topic_type=type_name, direction=plug.Direction.SUBSCRIBE, reliable=int(reliable)
+        port=port, topic=topic, topic_type=type_name, direction=plug.BindingDirection.SUBSCRIBE, reliable=int(reliable)
     )
 
 

@@ -6,16 +6,16 @@ from random import Random
 
 from msbot.pnp import (
     THESIS_TIMING,
-    Binding,
     Claim,
     Configuration,
+    LifeTiming,
     MemoryStore,
     PartEvent,
     PartInfo,
     PartState,
     PartType,
     Slot,
-    Timing,
+    SlotBinding,
     Verdict,
 )
 from msbot.pnp.inventory import Inventory
@@ -34,8 +34,8 @@ def configuration(slot: str, version: int = 1) -> Configuration:
         version=version,
         slot=slot,
         bindings=(
-            Binding("out", f"HelloWorldTopic_{out}", "HelloWorld", publishes=True),
-            Binding("in", f"HelloWorldTopic_{into}", "HelloWorld", publishes=False, reliable=False),
+            SlotBinding("out", f"HelloWorldTopic_{out}", "HelloWorld", publishes=True),
+            SlotBinding("in", f"HelloWorldTopic_{into}", "HelloWorld", publishes=False, reliable=False),
         ),
         settings=(("period_s", "1.0"),),
     )
@@ -59,7 +59,7 @@ class Rig:
     """An inventory with a clock that the test turns by hand; sessions are opened by their first claim."""
 
     def __init__(
-        self, store: MemoryStore | None = None, *, timing: Timing = THESIS_TIMING, start: float = 100.0
+        self, store: MemoryStore | None = None, *, timing: LifeTiming = THESIS_TIMING, start: float = 100.0
     ) -> None:
         self.now = start
         self.store = store or sample_store()

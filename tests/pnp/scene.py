@@ -9,7 +9,7 @@ from random import Random
 
 from msbot.agent import Agent
 from msbot.link import InprocHub, LinkInfo
-from msbot.part import Client, Service
+from msbot.part import Client, ServiceNames
 from msbot.part.join import plug
 from msbot.pnp import (
     PROFILE_TOPIC,
@@ -28,8 +28,8 @@ from msbot.space import MemorySpace
 from msbot.xrce.messages import STREAM_BEST_EFFORT
 from tests.pnp.robot import uid
 
-INVENTORY = Service(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
-ORIGINAL = Service(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
+INVENTORY = ServiceNames(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
+ORIGINAL = ServiceNames(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
 
 
 def epoch_ns() -> int:
@@ -66,7 +66,7 @@ class Robot:
 class Visitor:
     """A client on the wire that reads the profile, may ask the inventory, publishes as AA and hears one ring topic."""
 
-    def __init__(self, robot: Robot, key: int, service: Service = INVENTORY, *, hears: str = "3_to_1") -> None:
+    def __init__(self, robot: Robot, key: int, service: ServiceNames = INVENTORY, *, hears: str = "3_to_1") -> None:
         self.client = Client(
             robot.outside.connect(),
             key=key,

@@ -8,7 +8,7 @@ import pytest
 
 from msbot.agent.gate import ClientInfo, Gate
 from msbot.part.join import plug
-from msbot.pnp import PROFILE_TOPIC, Binding, Configuration, PartState
+from msbot.pnp import PROFILE_TOPIC, Configuration, PartState, SlotBinding
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.access import INVENTORY_REPLY_TOPIC, INVENTORY_REQUEST_TOPIC, INVENTORY_SERVICE, RESERVED_TOPICS, Access
 from tests.pnp.robot import Rig, sample_store
@@ -120,7 +120,9 @@ def test_goodbye_is_told_from_vanishing(reason: str, state: PartState) -> None:
 def test_nobody_but_the_trusted_master_may_publish_the_profile_or_answer_requests() -> None:
     door = Door(*RESERVED_TOPICS)
     door.rig.store.configurations["AA"] = Configuration(
-        1, "AA", tuple(Binding("p", topic, "t", publishes=flag) for topic in RESERVED_TOPICS for flag in (True, False))
+        1,
+        "AA",
+        tuple(SlotBinding("p", topic, "t", publishes=flag) for topic in RESERVED_TOPICS for flag in (True, False)),
     )
     door.let_in()
     assert door.open_to(PART, [PROFILE_TOPIC, *REQUESTS, *REPLIES]) == ["r", "w", "w", "", ""]

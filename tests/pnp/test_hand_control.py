@@ -5,12 +5,12 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.pnp import Binding, Configuration
+from msbot.pnp import Configuration, SlotBinding
 from msbot.pnp.hand_control import HandControl
 
 WIRED = Configuration(
-    version=3, slot="fan", bindings=(Binding("power", "fan_power", "Level", publishes=False),
-                                     Binding("speed", "fan_speed", "Number", publishes=True)),
+    version=3, slot="fan", bindings=(SlotBinding("power", "fan_power", "Level", publishes=False),
+                                     SlotBinding("speed", "fan_speed", "Number", publishes=True)),
 )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.pnp import FAST_TIMING, MemoryStore, PartState, PartType, Refusal, Slot, Timing, Verdict
+from msbot.pnp import FAST_TIMING, LifeTiming, MemoryStore, PartState, PartType, Refusal, Slot, Verdict
 from tests.pnp.robot import Rig, configuration
 
 AA, BB, CC, DD = 0xAAAAAAAA, 0xBBBBBBBB, 0xCCCCCCCC, 0xDDDDDDDD
@@ -359,7 +359,7 @@ def test_events_and_handlers_see_a_consistent_inventory() -> None:
 
 
 def test_a_part_that_dies_before_anybody_looked_is_late_first_and_then_lost() -> None:
-    rig = Rig(timing=Timing(beat_s=1.0, tick_s=1.7, life=2))
+    rig = Rig(timing=LifeTiming(beat_s=1.0, tick_s=1.7, life=2))
     rig.run(1.69)
     rig.claim(AA, "ABCD")
     rig.run(1.72)

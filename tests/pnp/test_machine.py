@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from msbot.errors import LocalProtocolError
-from msbot.pnp import FAST_TIMING, THESIS_TIMING, PartState, Slot, Timing
+from msbot.pnp import FAST_TIMING, THESIS_TIMING, LifeTiming, PartState, Slot
 from msbot.pnp.life import TRANSITIONS
 from msbot.pnp.slot_assignment import PLACEABLE
 from tests.pnp.robot import Rig, sample_store
@@ -27,7 +27,7 @@ class InventoryMachine(RuleBasedStateMachine):
     rig: Rig
 
     @initialize(timing=st.sampled_from([THESIS_TIMING, FAST_TIMING]))
-    def start(self, timing: Timing) -> None:
+    def start(self, timing: LifeTiming) -> None:
         self.rig = Rig(sample_store(Slot("AA2", "ABCD")), timing=timing)
         self.open: set[int] = set()
         self.beaten_at: dict[int, float] = {}

@@ -10,13 +10,13 @@ from msbot.pnp import (
     THESIS_TIMING,
     Claim,
     Configuration,
+    LifeTiming,
     MemoryStore,
     PartEvent,
     PartState,
     PartStore,
     Refusal,
     Slot,
-    Timing,
 )
 from tests.pnp.robot import ABCD, sample_store, uid
 
@@ -46,7 +46,7 @@ def test_the_fast_preset_delists_within_one_and_a_half_seconds() -> None:
 )
 def test_a_timing_that_delists_healthy_parts_is_refused(timing: dict[str, float], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
-        Timing(**timing)  # type: ignore[arg-type]
+        LifeTiming(**timing)  # type: ignore[arg-type]
 
 
 def test_registered_are_active_and_late_and_over_are_lost_and_left() -> None:

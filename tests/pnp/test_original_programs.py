@@ -9,7 +9,7 @@ from random import Random
 
 from msbot.link import LossyLink
 from msbot.part import Client, Entity, HelloWorld
-from msbot.pnp import Binding, MemoryStore, PartState
+from msbot.pnp import MemoryStore, PartState, SlotBinding
 from msbot.pnp import thesis_programs as compat
 from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce.messages import Format, ObjectKind, ObjectVariant
@@ -204,7 +204,7 @@ def test_when_the_binding_changes_the_old_topic_is_closed_at_once_and_opened_aga
         heard = len(bb.heard)
         assert heard > 0
         ring = configuration("BB")
-        elsewhere = Binding("in", "HelloWorldTopic_9", "HelloWorld", publishes=False)
+        elsewhere = SlotBinding("in", "HelloWorldTopic_9", "HelloWorld", publishes=False)
         store.configurations["BB"] = replace(ring, version=2, bindings=(ring.bindings[0], elsewhere))
         robot.inventory.configuration_changed("BB")
         await asyncio.sleep(3.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot.pnp import Binding, Configuration, PartType, Slot
+from msbot.pnp import Configuration, PartType, Slot, SlotBinding
 from tests.pnp.robot import Rig, sample_store
 
 AA, BB, CC, DD = 0xAA, 0xBB, 0xCC, 0xDD
@@ -50,14 +50,14 @@ def test_a_spare_that_takes_over_in_the_same_moment_leaves_nobody_alone() -> Non
 
 def test_a_topic_with_two_senders_is_lost_with_the_second() -> None:
     def publishing(slot: str) -> Configuration:
-        return Configuration(1, slot, (Binding("out", "lux", "Light", publishes=True),))
+        return Configuration(1, slot, (SlotBinding("out", "lux", "Light", publishes=True),))
 
     store = sample_store(Slot("L1", "LAMP"), Slot("L2", "LAMP"), Slot("M", "METER"))
     store.types |= {"LAMP": PartType("LAMP", "lamp"), "METER": PartType("METER", "meter")}
     store.configurations |= {
         "L1": publishing("L1"),
         "L2": publishing("L2"),
-        "M": Configuration(1, "M", (Binding("in", "lux", "Light", publishes=False),)),
+        "M": Configuration(1, "M", (SlotBinding("in", "lux", "Light", publishes=False),)),
     }
     rig = Rig(store)
     rig.claim(AA, "LAMP", name="L1")

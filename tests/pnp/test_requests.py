@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.part.join import plug
-from msbot.pnp import Binding, Configuration, Refusal
+from msbot.pnp import Configuration, Refusal, SlotBinding
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.requests import RequestHandler
 from msbot.runtime.tally import MOST_NAMES, OTHERS
@@ -85,8 +85,8 @@ def test_the_configuration_travels_whole() -> None:
     ours = configuration("AA")
     assert (sent.version, sent.slot) == (ours.version, ours.slot)
     assert [(b.port, b.topic, b.topic_type, b.direction, b.reliable) for b in sent.bindings] == [
-        ("out", "HelloWorldTopic_1_to_2", "HelloWorld", plug.Direction.PUBLISH, 1),
-        ("in", "HelloWorldTopic_3_to_1", "HelloWorld", plug.Direction.SUBSCRIBE, 0),
+        ("out", "HelloWorldTopic_1_to_2", "HelloWorld", plug.BindingDirection.PUBLISH, 1),
+        ("in", "HelloWorldTopic_3_to_1", "HelloWorld", plug.BindingDirection.SUBSCRIBE, 0),
     ]
     assert [(s.name, s.value) for s in sent.settings] == [("period_s", "1.0")]
 
@@ -97,7 +97,7 @@ def test_a_configuration_for_an_unknown_lease_is_not_answered() -> None:
 
 def test_a_configuration_that_cannot_be_encoded_is_counted_not_raised() -> None:
     counter = Counter()
-    binding = Binding("p" * 300, "t", "T", publishes=True)
+    binding = SlotBinding("p" * 300, "t", "T", publishes=True)
     counter.rig.store.configurations["AA"] = Configuration(1, "AA", (binding,))
     lease = counter.register().lease
     assert counter.ask(plug.ConfigurationRequest(lease=lease, have_version=0)) is None

@@ -11,7 +11,7 @@ from msbot.errors import LinkFull, RequestError
 from msbot.link import InprocHub
 from msbot.part import Client, Entity
 from msbot.part.join import plug
-from msbot.pnp import Binding, Configuration, InventoryService, MasterService, Profile
+from msbot.pnp import Configuration, InventoryService, MasterService, Profile, SlotBinding
 from msbot.pnp.services import profile_message
 from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce.messages import STREAM_RELIABLE
@@ -95,7 +95,7 @@ def test_a_part_registers_beats_and_fetches_its_configuration_through_the_agent(
 def test_a_configuration_longer_than_a_packet_arrives_whole() -> None:
     async def scene() -> None:
         store = sample_store()
-        bindings = tuple(Binding(f"port{n}", f"topic{n}", "HelloWorld", publishes=True) for n in range(100))
+        bindings = tuple(SlotBinding(f"port{n}", f"topic{n}", "HelloWorld", publishes=True) for n in range(100))
         store.configurations["AA"] = Configuration(5, "AA", bindings)
         robot = Robot(store)
         visitor = Visitor(robot, 0xA1)

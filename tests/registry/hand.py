@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
-from msbot.config import Endpoint, Scalar
+from msbot.config import Scalar, SlotPort
 from msbot.registry import EditKind, EditRecord, Registry, RobotRecord
 from msbot.registry.edits import blocks, slot_values, users, wires
 from msbot.registry.edits import part_places as places
@@ -36,15 +36,15 @@ class Hand:
         return self._edits.make(robot, who, partial(blocks.unblock, kind=kind, key=key))
 
     def bind(
-        self, robot: RobotRecord, topic: str, who: str, *, type_name: str, source: Endpoint | None,
-        targets: Sequence[Endpoint] = (), reliable: bool = True,
+        self, robot: RobotRecord, topic: str, who: str, *, type_name: str, source: SlotPort | None,
+        targets: Sequence[SlotPort] = (), reliable: bool = True,
     ) -> EditRecord:  # fmt: skip
         making = partial(
             wires.bind, topic=topic, type_name=type_name, source=source, targets=targets, reliable=reliable
         )
         return self._edits.make(robot, who, making)
 
-    def unbind(self, robot: RobotRecord, topic: str, endpoint: Endpoint | None, who: str) -> EditRecord:
+    def unbind(self, robot: RobotRecord, topic: str, endpoint: SlotPort | None, who: str) -> EditRecord:
         return self._edits.make(robot, who, partial(wires.unbind, topic=topic, endpoint=endpoint))
 
     def undo(self, robot: RobotRecord, number: int | None, who: str) -> EditRecord:

@@ -22,10 +22,10 @@ from msbot.link import InprocHub
 from msbot.master import Master
 from msbot.part import JoinState, Message, Part
 from msbot.part.messages.message import fields_of
-from msbot.pnp import Binding as Wire
 from msbot.pnp import Configuration, MemoryStore
 from msbot.pnp import PartType as KnownType
 from msbot.pnp import Slot as Place
+from msbot.pnp import SlotBinding as Wire
 from msbot.runtime.virtual_time import run_virtual
 from msbot.sim import SimulatedPart, make_simulator, message_class
 

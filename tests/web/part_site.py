@@ -19,10 +19,10 @@ from msbot.link.net import WebSocketClientLink, WebSocketServerLink
 from msbot.master import Master
 from msbot.operations.rights import Role
 from msbot.part import HelloWorld, Part
-from msbot.pnp import Binding, Configuration, MemoryStore, PartState, PartType, Slot
+from msbot.pnp import Configuration, MemoryStore, PartState, PartType, Slot, SlotBinding
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.cookies import CookieNames
-from msbot.web.access.guard import Guard
+from msbot.web.access.guard import AccessGuard
 from msbot.web.access.users import MemoryUsers
 from msbot.web.connections import Acceptor, Connections, WatchedConnection
 from msbot.web.part_socket import PartSocket
@@ -38,7 +38,9 @@ def store(slots: int) -> MemoryStore:
         types=tuple(PartType(f"T{n}", "a test's") for n in range(slots)),
         slots=tuple(Slot(f"S{n}", f"T{n}") for n in range(slots)),
         configurations=tuple(
-            Configuration(1, f"S{n}", (Binding("out", f"out{n}", "HelloWorld", publishes=True, reliable=False),), ())
+            Configuration(
+                1, f"S{n}", (SlotBinding("out", f"out{n}", "HelloWorld", publishes=True, reliable=False),), ()
+            )
             for n in range(slots)
         ),
     )
@@ -47,7 +49,9 @@ def store(slots: int) -> MemoryStore:
 class PartSite:
     """The robot, and whom it lets in."""
 
-    def __init__(self, master: Master, accounts: Accounts, link: WebSocketServerLink, guard: Guard, port: int) -> None:
+    def __init__(
+        self, master: Master, accounts: Accounts, link: WebSocketServerLink, guard: AccessGuard, port: int
+    ) -> None:
         self.master = master
         self.accounts = accounts
         self.link = link
@@ -99,7 +103,7 @@ async def part_site(slots: int = 2) -> AsyncIterator[PartSite]:
     accounts = Accounts(MemoryUsers(*people), clock=loop.time, hasher=PlainHasher())
     link = WebSocketServerLink("ws:test")
     app = Starlette(routes=[PartSocket(link, accounts).route()])
-    guard = Guard(
+    guard = AccessGuard(
         app, accounts, ["127.0.0.1"], cookies=CookieNames(), owns=lambda *_: False, beat=lambda: b"{}"
     )  # fmt: skip
     config = uvicorn.Config(guard, log_level="error", lifespan="off", ws_max_size=1024 * 1024)

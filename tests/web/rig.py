@@ -15,10 +15,10 @@ from msbot.part import HelloWorld
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
 from msbot.web.access.users import MemoryUsers
-from msbot.web.api.models import Control, Robot, Scalar
+from msbot.web.api.models import ControlLine, Robot, Scalar
 from msbot.web.frames import FrameRing
 from msbot.web.live import Live
-from msbot.web.neighbours import Neighbour, Neighbours
+from msbot.web.neighbours import LocalMaster, LocalMasters
 from msbot.web.records import registry_records
 from msbot.web.service import Service
 from msbot.web.simulated.bench import Bench
@@ -49,8 +49,8 @@ class ToyBench:
     def unplug(self, slot: str) -> None:
         self.plugged[slot] = False
 
-    def controls(self, slot: str) -> tuple[Control, ...]:
-        return (Control(name="turn", kind="number", value=self.turned[slot]),)
+    def controls(self, slot: str) -> tuple[ControlLine, ...]:
+        return (ControlLine(name="turn", kind="number", value=self.turned[slot]),)
 
     def operate(self, slot: str, control: str, value: Scalar) -> None:
         if control != "turn":
@@ -61,10 +61,10 @@ class ToyBench:
         return {"turned": self.turned[slot]}
 
 
-class Alone(Neighbours):
+class Alone(LocalMasters):
     """No other master is on this computer; a thread that looks for them would know nothing of virtual time."""
 
-    async def look(self) -> Sequence[Neighbour]:
+    async def look(self) -> Sequence[LocalMaster]:
         return ()
 
 

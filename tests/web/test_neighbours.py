@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Mapping
 
 from msbot.web.api.models import RobotTile
-from msbot.web.neighbours import Neighbour, Neighbours
+from msbot.web.neighbours import LocalMaster, LocalMasters
 from msbot.web.pages.classroom import _for_visitor
 from msbot.web.service import with_neighbours
 
@@ -18,8 +18,8 @@ def tile(name: str, *, running: bool = False, here: bool = False) -> RobotTile:
     )  # fmt: skip
 
 
-def master(robot: str, *, stopped: bool = False) -> Neighbour:
-    return Neighbour(robot, "1", f"http://127.0.0.1:{len(robot)}", 5, 4, stopped)
+def master(robot: str, *, stopped: bool = False) -> LocalMaster:
+    return LocalMaster(robot, "1", f"http://127.0.0.1:{len(robot)}", 5, 4, stopped)
 
 
 def test_a_robot_of_the_database_gets_what_its_master_says() -> None:
@@ -44,7 +44,7 @@ def test_one_stop_for_all_says_how_many_it_did_not_reach() -> None:
         answer = {"stopped": True, "told": 3, "confirmed": [{"part": "AA", "ms": 1.0}], "silent": ["BB", "CC"]}
         return [{"robot": "A", **answer}, {"robot": "B", "error": "no"}, {"robot": "C", **answer}], 1
 
-    done = asyncio.run(Neighbours(ask).stop_all("ann", "enough"))
+    done = asyncio.run(LocalMasters(ask).stop_all("ann", "enough"))
     assert asked == [{"do": "stop", "who": "ann", "reason": "enough"}]
     assert (done.told, done.confirmed, done.parts, done.silent) == (("A", "C"), 2, 6, 2)
 
@@ -53,7 +53,7 @@ def test_what_a_master_says_of_itself_is_taken_as_far_as_it_makes_sense() -> Non
     def ask(_: Mapping[str, object]) -> tuple[list[dict[str, object]], int]:
         return [{"robot": "A", "serial_number": "7", "slots": "3", "active": "x", "stopped": "yes"}], 0
 
-    assert asyncio.run(Neighbours(ask).look()) == [Neighbour("A", "7", "", 3, 0, stopped=False)]
+    assert asyncio.run(LocalMasters(ask).look()) == [LocalMaster("A", "7", "", 3, 0, stopped=False)]
 
 
 def test_a_page_for_every_network_is_linked_by_the_name_that_the_visitor_came_by() -> None:

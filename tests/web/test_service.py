@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msbot.errors import MsbotError, NotThere
 from msbot.operations.rights import Role
-from msbot.operations.table import OPERATIONS, Kind
+from msbot.operations.table import OPERATIONS, ArgumentKind
 from msbot.web.access.accounts import NotAllowed, SignedOut
 from msbot.web.access.class_list import Newcomer
 from msbot.web.access.sessions import Session
@@ -53,7 +53,7 @@ LEAST = {
 
 
 def _operation(name: str) -> Deed:
-    nonsense = {Kind.NUMBER: 5.0, Kind.WHOLE: 77, Kind.FLAG: True, Kind.TEXTS: ["no"]}
+    nonsense = {ArgumentKind.NUMBER: 5.0, ArgumentKind.WHOLE: 77, ArgumentKind.FLAG: True, ArgumentKind.TEXTS: ["no"]}
     arguments = {argument.name: nonsense.get(argument.kind, "no") for argument in OPERATIONS[name].arguments}
 
     def deed(service: Service, session: Session) -> object:

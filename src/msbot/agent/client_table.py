@@ -23,7 +23,7 @@ _HIGHEST_DRAWN, _LOWEST_DRAWN = 0xFFFFFFFF, 0xFF000000
 
 
 @dataclass(slots=True, eq=False)
-class Port:
+class ServedLink:
     """One link of the agent and the clients that logged in over it."""
 
     link: Link
@@ -50,7 +50,7 @@ class ClientTable:
         self._by_key: dict[int, Proxy] = {}
         self._by_client_key: dict[int, tuple[Proxy, ...]] = {}
         self._drawn = _HIGHEST_DRAWN
-        self._gone: dict[Proxy, tuple[Port, Peer]] = {}
+        self._gone: dict[Proxy, tuple[ServedLink, Peer]] = {}
 
     def __len__(self) -> int:
         return len(self._by_key)
@@ -72,7 +72,7 @@ class ClientTable:
             client_key = self._drawn = self._drawn - 1 if self._drawn > _LOWEST_DRAWN else _HIGHEST_DRAWN
         return client_key
 
-    def keyed(self, client_key: int, port: Port, peer: Peer, *, anywhere: bool) -> Proxy | None:
+    def keyed(self, client_key: int, port: ServedLink, peer: Peer, *, anywhere: bool) -> Proxy | None:
         """The client with that key if its session carries the key in every header, and it has not gone.
 
         With `anywhere` the address does not matter.
@@ -85,7 +85,7 @@ class ClientTable:
                 return proxy
         return None
 
-    def place(self, proxy: Proxy, port: Port, peer: Peer) -> None:
+    def place(self, proxy: Proxy, port: ServedLink, peer: Peer) -> None:
         """Enter a client, or move it to another address: the old one then belongs to nobody."""
         self._leave_place(proxy)
         self._forget_gone(proxy)

@@ -13,7 +13,7 @@ import asyncio
 import math
 from collections.abc import Callable
 
-from msbot.agent.client_table import Port
+from msbot.agent.client_table import ServedLink
 from msbot.agent.proxy import Proxy
 from msbot.agent.timers import TimerHeap
 from msbot.errors import LinkDown, LinkFull
@@ -57,7 +57,7 @@ class Flusher:
             if not proxy.is_over:
                 self._serve(proxy, now)
 
-    def room_gained(self, port: Port, peer: Peer | None) -> None:
+    def room_gained(self, port: ServedLink, peer: Peer | None) -> None:
         """The link has room for that peer again, or for all."""
         now = self._clock()
         for proxy in list(port.blocked):
@@ -100,7 +100,7 @@ class Flusher:
                 return
             proxy.bytes_out += len(packet)
 
-    def send_one(self, port: Port, packet: bytes, peer: Peer) -> None:
+    def send_one(self, port: ServedLink, packet: bytes, peer: Peer) -> None:
         """Send a packet outside of a session; when it cannot go, the other side repeats its question."""
         try:
             port.link.send(packet, peer)
@@ -118,7 +118,7 @@ class Flusher:
             if when < self._alarm_at:
                 self._set_alarm(when)
 
-    def _send_slowly(self, proxy: Proxy, port: Port, peer: Peer, now: float) -> None:
+    def _send_slowly(self, proxy: Proxy, port: ServedLink, peer: Peer, now: float) -> None:
         """Send on a link that is full, has been, or takes packet by packet so that what waits is still fresh."""
         link = port.link
         outbox = proxy.outbox

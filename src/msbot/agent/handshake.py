@@ -10,7 +10,7 @@ import logging
 from collections.abc import Callable, Hashable
 from dataclasses import replace
 
-from msbot.agent.client_table import ClientTable, Port
+from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.gate import ClientInfo, Gate
 from msbot.agent.limits import MIN_MTU, AgentSettings
 from msbot.agent.proxy import Proxy
@@ -50,7 +50,7 @@ _MIN_DEAD_AFTER_S = 0.1
 _MAX_DEAD_AFTER_S = 3600.0
 """Whoever is silent for an hour is asked whether it is there, whatever it said; C clients write at most 1000 s."""
 
-OpenSession = Callable[[ClientInfo, Port, CreateClient, float], Proxy]
+OpenSession = Callable[[ClientInfo, ServedLink, CreateClient, float], Proxy]
 EndSession = Callable[[Proxy, str], None]
 
 
@@ -69,7 +69,7 @@ class Handshake:
         self._open_session = open_session
         self._end_session = end_session
 
-    def answer(self, port: Port, packet: bytes, peer: Peer, now: float) -> bytes | None:
+    def answer(self, port: ServedLink, packet: bytes, peer: Peer, now: float) -> bytes | None:
         """The one answer to a packet that belongs to no session, or None for silence."""
         try:
             header = decode_header(packet)
@@ -90,7 +90,7 @@ class Handshake:
         port.dropped.count("packet without a session")
         return None
 
-    def _log_in(self, port: Port, peer: Peer, request: CreateClient, now: float) -> Status:
+    def _log_in(self, port: ServedLink, peer: Peer, request: CreateClient, now: float) -> Status:
         owner = port.clients.get(peer)
         if owner is not None and owner.info.client_key != request.client_key:
             self._end_session(owner, "another client logged in from its address")
@@ -128,7 +128,7 @@ class Handshake:
         logger.info("client %08X logged in from %s on %s", info.key, info.address, info.link)
         return Status.OK
 
-    def _session_of(self, info: ClientInfo, port: Port, peer: Peer) -> Proxy | None:
+    def _session_of(self, info: ClientInfo, port: ServedLink, peer: Peer) -> Proxy | None:
         """The session that a login is about: the one of its key at its address, one that has gone, or any that may
         be moved; None: it begins another one."""
         sharing = self._clients.sharing(info.client_key)

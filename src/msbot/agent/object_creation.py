@@ -38,7 +38,7 @@ class Participant:
 
 
 @dataclass(slots=True, eq=False)
-class Entity:
+class ClientObject:
     """One object of a client."""
 
     definition: Definition
@@ -77,7 +77,9 @@ class Creator:
         self._host = host
         self._settings = settings
 
-    def make(self, object_id: int, definition: Definition, parent: Entity | None, topics: dict[int, Entity]) -> Entity:
+    def make(
+        self, object_id: int, definition: Definition, parent: ClientObject | None, topics: dict[int, ClientObject]
+    ) -> ClientObject:
         """Make the object of that id.
 
         Args:
@@ -91,34 +93,34 @@ class Creator:
         """
         if parent is None:
             assert isinstance(definition, ParticipantDef)
-            return Entity(definition, Participant(self._domain(definition.domain_id)))
+            return ClientObject(definition, Participant(self._domain(definition.domain_id)))
         participant = parent.participant
         match definition:
             case TopicDef():
                 topic = participant.use(definition.name, definition.type_name)
-                return Entity(definition, participant, topic)
+                return ClientObject(definition, participant, topic)
             case WriterDef():
                 topic = self._topic_of(definition, participant, topics)
                 endpoint: Endpoint = DataWriter(self._host, object_id, topic, self._qos(definition))
-                return Entity(definition, participant, topic, endpoint)
+                return ClientObject(definition, participant, topic, endpoint)
             case ReaderDef():
                 topic = self._topic_of(definition, participant, topics)
                 qos = self._qos(definition, latched=self._host.is_latched(topic.name))
                 endpoint = DataReader(self._host, object_id, topic, qos, self._host.own_filter)
-                return Entity(definition, participant, topic, endpoint)
+                return ClientObject(definition, participant, topic, endpoint)
             case RequesterDef():
                 endpoint = Requester(self._host, object_id, *_service(definition, participant), self._service_qos())
-                return Entity(definition, participant, endpoint=endpoint)
+                return ClientObject(definition, participant, endpoint=endpoint)
             case ReplierDef():
                 endpoint = Replier(self._host, object_id, *_service(definition, participant), self._service_qos())
-                return Entity(definition, participant, endpoint=endpoint)
-        return Entity(definition, participant)
+                return ClientObject(definition, participant, endpoint=endpoint)
+        return ClientObject(definition, participant)
 
     def _domain(self, domain_id: int) -> int:
         return self._settings.domain_255 if domain_id == _DOMAIN_OF_AGENT else domain_id
 
     def _topic_of(
-        self, definition: WriterDef | ReaderDef, participant: Participant, topics: dict[int, Entity]
+        self, definition: WriterDef | ReaderDef, participant: Participant, topics: dict[int, ClientObject]
     ) -> Topic:
         """Use the topic that an endpoint names, by id or (XML, reference) by name."""
         if definition.topic_id is not None:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 
 from msbot.agent.endpoints import Endpoint
 from msbot.agent.limits import AgentSettings
-from msbot.agent.object_creation import Creator, Entity, NoSuchTopic
+from msbot.agent.object_creation import ClientObject, Creator, NoSuchTopic
 from msbot.agent.topic_attachment import EndpointHost
 from msbot.errors import RemoteProtocolError
 from msbot.xrce import References, Status
@@ -79,14 +79,14 @@ class ObjectTree:
         self._budget = budget
         self._references = references
         self._creator = Creator(host, settings)
-        self._entities: dict[int, Entity] = {}
+        self._entities: dict[int, ClientObject] = {}
         self.endpoints: dict[int, Endpoint] = {}
         """The endpoints by object id; looked up for every WRITE_DATA."""
 
     def __len__(self) -> int:
         return len(self._entities)
 
-    def items(self) -> Iterator[tuple[int, Entity]]:
+    def items(self) -> Iterator[tuple[int, ClientObject]]:
         """The objects by id."""
         return iter(sorted(self._entities.items()))
 
@@ -131,7 +131,7 @@ class ObjectTree:
         for object_id in list(self._entities):
             self.delete(object_id)
 
-    def _is_same(self, old: Entity, variant: ObjectVariant, *, little_endian: bool) -> bool:
+    def _is_same(self, old: ClientObject, variant: ObjectVariant, *, little_endian: bool) -> bool:
         try:
             return self._define(variant, little_endian=little_endian) == old.definition
         except _Refused:
@@ -154,7 +154,7 @@ class ObjectTree:
         if entity.endpoint is not None:
             self.endpoints[object_id] = entity.endpoint
 
-    def _parent_of(self, kind: ObjectKind, variant: ObjectVariant) -> Entity | None:
+    def _parent_of(self, kind: ObjectKind, variant: ObjectVariant) -> ClientObject | None:
         if kind is ObjectKind.PARTICIPANT:
             return None
         parent = self._entities.get((variant.parent_id & 0xFFF0) | _PARENTS[kind])

@@ -38,7 +38,7 @@ from msbot.xrce.sessions import (
 )
 
 if TYPE_CHECKING:
-    from msbot.agent.client_table import Port
+    from msbot.agent.client_table import ServedLink
 
 logger = logging.getLogger(__name__)
 
@@ -84,7 +84,7 @@ class Proxy:
         self.clock = surroundings.clock
         self.max_requests = settings.max_requests
         self.own_filter: Shape | None = None if echo else NoEchoShape(self._is_own)
-        self.place: tuple[Port, Peer] | None = None
+        self.place: tuple[ServedLink, Peer] | None = None
         """Where its packets go, kept by the table of clients; None for one that has gone or was removed."""
         self.outbox: deque[bytes] = deque()
         """Packets that were pulled out of the session and that the link had no room for."""

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from msbot.agent.client_table import ClientTable, Port
+from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.flushing import Flusher
 from msbot.agent.gate import ClientInfo, Gate, OpenGate
 from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
@@ -58,7 +58,7 @@ class Agent:
         self._settings = settings or AgentSettings()
         self._epoch_ns = epoch_ns
         self._gate = gate or OpenGate()
-        self._ports: list[Port] = []
+        self._ports: list[ServedLink] = []
         self._clients = ClientTable()
         self._budget = SessionBudget(self._gate, self._settings)
         self._rivals = Rivals(self._clients, self._gate, self._call_at, self._end_session)
@@ -88,7 +88,7 @@ class Agent:
         self._held = Memory(self._settings.max_held_in_all)
         self._unacked = Memory(self._settings.max_unacked_in_all)
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._tasks: dict[Port, asyncio.Task[None]] = {}
+        self._tasks: dict[ServedLink, asyncio.Task[None]] = {}
         self._group: asyncio.TaskGroup | None = None
         self._ended = asyncio.Event()
         self._failure: LinkDown | None = None
@@ -100,7 +100,7 @@ class Agent:
     def add_link(self, link: Link) -> None:
         """Serve a link, too; may be called before or during `run`."""
         # A fast link is given all there is; a slow one takes packet by packet, so that what waits is still fresh.
-        port = Port(link, batch=None if link.info.bits_per_second is None else 1)
+        port = ServedLink(link, batch=None if link.info.bits_per_second is None else 1)
         self._ports.append(port)
         link.tap = self._tap
         link.attach(
@@ -211,7 +211,7 @@ class Agent:
 
     # What the links call.
 
-    def _packet_received(self, port: Port, packet: bytes, peer: Peer, now: float) -> None:
+    def _packet_received(self, port: ServedLink, packet: bytes, peer: Peer, now: float) -> None:
         port.opened = True
         self._flusher.in_burst = port.link.info.in_bursts
         if len(packet) < 4:
@@ -236,7 +236,7 @@ class Agent:
             self._flusher.send(proxy, now)
             self._end_session(proxy, "session deleted")
 
-    def _keyed(self, client_key: int, port: Port, peer: Peer) -> Proxy | None:
+    def _keyed(self, client_key: int, port: ServedLink, peer: Peer) -> Proxy | None:
         """The client whose key a header shows: at its own address, or from anywhere unless the gate keeps sessions."""
         here = self._clients.keyed(client_key, port, peer, anywhere=False)
         if here is not None:
@@ -244,7 +244,7 @@ class Agent:
         proxy = self._clients.keyed(client_key, port, peer, anywhere=True)
         return None if proxy is None or self._gate.keeps(proxy.info) else proxy
 
-    def _receive_from_elsewhere(self, proxy: Proxy, port: Port, packet: bytes, peer: Peer, now: float) -> None:
+    def _receive_from_elsewhere(self, proxy: Proxy, port: ServedLink, packet: bytes, peer: Peer, now: float) -> None:
         """Answers go to where the packet came from; all else stays on the way to the address of the login."""
         self._flusher.send(proxy, now)
         proxy.receive(packet, now)
@@ -253,7 +253,7 @@ class Agent:
         if proxy.is_over:
             self._end_session(proxy, "session deleted")
 
-    def _signal_received(self, port: Port, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
+    def _signal_received(self, port: ServedLink, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
         if signal is Signal.LINK_UP:
             port.opened = True
         elif signal is Signal.PEER_GONE:
@@ -267,7 +267,7 @@ class Agent:
 
     # Sessions begin, pause and end.
 
-    def _open_session(self, info: ClientInfo, port: Port, request: CreateClient, now: float) -> Proxy:
+    def _open_session(self, info: ClientInfo, port: ServedLink, request: CreateClient, now: float) -> Proxy:
         open_session = partial(
             AgentSession,
             request.client_key,
@@ -296,7 +296,7 @@ class Agent:
         self._gate.left(proxy.info, reason)
         proxy.recheck()
 
-    def _peer_back(self, proxy: Proxy, port: Port, peer: Peer) -> None:
+    def _peer_back(self, proxy: Proxy, port: ServedLink, peer: Peer) -> None:
         logger.info("client %08X on %s is back", proxy.info.key, proxy.info.link)
         self._clients.place(proxy, port, peer)
         proxy.come_back()
@@ -322,7 +322,7 @@ class Agent:
     def _now(self) -> float:
         return self._loop.time() if self._loop is not None else 0.0
 
-    async def _serve(self, port: Port) -> None:
+    async def _serve(self, port: ServedLink) -> None:
         """Run one link to its end; the others go on without it, unless it could not even be opened."""
         failure: LinkDown | None = None
         try:

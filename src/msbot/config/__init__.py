@@ -8,11 +8,11 @@ from msbot.config.blueprint.model import (
     PRESETS,
     Binding,
     Blueprint,
-    Endpoint,
     InDds,
     Options,
     RobotProfile,
     Slot,
+    SlotPort,
     Timing,
 )
 from msbot.config.blueprint.reader import library_folders, load_blueprint, open_blueprint, parse_blueprint
@@ -56,7 +56,6 @@ __all__ = [
     "ControlKind",
     "Difference",
     "Direction",
-    "Endpoint",
     "FieldKind",
     "FoundProblems",
     "InDds",
@@ -76,6 +75,7 @@ __all__ = [
     "Scalar",
     "Simulator",
     "Slot",
+    "SlotPort",
     "Supply",
     "Timing",
     "Versions",

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 
 from msbot.errors import ConfigError
-from msbot.idl.model import Array, Basic, Definitions, Enum, Name, Reference, Sequence, Struct, Text, Type
+from msbot.idl.model import Array, Basic, Definitions, Enum, Name, Reference, Sequence, StringType, Struct, Type
 
 TEXT_BOUND = 255
 """Characters of a text without a bound."""
@@ -100,7 +100,7 @@ class _Writer:
                 return f"{_C[word]} {name};"
             case Reference(of):
                 return f"{self._names[of]} {name};"
-            case Text(bound):
+            case StringType(bound):
                 return f"char {name}[{(bound or self._text_bound) + 1}];"
             case Array(element, length):
                 return self._declare(element, f"{name}[{length}]")
@@ -131,7 +131,7 @@ class _Writer:
                 return [f"ok = ok && ucdr_serialize_uint32_t(buffer, (uint32_t){what});"]
             case Reference(of):
                 return [f"ok = ok && {self._names[of]}_serialize(buffer, &{what});"]
-            case Text():
+            case StringType():
                 return [f"ok = ok && ucdr_serialize_string(buffer, {what});"]
             case Array(Basic(word), length):
                 return [f"ok = ok && ucdr_serialize_array_{_C[word]}(buffer, {what}, {length});"]
@@ -158,7 +158,7 @@ class _Writer:
                 return self._read_enum(self._all.enums[of], what)
             case Reference(of):
                 return [f"ok = ok && {self._names[of]}_deserialize(buffer, &{what});"]
-            case Text(bound):
+            case StringType(bound):
                 return [f"ok = ok && ucdr_deserialize_string(buffer, {what}, {(bound or self._text_bound) + 1});"]
             case Array(Basic(word), length):
                 return [f"ok = ok && ucdr_deserialize_array_{_C[word]}(buffer, {what}, {length});"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable
 
-from msbot.idl.model import Name, Place
-from msbot.idl.scanner import Kind, Word
+from msbot.idl.model import Name, SourcePlace
+from msbot.idl.scanner import TokenKind, Word
 
 DEEPEST = 32
 """Nested brackets and signs of an expression."""
@@ -42,7 +42,7 @@ class Cursor:
 
     def has(self, text: str) -> bool:
         """Whether that sign or name comes next."""
-        return self.word.text == text and self.word.kind in (Kind.SIGN, Kind.NAME)
+        return self.word.text == text and self.word.kind in (TokenKind.SIGN, TokenKind.NAME)
 
     def took(self, text: str) -> bool:
         """Go on if that sign or name comes next."""
@@ -59,11 +59,11 @@ class Cursor:
 
     def need_name(self, what: str) -> Word:
         """Any name, and go on."""
-        if self.word.kind is not Kind.NAME:
+        if self.word.kind is not TokenKind.NAME:
             raise self.word.place.error(f"the name of {what} is missing before {self.shown()}")
         return self.take()
 
-    def scoped_name(self) -> tuple[Name, Place]:
+    def scoped_name(self) -> tuple[Name, SourcePlace]:
         """A name with its modules: `geometry_msgs::msg::Twist`."""
         place = self.word.place
         self.took("::")
@@ -74,11 +74,11 @@ class Cursor:
 
     def halve(self) -> None:
         """Take the first half of `>>` where it closes two brackets."""
-        self._words[self._at] = Word(Kind.SIGN, ">", self.word.place)
+        self._words[self._at] = Word(TokenKind.SIGN, ">", self.word.place)
 
     def shown(self) -> str:
         """The next word for a person."""
-        return self.word.text or Kind.END.value
+        return self.word.text or TokenKind.END.value
 
 
 class Expressions:
@@ -99,7 +99,7 @@ class Expressions:
         if level == len(_BINARY):
             return self._unary(shifts=shifts)
         value = self.number(level + 1, shifts=shifts)
-        while self._words.word.kind is Kind.SIGN and self._words.word.text in _BINARY[level]:
+        while self._words.word.kind is TokenKind.SIGN and self._words.word.text in _BINARY[level]:
             if self._words.word.text in ("<<", ">>") and not shifts:
                 break
             word = self._words.take()
@@ -133,13 +133,13 @@ class Expressions:
             words.need(")")
             return value
         word = words.word
-        if word.kind is Kind.NUMBER:
+        if word.kind is TokenKind.NUMBER:
             words.take()
             try:
                 return int(word.text, 16 if word.text[:2].lower() == "0x" else 10)
             except ValueError:
                 raise word.place.error(f"a whole number is needed, not {word.text}") from None
-        if word.kind is Kind.NAME:
+        if word.kind is TokenKind.NAME:
             name, place = words.scoped_name()
             found = self._constant(name)
             if found is None:

@@ -3,7 +3,19 @@
 from __future__ import annotations
 
 from msbot.errors import ConfigError
-from msbot.idl.model import Array, Basic, Constant, Definitions, Enum, Name, Reference, Sequence, Struct, Text, Type
+from msbot.idl.model import (
+    Array,
+    Basic,
+    Constant,
+    Definitions,
+    Enum,
+    Name,
+    Reference,
+    Sequence,
+    StringType,
+    Struct,
+    Type,
+)
 
 _WORDS = {
     "bool": "boolean", "uint8": "octet", "int8": "int8", "uint16": "unsigned short", "int16": "short",
@@ -66,9 +78,9 @@ def _type(kind: Type, shown: dict[Name, Name]) -> str:
     match kind:
         case Basic(word):
             return _WORDS[word]
-        case Text(None):
+        case StringType(None):
             return "string"
-        case Text(bound):
+        case StringType(bound):
             return f"string<{bound}>"
         case Sequence(element, None):
             return f"sequence<{_type(element, shown)} >"

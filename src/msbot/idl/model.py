@@ -17,7 +17,7 @@ LARGEST_ARRAY = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SourcePlace:
     """Where something stands in a file."""
 
     file: str
@@ -37,7 +37,7 @@ class Basic:
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class StringType:
     """A string; `bound` is its largest number of characters, None: any."""
 
     bound: int | None = None
@@ -66,7 +66,7 @@ class Reference:
     name: Name
 
 
-Type: TypeAlias = Basic | Text | Sequence | Array | Reference
+Type: TypeAlias = Basic | StringType | Sequence | Array | Reference
 
 BASICS = ("bool", "uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64", "float32", "float64")
 
@@ -130,7 +130,7 @@ class Definitions:
     order: list[Name] = field(default_factory=list)
     """Structs and enums."""
 
-    def add(self, one: Struct | Enum | Constant, place: Place) -> None:
+    def add(self, one: Struct | Enum | Constant, place: SourcePlace) -> None:
         """Take something up.
 
         Raises:

@@ -16,12 +16,12 @@ from msbot.idl.model import (
     Name,
     Reference,
     Sequence,
+    StringType,
     Struct,
-    Text,
     Type,
     Value,
 )
-from msbot.idl.scanner import Kind, scan
+from msbot.idl.scanner import TokenKind, scan
 
 DEEPEST = 32
 """Nested modules, types and included files."""
@@ -74,14 +74,14 @@ class _Reader:
     def read(self) -> None:
         seen = Path(self._file)
         self._seen.add(seen)
-        while self._words.word.kind is not Kind.END:
+        while self._words.word.kind is not TokenKind.END:
             self._definition()
 
     # Definitions
 
     def _definition(self) -> None:
         word = self._words.word
-        if word.kind is Kind.DIRECTIVE:
+        if word.kind is TokenKind.DIRECTIVE:
             self._directive()
         elif self._annotations():
             return
@@ -129,10 +129,10 @@ class _Reader:
                 depth = 1
                 while depth:
                     word = self._words.take()
-                    if word.kind is Kind.END:
+                    if word.kind is TokenKind.END:
                         raise word.place.error(f") is missing: the annotation @{name.text} is never closed")
                     depth += {"(": 1, ")": -1}.get(word.text, 0)
-        return self._words.word.kind is Kind.END
+        return self._words.word.kind is TokenKind.END
 
     def _module(self) -> None:
         name = self._words.need_name("the module")
@@ -141,7 +141,7 @@ class _Reader:
         self._words.need("{")
         self._scope = (*self._scope, name.text)
         while not self._words.took("}"):
-            if self._words.word.kind is Kind.END:
+            if self._words.word.kind is TokenKind.END:
                 raise self._words.word.place.error(f"}} is missing: module {name.text} is never closed")
             self._definition()
         self._scope = self._scope[:-1]
@@ -159,7 +159,7 @@ class _Reader:
             members += self._into.structs[base.name].members
         self._words.need("{")
         while not self._words.took("}"):
-            if self._words.word.kind is Kind.END:
+            if self._words.word.kind is TokenKind.END:
                 raise self._words.word.place.error(f"}} is missing: struct {name.text} is never closed")
             members += self._member(members)
         self._words.need(";")
@@ -233,8 +233,8 @@ class _Reader:
         name = self._words.need_name("the constant")
         self._words.need("=")
         value: Value
-        if isinstance(kind, Text):
-            if self._words.word.kind is not Kind.TEXT:
+        if isinstance(kind, StringType):
+            if self._words.word.kind is not TokenKind.TEXT:
                 raise self._words.word.place.error(f'a text in "quotes" is missing before {self._words.shown()}')
             value = self._words.take().text[1:-1]
         elif kind == Basic("bool"):
@@ -257,7 +257,7 @@ class _Reader:
         word = self._words.word
         if depth > DEEPEST:
             raise word.place.error(f"types are nested more than {DEEPEST} deep")
-        if word.kind is not Kind.NAME and not self._words.has("::"):
+        if word.kind is not TokenKind.NAME and not self._words.has("::"):
             raise word.place.error(f"a type is missing before {self._words.shown()}")
         if self._words.took("sequence"):
             return self._sequence(depth)
@@ -266,7 +266,7 @@ class _Reader:
             if self._words.took("<"):
                 bound = self._bound()
                 self._words.need(">")
-            return Text(bound)
+            return StringType(bound)
         if word.text in _NOT_SUPPORTED:
             raise word.place.error(f"{_NOT_SUPPORTED[word.text]} is not supported")
         if word.text in _PARTS_OF_TYPES:
@@ -286,7 +286,7 @@ class _Reader:
     def _basic(self) -> Type:
         first = self._words.word
         words: list[str] = []
-        while self._words.word.kind is Kind.NAME and (*words, self._words.word.text) in {
+        while self._words.word.kind is TokenKind.NAME and (*words, self._words.word.text) in {
             known[: len(words) + 1] for known in _WORDS_OF_TYPES
         }:
             words.append(self._words.take().text)
@@ -338,6 +338,6 @@ class _Reader:
     def _float(self) -> float:
         sign = -1.0 if self._words.took("-") else 1.0
         word = self._words.take()
-        if word.kind is not Kind.NUMBER:
-            raise word.place.error(f"a number is missing before {word.text or Kind.END.value}")
+        if word.kind is not TokenKind.NUMBER:
+            raise word.place.error(f"a number is missing before {word.text or TokenKind.END.value}")
         return sign * float(word.text.rstrip("fFdD"))

@@ -16,8 +16,8 @@ from msbot.idl.model import (
     Name,
     Reference,
     Sequence,
+    StringType,
     Struct,
-    Text,
     Type,
 )
 
@@ -134,9 +134,9 @@ def _annotation(kind: Type, names: Mapping[Name, str], used: set[str]) -> str:
         case Basic(word):
             used.add(word)
             return word
-        case Text(None):
+        case StringType(None):
             return "str"
-        case Text(bound):
+        case StringType(bound):
             used.update(("Annotated", "AtMost"))
             return f"Annotated[str, AtMost({bound})]"
         case Sequence(Basic("uint8"), None):

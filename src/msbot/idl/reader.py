@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from msbot.errors import ConfigError
-from msbot.idl.model import Definitions, Name, Place
+from msbot.idl.model import Definitions, Name, SourcePlace
 from msbot.idl.omg_reader import read_idl
 from msbot.idl.ros_reader import read_ros
 
@@ -80,7 +80,7 @@ class _RosFiles:
         read_ros(_text(path), str(path), name, self._found, self._find)
         self._open.pop()
 
-    def _find(self, name: Name, place: Place) -> None:
+    def _find(self, name: Name, place: SourcePlace) -> None:
         if name in self._open:
             raise place.error(f"{'/'.join(name)} contains itself")
         for folder in self._folders:
@@ -99,7 +99,7 @@ class _RosFiles:
                 f"{name[0]} with --include"
             )
 
-    def _take_common(self, name: Name, place: Place) -> None:
+    def _take_common(self, name: Name, place: SourcePlace) -> None:
         known = common_ros_definitions()
         needed = known.needed_by(name)
         for one in known.order:

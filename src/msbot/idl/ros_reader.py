@@ -16,16 +16,16 @@ from msbot.idl.model import (
     Definitions,
     Member,
     Name,
-    Place,
     Reference,
     Sequence,
+    SourcePlace,
+    StringType,
     Struct,
-    Text,
     Type,
     Value,
 )
 
-Finder = Callable[[Name, Place], None]
+Finder = Callable[[Name, SourcePlace], None]
 """Has a type that a file needs taken up; raises ConfigError when it is nowhere."""
 
 _WORDS = {name: name for name in BASICS} | {"byte": "uint8", "char": "uint8"}
@@ -65,7 +65,7 @@ def read_ros(text: str, file: str, name: Name, into: Definitions, find: Finder) 
             parts.append(_Content())
         elif words.strip():
             shown = " ".join(comments) or comment
-            _line(words.rstrip(), Place(file, number, 1), name, parts[-1], into=into, find=find, comment=shown)
+            _line(words.rstrip(), SourcePlace(file, number, 1), name, parts[-1], into=into, find=find, comment=shown)
             comments = []
             continue
         if comment:
@@ -75,15 +75,15 @@ def read_ros(text: str, file: str, name: Name, into: Definitions, find: Finder) 
     wanted = 2 if name[1] == "srv" else 1
     if len(parts) != wanted:
         what = "a request and a response, with one line --- between them" if wanted == 2 else "no line ---"
-        raise Place(file, 1, 1).error(f"this file must have {what}")
+        raise SourcePlace(file, 1, 1).error(f"this file must have {what}")
     if wanted == 1:
-        _take(parts[0], name, Place(file, 1, 1), into)
+        _take(parts[0], name, SourcePlace(file, 1, 1), into)
         return
     for part, ending in zip(parts, ("_Request", "_Response"), strict=True):
-        _take(part, (*name[:-1], name[-1] + ending), Place(file, 1, 1), into)
+        _take(part, (*name[:-1], name[-1] + ending), SourcePlace(file, 1, 1), into)
 
 
-def _take(content: _Content, name: Name, place: Place, into: Definitions) -> None:
+def _take(content: _Content, name: Name, place: SourcePlace, into: Definitions) -> None:
     members = tuple(content.members) or (EMPTY,)
     into.add(Struct(name, members, constants=tuple(content.constants), is_ros=True), place)
 
@@ -101,10 +101,10 @@ def _split_comment(line: str) -> tuple[str, str, str]:
 
 
 def _line(
-    words: str, place: Place, name: Name, content: _Content, *, into: Definitions, find: Finder, comment: str
+    words: str, place: SourcePlace, name: Name, content: _Content, *, into: Definitions, find: Finder, comment: str
 ) -> None:
     indent = len(words) - len(words.lstrip())
-    place = Place(place.file, place.line, indent + 1)
+    place = SourcePlace(place.file, place.line, indent + 1)
     found = _LINE.fullmatch(words.strip())
     if found is None:
         raise place.error("a line is TYPE NAME, TYPE NAME DEFAULT, or TYPE NAME=VALUE")
@@ -115,7 +115,7 @@ def _line(
     ):
         raise place.error(f"there is a {field_name} already")
     if found["equals"]:
-        if not isinstance(kind, Basic | Text):
+        if not isinstance(kind, Basic | StringType):
             raise place.error("a constant is a number, a boolean or a text")
         constant = _value(kind, value, place)
         assert not isinstance(constant, list)
@@ -127,7 +127,7 @@ def _line(
     content.members.append(Member(field_name, kind, comment, default))
 
 
-def _type(found: re.Match[str], place: Place, name: Name, into: Definitions, find: Finder) -> Type:
+def _type(found: re.Match[str], place: SourcePlace, name: Name, into: Definitions, find: Finder) -> Type:
     word = found["type"]
     kind: Type
     if word == "wstring":
@@ -135,7 +135,7 @@ def _type(found: re.Match[str], place: Place, name: Name, into: Definitions, fin
     if word in _GONE:
         raise place.error(f"{word} is a type of ROS 1; in ROS 2 it is {_GONE[word]}")
     if word == "string":
-        kind = Text(_bound(found["text_bound"], place))
+        kind = StringType(_bound(found["text_bound"], place))
     elif found["text_bound"]:
         raise place.error(f"only a string can have the bound {found['text_bound']}")
     elif word in _WORDS:
@@ -168,7 +168,7 @@ def _full_name(word: str, name: Name) -> Name:
     return (parts[0], parts[1], parts[2])
 
 
-def _bound(text: str | None, place: Place) -> int | None:
+def _bound(text: str | None, place: SourcePlace) -> int | None:
     if not text:
         return None
     number = int(text.removeprefix("<=")) if text.removeprefix("<=") else 0
@@ -177,9 +177,9 @@ def _bound(text: str | None, place: Place) -> int | None:
     return number
 
 
-def _value(kind: Type, text: str, place: Place) -> Value | list[Value]:
+def _value(kind: Type, text: str, place: SourcePlace) -> Value | list[Value]:
     match kind:
-        case Text():
+        case StringType():
             return text[1:-1] if text[:1] in ("'", '"') and text[-1:] == text[:1] and len(text) > 1 else text
         case Basic("bool"):
             known = {"true": True, "false": False, "1": True, "0": False}

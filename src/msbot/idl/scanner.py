@@ -6,10 +6,10 @@ import re
 from dataclasses import dataclass
 from enum import Enum
 
-from msbot.idl.model import Place
+from msbot.idl.model import SourcePlace
 
 
-class Kind(Enum):
+class TokenKind(Enum):
     """What a word is."""
 
     NAME = "a name"
@@ -24,9 +24,9 @@ class Kind(Enum):
 class Word:
     """One word of a file."""
 
-    kind: Kind
+    kind: TokenKind
     text: str
-    place: Place
+    place: SourcePlace
     comment: str = ""
     """The comment in front of it."""
 
@@ -55,7 +55,7 @@ def scan(text: str, file: str) -> list[Word]:
     offset, line, start = 0, 1, 0
     remark: list[str] = []
     while offset < len(text):
-        place = Place(file, line, offset - start + 1)
+        place = SourcePlace(file, line, offset - start + 1)
         found = _WORDS.match(text, offset)
         if text.startswith("/*", offset) and (found is None or found.lastgroup != "block"):
             raise place.error("this comment is never closed: */ is missing")
@@ -71,12 +71,12 @@ def scan(text: str, file: str) -> list[Word]:
             remark = []  # an empty line: the comment before it belongs to nothing
         elif kind not in ("space", "line"):
             shown = " ".join(part for part in remark if part)
-            words.append(Word(Kind[str(kind).upper()], inside, place, shown))
+            words.append(Word(TokenKind[str(kind).upper()], inside, place, shown))
             remark = []
         breaks = found[0].count("\n")
         if breaks:
             line += breaks
             start = offset + found[0].rindex("\n") + 1
         offset = found.end()
-    words.append(Word(Kind.END, "", Place(file, line, offset - start + 1)))
+    words.append(Word(TokenKind.END, "", SourcePlace(file, line, offset - start + 1)))
     return words

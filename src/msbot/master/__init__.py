@@ -6,7 +6,7 @@ STOP, which outlives the master, is kept and reached here.
 from msbot.master.master import Master, SaysStop, first_error, profile_of, timing_of
 from msbot.master.stop_persistence import StopKeeper, stop_file
 from msbot.master.stop_socket import StopSocket, answer_of
-from msbot.master.topics_in_dds import robot_space, ways_of
+from msbot.master.topics_in_dds import dds_topics_of, robot_space
 
 __all__ = [
     "Master",
@@ -14,10 +14,10 @@ __all__ = [
     "StopKeeper",
     "StopSocket",
     "answer_of",
+    "dds_topics_of",
     "first_error",
     "profile_of",
     "robot_space",
     "stop_file",
     "timing_of",
-    "ways_of",
 ]

@@ -21,7 +21,7 @@ from msbot.errors import ConfigError, LinkDown, MsbotError
 from msbot.link import InprocHub, Link, Peer, Signal
 from msbot.master.stop_persistence import StopKeeper
 from msbot.part import Client
-from msbot.pnp import Access, Inventory, Keys, PartStore, Profile, Timing
+from msbot.pnp import Access, Inventory, Keys, LifeTiming, PartStore, Profile
 from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
 from msbot.pnp.services import InventoryService, MasterService
 from msbot.space import MemorySpace, Space
@@ -267,10 +267,10 @@ def profile_of(blueprint: Blueprint) -> Profile:
     )
 
 
-def timing_of(blueprint: Blueprint) -> Timing:
+def timing_of(blueprint: Blueprint) -> LifeTiming:
     """The robot's periods as the inventory takes them."""
     timing = blueprint.timing
-    return Timing(beat_s=timing.beat_period_s, tick_s=timing.tick_period_s, life=timing.life)
+    return LifeTiming(beat_s=timing.beat_period_s, tick_s=timing.tick_period_s, life=timing.life)
 
 
 def first_error(errors: BaseExceptionGroup[MsbotError]) -> MsbotError:

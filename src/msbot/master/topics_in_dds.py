@@ -8,7 +8,7 @@ from msbot.config import Binding, Blueprint, Library
 from msbot.errors import ConfigError
 from msbot.ros_forms import form_of, topic_name
 from msbot.sim.message_classes import message_class
-from msbot.space import Space, SpaceAddress, Topic, Way, WaysOf, open_space
+from msbot.space import DdsTopic, DdsTopicsOf, Space, SpaceAddress, Topic, open_space
 
 ROBOTS = "msbot/"
 """How the DDS partitions of robots begin; the robot's name follows."""
@@ -27,35 +27,35 @@ def robot_space(address: SpaceAddress, blueprint: Blueprint, library: Library) -
             to do.
     """
     partition = f"{ROBOTS}{blueprint.robot.name}"
-    return open_space(address, partition=partition, ways_of=ways_of(blueprint, library, partition))
+    return open_space(address, partition=partition, dds_topics_of=dds_topics_of(blueprint, library, partition))
 
 
-def ways_of(blueprint: Blueprint, library: Library, partition: str) -> WaysOf:
+def dds_topics_of(blueprint: Blueprint, library: Library, partition: str) -> DdsTopicsOf:
     """The names of each topic of a robot.
 
     Raises:
         ConfigError: ROS 2 has no form for a topic that shall be in it; the text names topic and remedy.
     """
-    known: dict[str, tuple[Way, ...]] = {}
+    known: dict[str, tuple[DdsTopic, ...]] = {}
     for binding in blueprint.bindings:
         if binding.topic not in known:
-            known[binding.topic] = _ways(binding, library, partition)
+            known[binding.topic] = _dds_topics(binding, library, partition)
 
-    def find(topic: Topic) -> tuple[Way, ...]:
-        return known.get(topic.name) or (Way(topic.name, topic.type_name),)
+    def find(topic: Topic) -> tuple[DdsTopic, ...]:
+        return known.get(topic.name) or (DdsTopic(topic.name, topic.type_name),)
 
     return find
 
 
-def _ways(binding: Binding, library: Library, partition: str) -> tuple[Way, ...]:
+def _dds_topics(binding: Binding, library: Library, partition: str) -> tuple[DdsTopic, ...]:
     wish = binding.in_dds
     partitions = (partition, EVERYBODY) if wish.export else None
-    ways = [Way(binding.topic, binding.type_name, partitions)]
+    found = [DdsTopic(binding.topic, binding.type_name, partitions)]
     if wish.ros:
         try:
             form = form_of(message_class(library.messages[binding.type_name]), wish.ros_type, dict(wish.ros_fields))
             name = topic_name(binding.topic)
         except ConfigError as error:
             raise ConfigError(f'the binding of "{binding.topic}" with ros = true: {error}') from None
-        ways.append(Way(name, form.theirs.type_name, (EVERYBODY,), form.outward, form.inward))
-    return tuple(ways)
+        found.append(DdsTopic(name, form.theirs.type_name, (EVERYBODY,), form.outward, form.inward))
+    return tuple(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from msbot.errors import ConfigError
-from msbot.operations.table import Argument, Kind, Operation
+from msbot.operations.table import Argument, ArgumentKind, Operation
 
 
 def read_arguments(operation: Operation, given: object) -> dict[str, object]:
@@ -48,20 +48,20 @@ def _read(do: str, argument: Argument, value: object) -> object:
     return found
 
 
-def _of_kind(kind: Kind, value: object) -> str | list[str] | float | int | bool | None:
+def _of_kind(kind: ArgumentKind, value: object) -> str | list[str] | float | int | bool | None:
     """The value, when it is of that kind; None when it is not."""
     is_truth = isinstance(value, bool)
     match kind:
-        case Kind.TEXT if isinstance(value, str):
+        case ArgumentKind.TEXT if isinstance(value, str):
             return value
-        case Kind.TEXTS if isinstance(value, list | tuple) and all(isinstance(one, str) for one in value):
+        case ArgumentKind.TEXTS if isinstance(value, list | tuple) and all(isinstance(one, str) for one in value):
             return list(value)
-        case Kind.NUMBER if isinstance(value, int | float) and not is_truth:
+        case ArgumentKind.NUMBER if isinstance(value, int | float) and not is_truth:
             return float(value)
-        case Kind.WHOLE if isinstance(value, int) and not is_truth:
+        case ArgumentKind.WHOLE if isinstance(value, int) and not is_truth:
             return value
-        case Kind.FLAG if isinstance(value, bool):
+        case ArgumentKind.FLAG if isinstance(value, bool):
             return value
-        case Kind.VALUE if isinstance(value, str | int | float):
+        case ArgumentKind.VALUE if isinstance(value, str | int | float):
             return str(value).lower() if is_truth else str(value)
     return None

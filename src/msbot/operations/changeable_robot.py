@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol, TypeVar
 
-from msbot.config import Endpoint
+from msbot.config import SlotPort
 from msbot.errors import ConfigError
 from msbot.operations.part_names import one_slot
 from msbot.registry import EditRecord, Registry, RobotRecord
@@ -46,7 +46,7 @@ def slot_of(robot: ChangeableRobot, name: str) -> str:
     return one_slot(name, robot.slot_names())
 
 
-def endpoint_of(robot: ChangeableRobot, text: str) -> Endpoint:
+def endpoint_of(robot: ChangeableRobot, text: str) -> SlotPort:
     """The port that is written `SLOT.port`.
 
     Raises:
@@ -55,4 +55,4 @@ def endpoint_of(robot: ChangeableRobot, text: str) -> Endpoint:
     slot, _, port = text.rpartition(".")
     if not slot or not port:
         raise ConfigError(f"{text!r} is no port: write SLOT.port, for example AA.out")
-    return Endpoint(slot_of(robot, slot), port)
+    return SlotPort(slot_of(robot, slot), port)

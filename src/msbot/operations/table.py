@@ -15,7 +15,7 @@ from types import MappingProxyType
 from msbot.operations.rights import Right
 
 
-class Kind(Enum):
+class ArgumentKind(Enum):
     """What an argument is; the value is how a sentence names it."""
 
     TEXT = "a text"
@@ -49,7 +49,7 @@ class Argument:
 
     name: str
     """As requests, the API and the reference call it."""
-    kind: Kind = Kind.TEXT
+    kind: ArgumentKind = ArgumentKind.TEXT
     is_needed: bool = False
     default: object = None
     """What it is when it is left out."""
@@ -141,7 +141,7 @@ _ROWS = (
     ),
     Operation(
         "window", "Open the adoption window: let parts be adopted that the library would turn away.",
-        (Argument("seconds", Kind.NUMBER, default=60.0, least=1.0, most=3600.0, help="How long it stays open."),
+        (Argument("seconds", ArgumentKind.NUMBER, default=60.0, least=1.0, most=3600.0, help="How long it stays open."),
          _slot("An empty slot that the next newcomer gets.", is_needed=False)),
         Right.ARRANGE, Where.RUNNING, Kept.LINE, "window", "POST /window",
     ),
@@ -171,7 +171,7 @@ _ROWS = (
         "set", "Show and set the parameters of a slot.",
         (_slot("The slot."),
          Argument("name", is_needed=True, shown_as="NAME", help="Name of the parameter."),
-         Argument("value", Kind.VALUE, longest=10_000, shown_as="VALUE",
+         Argument("value", ArgumentKind.VALUE, longest=10_000, shown_as="VALUE",
                   help="The new value; without one, what was set by hand is taken back.")),
         Right.SET, Where.ANYWHERE, Kept.UNDOABLE, "value", "PUT /slots/{slot}/values/{name}",
     ),
@@ -190,9 +190,9 @@ _ROWS = (
          Argument("type", is_needed=True, parameter="type_name", option="--type", shown_as="TYPE",
                   help="Message type of the topic, as HelloWorld."),
          Argument("from", parameter="source", option="--from", shown_as="SLOT.PORT", help="A port that publishes it."),
-         Argument("to", Kind.TEXTS, default=(), parameter="targets", option="--to", shown_as="SLOT.PORT",
+         Argument("to", ArgumentKind.TEXTS, default=(), parameter="targets", option="--to", shown_as="SLOT.PORT",
                   help="A port that subscribes to it; may be given several times."),
-         Argument("reliable", Kind.FLAG, default=True, option="--best-effort",
+         Argument("reliable", ArgumentKind.FLAG, default=True, option="--best-effort",
                   help="The newest sample matters more than each sample.")),
         Right.DESIGN, Where.ANYWHERE, Kept.UNDOABLE, "bind", "POST /topics/{topic}/bind",
         "They are joined besides those that TOPIC joins already; the parts follow at once.",
@@ -206,15 +206,16 @@ _ROWS = (
     Operation(
         "apply", "Put a changed blueprint into force.",
         (Argument("path", is_needed=True, longest=4096, help="The blueprint's file."),
-         Argument("folders", Kind.TEXTS, default=(), longest=4096, help="Folders with more part types.")),
+         Argument("folders", ArgumentKind.TEXTS, default=(), longest=4096, help="Folders with more part types.")),
         Right.DESIGN, Where.RUNNING, Kept.UNDOABLE, "apply",
     ),
     Operation(
         "publish", "Drive a port by hand: the fan, the lamp, the servo.",
         (Argument("port", is_needed=True, shown_as="SLOT.PORT", help="A port that hears something, as fan.power."),
-         Argument("values", Kind.TEXTS, is_needed=True, longest=1000, shown_as="VALUE...",
+         Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=1000, shown_as="VALUE...",
                   help="The values of its message in their order, or FIELD=VALUE."),
-         Argument("seconds", Kind.NUMBER, default=5.0, least=0.1, most=3600.0, option="--seconds", shown_as="SECONDS",
+         Argument("seconds", ArgumentKind.NUMBER, default=5.0, least=0.1, most=3600.0, option="--seconds",
+                  shown_as="SECONDS",
                   help="How long it is held; 5 if left out.")),
         Right.OPERATE, Where.RUNNING, Kept.LINE, "hand", "POST /ports/{port}/publish",
         "Its wire is not heard meanwhile. Afterwards the port gets its safe value and follows its wire again.",
@@ -226,14 +227,14 @@ _ROWS = (
     ),
     Operation(
         "undo", "Take a change back, or show what was changed.",
-        (Argument("edit", Kind.WHOLE, least=1, most=2**53, shown_as="[NUMBER]",
+        (Argument("edit", ArgumentKind.WHOLE, least=1, most=2**53, shown_as="[NUMBER]",
                   help="Number of the change; left out: the newest that was not taken back."),),
         Right.SET, Where.ANYWHERE, Kept.CHANGE, "undo", "POST /undo",
         right_for_others=Right.ARRANGE,
     ),
     Operation(
         "edits", "What was changed lately, and by whom.",
-        (Argument("limit", Kind.WHOLE, default=20, least=1, most=10_000, help="How many changes."),),
+        (Argument("limit", ArgumentKind.WHOLE, default=20, least=1, most=10_000, help="How many changes."),),
         Right.SEE, Where.ANYWHERE,
     ),
     Operation(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from msbot.part.boards.gpio import PinDirection, SimGpio, UsbGpio
 from msbot.part.boards.numato import NumatoGpio
-from msbot.part.client.client import Client, ClientMaker, Service
+from msbot.part.client.client import Client, ClientMaker, ServiceNames
 from msbot.part.client.discovery import FoundAgent, find_agents
 from msbot.part.client.entities import Entity
 from msbot.part.client.settings import ClientSettings, ConnectionState
@@ -31,7 +31,7 @@ __all__ = [
     "NumatoGpio",
     "Part",
     "PinDirection",
-    "Service",
+    "ServiceNames",
     "SimGpio",
     "UsbGpio",
     "find_agents",

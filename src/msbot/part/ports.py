@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from msbot.errors import ConfigError, LinkFull
 from msbot.part.client.client import Client
 from msbot.part.client.entities import Entity
-from msbot.part.join.plug import Direction, PortBinding
+from msbot.part.join.plug import BindingDirection, PortBinding
 from msbot.part.messages.message import Message
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from msbot.xrce.objects import EndpointQos
@@ -30,7 +30,7 @@ class BoundPort:
     @property
     def publishes(self) -> bool:
         """Whether samples go from the part to the robot."""
-        return self.binding.direction == Direction.PUBLISH
+        return self.binding.direction == BindingDirection.PUBLISH
 
     @property
     def stream_id(self) -> int:
@@ -92,7 +92,7 @@ class Ports:
         binding = self.binding(port)
         if binding is None:
             return "" if optional else f"nothing will come in; {self.words}"
-        if binding.direction == Direction.PUBLISH:
+        if binding.direction == BindingDirection.PUBLISH:
             return f"publishes, so nothing comes in there: use part.publish({port!r}, ...), or another port"
         if binding.topic_type != type_name:
             return f"carries {binding.topic_type}, but its function expects {type_name}"
@@ -133,7 +133,7 @@ class Ports:
         client = self._client
         topic = client.create_topic(self._participant, binding.topic, binding.topic_type)
         qos = EndpointQos(reliable=bool(binding.reliable))
-        if binding.direction == Direction.PUBLISH:
+        if binding.direction == BindingDirection.PUBLISH:
             if self._publisher is None:
                 self._publisher = client.create_publisher(self._participant)
             bound = BoundPort(binding, topic, client.create_writer(self._publisher, topic, qos))

@@ -2,7 +2,7 @@
 
 A claim that shows the UID of a part which holds a slot in another session is contested: nobody is answered. If the
 old session gives a sign of life after the contest began, the newcomer is a duplicate; if it gives none for
-`Timing.late_s`, it has died and the newcomer is its restart.
+`LifeTiming.late_s`, it has died and the newcomer is its restart.
 
 When both sessions show one client key, the agent has probed the old one since the new one was opened: then any packet
 of it is a sign of life, and silence for `PartSession.patience_s` is enough. Nobody has to claim again for that.

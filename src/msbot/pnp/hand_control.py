@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from msbot.pnp.model import Binding, Configuration
+from msbot.pnp.model import Configuration, SlotBinding
 
 TOPIC_PREFIX = "msbot_hand_"
 """Topics of held ports begin so; a blueprint cannot use such a name."""
@@ -59,7 +59,8 @@ class HandControl:
         held = self._held.get(configuration.slot, {})
         bindings = [binding for binding in configuration.bindings if binding.publishes or binding.port not in held]
         bindings += [
-            Binding(port=one.port, topic=one.topic, type_name=one.type_name, publishes=False) for one in held.values()
+            SlotBinding(port=one.port, topic=one.topic, type_name=one.type_name, publishes=False)
+            for one in held.values()
         ]
         low = (1 << GENERATION_BIT) - 1
         version = (generation << GENERATION_BIT | configuration.version & low) & 0xFFFFFFFF

@@ -27,12 +27,12 @@ from msbot.pnp.model import (
     THESIS_TIMING,
     Claim,
     Configuration,
+    LifeTiming,
     PartEvent,
     PartInfo,
     PartState,
     PartStore,
     Standing,
-    Timing,
     Verdict,
 )
 from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
@@ -56,7 +56,7 @@ class Inventory:
     """
 
     def __init__(
-        self, store: PartStore, *, random: Random, now: float, timing: Timing = THESIS_TIMING, keep_ended: int = 256
+        self, store: PartStore, *, random: Random, now: float, timing: LifeTiming = THESIS_TIMING, keep_ended: int = 256
     ) -> None:
         self.timing = timing
         self.dropped = Tally()

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from random import Random
 
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.model import Timing
+from msbot.pnp.model import LifeTiming
 
 
 class PartSession:
@@ -40,7 +40,7 @@ class InventoryIndex:
         keep_ended: parts that are gone and still shown; the oldest is forgotten first.
     """
 
-    def __init__(self, random: Random, timing: Timing, *, keep_ended: int) -> None:
+    def __init__(self, random: Random, timing: LifeTiming, *, keep_ended: int) -> None:
         self._random = random
         self._timing = timing
         self._keep_ended = keep_ended

@@ -6,7 +6,7 @@ from collections import deque
 
 from msbot.part.join.plug import Refusal
 from msbot.pnp.life import Life, check_transition
-from msbot.pnp.model import Claim, Configuration, Evidence, PartEvent, PartInfo, PartState, Timing
+from msbot.pnp.model import Claim, Configuration, Evidence, LifeTiming, PartEvent, PartInfo, PartState
 
 HISTORY = 32
 """Changes kept per part for `Inventory.why`; the journal keeps all."""
@@ -57,7 +57,7 @@ class InventoryRecord:
         "state",
     )
 
-    def __init__(self, client_key: int, address: str, timing: Timing, plugged_in_at: float) -> None:
+    def __init__(self, client_key: int, address: str, timing: LifeTiming, plugged_in_at: float) -> None:
         self.client_key = client_key
         self.address = address
         self.life = Life(timing)

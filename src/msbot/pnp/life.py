@@ -1,9 +1,9 @@
 """The states of a part, the legal changes between them, and its life status (thesis 3.10.3, 3.12.1.2).
 
-Theory of operation. A registered part beats every `Timing.beat_s`. Registration and every beat set its life status
-to `Timing.life`; a timer takes one off every `Timing.tick_s`; at zero the part is delisted. The last beat falls
+Theory of operation. A registered part beats every `LifeTiming.beat_s`. Registration and every beat set its life status
+to `LifeTiming.life`; a timer takes one off every `LifeTiming.tick_s`; at zero the part is delisted. The last beat falls
 anywhere between two ticks, so a silent part is delisted `(life - 1) x tick` to `life x tick` seconds after its last
-beat: 4 to 6 s with the thesis' numbers. Long before that, after `Timing.late_s`, it is shown as late; it keeps its
+beat: 4 to 6 s with the thesis' numbers. Long before that, after `LifeTiming.late_s`, it is shown as late; it keeps its
 rights until it is delisted.
 
 DEVIATION: the thesis says "at zero" (3.10.3) and "after three missed in a row" (3.11), and its program counts from
@@ -13,7 +13,7 @@ DEVIATION: the thesis says "at zero" (3.10.3) and "after three missed in a row" 
 from __future__ import annotations
 
 from msbot.errors import LocalProtocolError
-from msbot.pnp.model import PartState, Timing
+from msbot.pnp.model import LifeTiming, PartState
 
 _NEW, _CHECKING, _ACTIVE, _LATE = PartState.NEW, PartState.CHECKING, PartState.ACTIVE, PartState.LATE
 _LOST, _REFUSED, _STANDBY, _LEFT = PartState.LOST, PartState.REFUSED, PartState.STANDBY, PartState.LEFT
@@ -79,7 +79,7 @@ class Life:
 
     __slots__ = ("beats", "last_beat_at", "status", "timing")
 
-    def __init__(self, timing: Timing) -> None:
+    def __init__(self, timing: LifeTiming) -> None:
         self.timing = timing
         self.status = 0
         """0 = not counted or dead, else 1 to `timing.life`."""

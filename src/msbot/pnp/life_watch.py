@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from msbot.pnp.inventory_index import InventoryIndex
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.model import PartState, Timing
+from msbot.pnp.model import LifeTiming, PartState
 from msbot.pnp.state_changes import StateChanges
 
 STANDBY_SILENCE_S = 6.0
@@ -28,7 +28,7 @@ class LifeWatch:
         now: the present time; ticks count from here.
     """
 
-    def __init__(self, index: InventoryIndex, changes: StateChanges, timing: Timing, now: float) -> None:
+    def __init__(self, index: InventoryIndex, changes: StateChanges, timing: LifeTiming, now: float) -> None:
         self._last_heard: Callable[[int], float | None] = lambda _: None
         self._probe: Callable[[int], object] = lambda _: None
         self._index = index

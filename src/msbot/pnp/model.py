@@ -46,7 +46,7 @@ class PartState(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
+class LifeTiming:
     """The four numbers of thesis 3.12.1.2; the defaults are the thesis' own.
 
     Raises:
@@ -96,9 +96,9 @@ class Timing:
         return round(self.beat_s * 1000)
 
 
-THESIS_TIMING = Timing()
+THESIS_TIMING = LifeTiming()
 """Beat 1 s, tick 2 s, life 3: a silent part is delisted after 4 to 6 s."""
-FAST_TIMING = Timing(beat_s=0.25, tick_s=0.5, life=3)
+FAST_TIMING = LifeTiming(beat_s=0.25, tick_s=0.5, life=3)
 """The `fast` preset: a silent part is delisted after 1.0 to 1.5 s."""
 
 
@@ -130,7 +130,7 @@ class Slot:
 
 
 @dataclass(frozen=True, slots=True)
-class Binding:
+class SlotBinding:
     """One port of a slot and the topic it is tied to."""
 
     port: str
@@ -148,7 +148,7 @@ class Configuration:
     version: int
     """At least 1; another number after every change."""
     slot: str
-    bindings: tuple[Binding, ...] = ()
+    bindings: tuple[SlotBinding, ...] = ()
     settings: tuple[tuple[str, str], ...] = ()
     """Pairs of (name, value as text)."""
 

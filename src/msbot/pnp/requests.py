@@ -166,7 +166,7 @@ def configuration_message(configuration: Configuration) -> plug.ConfigurationMes
                 port=binding.port,
                 topic=binding.topic,
                 topic_type=binding.type_name,
-                direction=plug.Direction.PUBLISH if binding.publishes else plug.Direction.SUBSCRIBE,
+                direction=plug.BindingDirection.PUBLISH if binding.publishes else plug.BindingDirection.SUBSCRIBE,
                 reliable=int(binding.reliable),
             )
             for binding in configuration.bindings

@@ -12,7 +12,7 @@ import logging
 
 from msbot.agent import client_key_of
 from msbot.errors import LinkFull, LocalProtocolError, RequestError
-from msbot.part import Client, ClientMaker, ConnectionState, Entity, Service
+from msbot.part import Client, ClientMaker, ConnectionState, Entity, ServiceNames
 from msbot.part.join import plug
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.emergency_stop import EmergencyStop
@@ -40,8 +40,8 @@ _NOBODYS_REQUEST = bytes(8)
 GO_TIMES = 3
 """With so many answers to beats GO is said again, in case one is lost; STOP with every one until the part confirms."""
 
-_COMPACT = Service(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
-_COMPAT = Service(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
+_COMPACT = ServiceNames(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
+_COMPAT = ServiceNames(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
 
 _log = logging.getLogger(__name__)
 

@@ -6,12 +6,14 @@
 from __future__ import annotations
 
 from msbot.space.contract import Deliver, Guid, Qos, Reader, Sample, Space, Topic, Writer
-from msbot.space.dds_topics import Way, WaysOf
+from msbot.space.dds_topics import DdsTopic, DdsTopicsOf
 from msbot.space.memory import MemorySpace
 from msbot.space.space_address import MEMORY, SpaceAddress, open_space, parse_space
 
 __all__ = [
     "MEMORY",
+    "DdsTopic",
+    "DdsTopicsOf",
     "Deliver",
     "Guid",
     "MemorySpace",
@@ -21,8 +23,6 @@ __all__ = [
     "Space",
     "SpaceAddress",
     "Topic",
-    "Way",
-    "WaysOf",
     "Writer",
     "open_space",
     "parse_space",

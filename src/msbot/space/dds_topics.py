@@ -1,4 +1,4 @@
-"""The ways of a topic into DDS: under which name, of which type, in which partitions, in which form."""
+"""What a topic is in DDS: its names, its type, its partitions, and the form of its samples."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ Convert = Callable[[bytes], bytes]
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """One name of a topic in DDS."""
+class DdsTopic:
+    """One of the names under which a topic is in DDS."""
 
     name: str
     type_name: str
@@ -24,9 +24,9 @@ class Way:
     inward: Convert | None = None
 
 
-WaysOf = Callable[[Topic], tuple[Way, ...]]
+DdsTopicsOf = Callable[[Topic], tuple[DdsTopic, ...]]
 
 
-def as_it_is(topic: Topic) -> tuple[Way, ...]:
+def as_it_is(topic: Topic) -> tuple[DdsTopic, ...]:
     """Names and types verbatim: what an agent without a blueprint does."""
-    return (Way(topic.name, topic.type_name),)
+    return (DdsTopic(topic.name, topic.type_name),)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from msbot.errors import ConfigError
 from msbot.space.contract import Space
-from msbot.space.dds_topics import WaysOf, as_it_is
+from msbot.space.dds_topics import DdsTopicsOf, as_it_is
 from msbot.space.memory import MemorySpace
 
 MEMORY = "memory"
@@ -49,14 +49,14 @@ def parse_space(text: str) -> SpaceAddress:
 
 
 def open_space(
-    address: SpaceAddress, *, partition: str = "", ways_of: WaysOf = as_it_is
+    address: SpaceAddress, *, partition: str = "", dds_topics_of: DdsTopicsOf = as_it_is
 ) -> AbstractContextManager[Space]:  # fmt: skip
     """The space, to be used with `with` on a running event loop.
 
     Args:
         address: which.
         partition: in DDS, where endpoints are that name no partition themselves.
-        ways_of: in DDS, the names of a topic; verbatim if absent.
+        dds_topics_of: in DDS, the names of a topic; verbatim if absent.
 
     Raises:
         ConfigError: it cannot be had here; the text says what to do.
@@ -65,7 +65,7 @@ def open_space(
         return contextlib.nullcontext(MemorySpace())
     from msbot.space.dds import DdsSpace
 
-    return DdsSpace(address.domain, partition=partition, ways_of=ways_of, interface=address.interface)
+    return DdsSpace(address.domain, partition=partition, dds_topics_of=dds_topics_of, interface=address.interface)
 
 
 def _domain(text: str, domain: str | None) -> int:

@@ -17,7 +17,7 @@ Ask = Callable[[Mapping[str, object]], tuple[list[dict[str, object]], int]]
 
 
 @dataclass(frozen=True, slots=True)
-class Neighbour:
+class LocalMaster:
     """A master of this computer, as it says itself."""
 
     robot: str
@@ -44,13 +44,13 @@ class StopForAll:
     """Masters that run and gave no answer."""
 
 
-class Neighbours:
+class LocalMasters:
     """The masters of this user on this computer, this one among them."""
 
     def __init__(self, ask: Ask = ask_masters) -> None:
         self._ask = ask
 
-    async def look(self) -> Sequence[Neighbour]:
+    async def look(self) -> Sequence[LocalMaster]:
         """Those that answer."""
         answers, _ = await asyncio.to_thread(self._ask, {"do": "status", "who": "page"})
         return [_neighbour(answer) for answer in answers]
@@ -67,14 +67,14 @@ class Neighbours:
         )
 
 
-def _neighbour(answer: Mapping[str, object]) -> Neighbour:
+def _neighbour(answer: Mapping[str, object]) -> LocalMaster:
     def text(key: str) -> str:
         return str(answer.get(key, ""))
 
     def count(key: str) -> int:
         return int(text(key)) if text(key).isdecimal() else 0
 
-    return Neighbour(
+    return LocalMaster(
         text("robot"), text("serial_number"), text("page"), count("slots"), count("active"),
         answer.get("stopped") is True,
     )  # fmt: skip

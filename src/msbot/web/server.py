@@ -28,7 +28,7 @@ from starlette.staticfiles import StaticFiles
 from msbot.errors import ConfigError
 from msbot.link.net import WebSocketServerLink
 from msbot.web.access.cookies import cookie_names
-from msbot.web.access.guard import ANY_ADDRESS, Guard
+from msbot.web.access.guard import ANY_ADDRESS, AccessGuard
 from msbot.web.access.sign_in_pages import make_forms
 from msbot.web.api.admin import make_admin_api
 from msbot.web.api.problems import tell_problems
@@ -189,7 +189,7 @@ class WebServer:
         # NiceGUI would build a whole page, with all that belongs to it, for every address that there is not.
         core.app.add_exception_handler(404, _not_there)
         pages = OpenPages(service.accounts)
-        guard = Guard(
+        guard = AccessGuard(
             app, service.accounts, _names_of(settings), cookies=cookies, owns=pages.may_use,
             beat=lambda: json.dumps({"stopped": service.is_stopped}).encode(), is_tls=self._tls is not None,
         )  # fmt: skip

@@ -31,7 +31,7 @@ from msbot.web.api.models import (
     UserLine,
     Value,
 )
-from msbot.web.neighbours import Neighbour, Neighbours, StopForAll
+from msbot.web.neighbours import LocalMaster, LocalMasters, StopForAll
 from msbot.web.records import Records
 from msbot.web.views import Views
 
@@ -58,7 +58,7 @@ class Service:
 
     def __init__(
         self, *, views: Views, operations: RunningOperations, accounts: Accounts, records: Records,
-        robot: Callable[[], Robot], clock: Callable[[], float], neighbours: Neighbours | None = None,
+        robot: Callable[[], Robot], clock: Callable[[], float], neighbours: LocalMasters | None = None,
     ) -> None:  # fmt: skip
         self.views = views
         self.accounts = accounts
@@ -66,7 +66,7 @@ class Service:
         self._records = records
         self._robot = robot
         self._clock = clock
-        self._neighbours = neighbours or Neighbours()
+        self._neighbours = neighbours or LocalMasters()
         self._looking_around = asyncio.Lock()
         self._seen_robot: tuple[float, int, Robot] | None = None
         self._seen_robots: tuple[float, list[RobotTile]] | None = None
@@ -302,7 +302,7 @@ def _user_line(user: User) -> UserLine:
     return UserLine(name=user.name, role=user.role.word, tokens=[purpose for purpose, _ in user.tokens])
 
 
-def with_neighbours(tiles: Sequence[RobotTile], found: Iterable[Neighbour]) -> list[RobotTile]:
+def with_neighbours(tiles: Sequence[RobotTile], found: Iterable[LocalMaster]) -> list[RobotTile]:
     """The robots of the database, with what their masters say of themselves; and robots of other databases.
 
     A robot is known by its name and serial number.

@@ -9,15 +9,15 @@ from msbot.errors import NotThere
 from msbot.master import Master
 from msbot.pnp import PartInfo
 from msbot.web.api.models import (
-    BusState,
-    Control,
+    BusFigures,
+    ControlLine,
     FrameLine,
-    Lane,
     PartLine,
     Simulated,
     SlotCard,
     SpanLine,
     StopState,
+    TimelineLane,
     TopicLine,
     TypeLine,
     WirePort,
@@ -165,7 +165,7 @@ class Views:
         if slot not in self.bench.slots():
             known = ", ".join(self.bench.slots()) or "none"
             raise NotThere(f"no part of slot {slot!r} is simulated here; those that are: {known}")
-        controls: list[Control] = list(self.bench.controls(slot))
+        controls: list[ControlLine] = list(self.bench.controls(slot))
         return Simulated(
             slot=slot,
             plugged=self.bench.is_plugged(slot),
@@ -234,14 +234,14 @@ class Views:
         field = next((name for name, value in fields.items() if not isinstance(value, bool | str)), None)
         return [] if field is None else self.live.spark(watch, field)
 
-    def bus(self) -> BusState:
+    def bus(self) -> BusFigures:
         """How busy the bus is."""
         now, total = self._clock(), self.frames.total
         at, before, rate = self._rate
         if now - at >= 1.0:
             rate = (total - before) / (now - at)
             self._rate = (now, total, rate)
-        return BusState(
+        return BusFigures(
             watched=bool(self._bus.name),
             name=self._bus.name,
             bitrate=self._bus.bitrate,
@@ -269,7 +269,7 @@ class Views:
         row = self.frames.row(number)
         return None if row is None else _frame_line(row, self._clock())
 
-    def timeline(self) -> list[Lane]:
+    def timeline(self) -> list[TimelineLane]:
         """The states of every slot over time."""
         now = self._clock()
         lanes = self._timeline.lanes()
@@ -282,7 +282,7 @@ class Views:
             spans = lanes.get(name, ())
             ends = [*(span.begin for span in spans[1:]), now] if spans else []
             result.append(
-                Lane(
+                TimelineLane(
                     slot=name,
                     spans=[
                         SpanLine(

@@ -7,18 +7,18 @@ from msbot.config import (
     Binding,
     Blueprint,
     Difference,
-    Endpoint,
     InDds,
     Options,
     RobotProfile,
     Slot,
+    SlotPort,
     differences,
 )
 
 ROBOT = Blueprint(
     RobotProfile("R2", "V1", "007", "today", "us"),
     (Slot("left", "EYE", settings={"period_s": 1}), Slot("leg", "LEG", "LEG-1", "walks")),
-    (Binding("light", "Light", Endpoint("left", "light"), (Endpoint("leg", "goal"),)),),
+    (Binding("light", "Light", SlotPort("left", "light"), (SlotPort("leg", "goal"),)),),
 )
 
 
@@ -65,15 +65,15 @@ def test_slots() -> None:
 
 def test_topics() -> None:
     wire = ROBOT.bindings[0]
-    more = replace(wire, targets=(Endpoint("left", "lamp"), *wire.targets), reliable=False)
-    other = Binding("heat", "Heat", Endpoint("", ""), (Endpoint("leg", "skin"),))
+    more = replace(wire, targets=(SlotPort("left", "lamp"), *wire.targets), reliable=False)
+    other = Binding("heat", "Heat", SlotPort("", ""), (SlotPort("leg", "skin"),))
     assert _lines(replace(ROBOT, bindings=(more, other))) == [
         "~ topic light: left.light -> leg.goal [Light] -> left.light -> left.lamp, leg.goal [Light, best effort]",
         "+ topic heat: nobody -> leg.skin [Heat]",
     ]
 
     assert _lines(replace(ROBOT, bindings=())) == ["- topic light: left.light -> leg.goal [Light]"]
-    second = replace(wire, source=Endpoint("leg", "light"))
+    second = replace(wire, source=SlotPort("leg", "light"))
     (two,) = differences(ROBOT, replace(ROBOT, bindings=(second, wire)))
     assert two == Difference(
         "changed", "topic light", "left.light -> leg.goal [Light]", "leg.light, left.light -> leg.goal [Light]"

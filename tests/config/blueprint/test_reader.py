@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.config.blueprint.model import PRESETS, Binding, Endpoint, Options, RobotProfile, Slot, Timing
+from msbot.config.blueprint.model import PRESETS, Binding, Options, RobotProfile, Slot, SlotPort, Timing
 from msbot.config.blueprint.reader import library_folders, load_blueprint, open_blueprint
 from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML
 from msbot.config.library.library import load_library
@@ -82,7 +82,7 @@ to = []
     blueprint = load_blueprint(path, LIBRARY)
     assert blueprint.timing == Timing("fast", 0.25, 0.5, 4, 1.0)
     assert blueprint.options == Options(explain=True, free_topics=("chat",), authentication="key")
-    assert blueprint.bindings[0] == Binding("t", "HelloWorld", Endpoint("eye", "out"), (Endpoint("eye", "in"),), False)
+    assert blueprint.bindings[0] == Binding("t", "HelloWorld", SlotPort("eye", "out"), (SlotPort("eye", "in"),), False)
     assert blueprint.bindings[1].targets == ()
     assert blueprint.topics() == {"t": "HelloWorld", "u": "HelloWorld"}
 

@@ -14,7 +14,6 @@ from msbot.config import (
     Binding,
     Blueprint,
     Direction,
-    Endpoint,
     InDds,
     Library,
     Options,
@@ -24,6 +23,7 @@ from msbot.config import (
     RobotProfile,
     Scalar,
     Slot,
+    SlotPort,
     Timing,
     blueprint_toml,
     load_blueprint,
@@ -84,7 +84,7 @@ def test_any_blueprint_comes_back(
 
 def test_remarks_stand_behind_what_was_made_by_hand(tmp_path: Path) -> None:
     slot = Slot("AA", "ABCD", settings={"a b": 1})
-    wire = Binding("t", "HelloWorld", Endpoint("AA", "out"), (Endpoint("AA", "in"),), reliable=False)
+    wire = Binding("t", "HelloWorld", SlotPort("AA", "out"), (SlotPort("AA", "in"),), reliable=False)
     notes = {("AA", "a b"): "set by hand\nby Ann", ("t", ""): "changed by hand"}
     lines = blueprint_toml(replace(BARE, slots=(slot,), bindings=(wire,)), notes).splitlines()
     assert '"a b" = 1  # set by hand by Ann' in lines
@@ -100,11 +100,11 @@ def test_remarks_stand_behind_what_was_made_by_hand(tmp_path: Path) -> None:
 
 def test_a_topic_that_nobody_publishes_or_nobody_hears_comes_back(tmp_path: Path) -> None:
     halves = (
-        Binding("t", "HelloWorld", NOBODY, (Endpoint("AA", "in"),)),
+        Binding("t", "HelloWorld", NOBODY, (SlotPort("AA", "in"),)),
         Binding(
             "u",
             "HelloWorld",
-            Endpoint("AA", "out"),
+            SlotPort("AA", "out"),
             (),
             in_dds=InDds(export=True, ros=True, ros_type="std_msgs/msg/String", ros_fields=(("message", "data"),)),
         ),
@@ -147,7 +147,7 @@ def blueprints(draw: st.DrawFn) -> Blueprint:
     ports = [(slot, port) for slot in slots for port in LIBRARY.require(slot.part).ports]
     bindings = []
     for number, type_name in enumerate(sorted({port.type_name for _, port in ports})):
-        ends = [(Endpoint(slot.name, port.name), port.direction) for slot, port in ports if port.type_name == type_name]
+        ends = [(SlotPort(slot.name, port.name), port.direction) for slot, port in ports if port.type_name == type_name]
         sources = [end for end, direction in ends if direction is Direction.PUBLISH]
         wanted = draw(st.lists(st.sampled_from([end for end, direction in ends if end not in sources] or [NOBODY])))
         targets = tuple(dict.fromkeys(target for target in wanted if target.slot))

@@ -17,16 +17,18 @@ from msbot.link.can import (
     can_address,
     open_can_bus,
 )
-from msbot.link.can.adapters.interface import Interface
+from msbot.link.can.adapters.interface import CanInterface
 from msbot.link.can.can_address import parse_target
 from msbot.link.can.protocol import MemoryNodeIds, NodeIds
 
 CODEC = Codec(bytes, bytes)
 SETTINGS = CanSettings(codec=CODEC, is_whole=bool, uid=b"\1\2\3\4\5\6\7\x08", profile_hash=77, random=Random(1))
 INTERFACES = {
-    "can0": Interface("can0", 3, is_can=True, is_up=True, mtu=16, kind="can", bitrate=250_000),
-    "can1": Interface("can1", 4, is_can=True, is_up=True, mtu=72, kind="can", bitrate=500_000, data_bitrate=2_000_000),
-    "vcan0": Interface("vcan0", 5, is_can=True, is_up=True, mtu=72, kind="vcan"),
+    "can0": CanInterface("can0", 3, is_can=True, is_up=True, mtu=16, kind="can", bitrate=250_000),
+    "can1": CanInterface(
+        "can1", 4, is_can=True, is_up=True, mtu=72, kind="can", bitrate=500_000, data_bitrate=2_000_000
+    ),
+    "vcan0": CanInterface("vcan0", 5, is_can=True, is_up=True, mtu=72, kind="vcan"),
 }
 
 
@@ -173,9 +175,9 @@ def test_tools_get_the_controller_alone() -> None:
 
 
 def test_systems_without_socketcan_can_still_make_the_link(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(_: str) -> Interface | None:
+    def refuse(_: str) -> CanInterface | None:
         raise OSError(97, "Address family not supported by protocol")
 
-    finder: Callable[[str], Interface | None] = refuse
+    finder: Callable[[str], CanInterface | None] = refuse
     monkeypatch.setattr(can_address, "find_interface", finder)
     assert open_link("can:can0?bitrate=500000", can=SETTINGS).info.bits_per_second == 500_000

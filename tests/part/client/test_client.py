@@ -8,7 +8,7 @@ import pytest
 
 from msbot.errors import LinkFull, LocalProtocolError, RequestError
 from msbot.link import InprocHub, LossyLink
-from msbot.part.client.client import Service
+from msbot.part.client.client import ServiceNames
 from msbot.part.client.entities import Entity
 from msbot.part.client.settings import ConnectionState
 from msbot.runtime.virtual_time import run_virtual
@@ -25,7 +25,7 @@ from msbot.xrce.objects import EndpointQos
 from tests.hearing_client import HearingClient
 from tests.part.wire import STATUS_AGENT_OK, HandLink, QuietLink, start_agent
 
-ADDER = Service("adder", "AddRequest", "AddReply")
+ADDER = ServiceNames("adder", "AddRequest", "AddReply")
 
 
 class Bench:

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from msbot.errors import LocalProtocolError
-from msbot.part.client.entities import MAX_UNANSWERED, Entity, EntityTable, Reading
+from msbot.part.client.entities import MAX_UNANSWERED, Entity, EntityTable, RunningRead
 from msbot.xrce import Status
 from msbot.xrce.messages import DeliveryControl, Format, ObjectKind, ObjectVariant
 
@@ -102,7 +102,7 @@ def test_an_unanswered_creation_is_asked_again() -> None:
 def test_a_read_waits_for_its_creation_to_be_asked() -> None:
     table = EntityTable(answer_s=2.0)
     reader = table.add(READER)
-    reading = Reading(0x80, DeliveryControl())
+    reading = RunningRead(0x80, DeliveryControl())
     table.want_read(reader, reading)
     assert table.next_to_read() is None
     ask_all(table)
@@ -116,14 +116,14 @@ def test_a_refused_reader_is_not_read() -> None:
     reader = table.add(READER)
     ask_all(table)
     table.answered(10, Status.ERR_DDS_ERROR)
-    table.want_read(reader, Reading(0x80, None))
+    table.want_read(reader, RunningRead(0x80, None))
     assert table.next_to_read() is None
 
 
 def test_a_new_session_begins_from_nothing() -> None:
     table = EntityTable(answer_s=2.0)
     topic, reader = table.add(TOPIC), table.add(READER)
-    table.want_read(reader, Reading(1, None))
+    table.want_read(reader, RunningRead(1, None))
     first = ask_all(table)
     table.answered(10, Status.OK)
     wanted = table.next_to_read()
@@ -152,7 +152,7 @@ class AnyOrder(RuleBasedStateMachine):
     def add(self, reads: bool) -> None:
         entity = self.table.add(READER)
         if reads:
-            self.table.want_read(entity, Reading(0x80, None))
+            self.table.want_read(entity, RunningRead(0x80, None))
 
     @precondition(lambda self: len(self.table) > 0)
     @rule(data=st.data())

@@ -7,7 +7,7 @@ import pytest
 from msbot.part.messages.message import Message
 from msbot.part.messages.wire_types import (
     FLOAT32_MAX,
-    Codec,
+    FieldCodec,
     codec_for,
     float32,
     float64,
@@ -23,7 +23,7 @@ from msbot.part.messages.wire_types import (
 from msbot.xrce.messages import CdrReader, CdrWriter
 
 
-def codec(annotation: object) -> Codec:
+def codec(annotation: object) -> FieldCodec:
     found = codec_for(annotation, lambda _: None)
     assert found is not None
     return found

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from msbot.config import Binding, Blueprint, Endpoint, InDds, Library, Options, Timing, open_blueprint
+from msbot.config import Binding, Blueprint, InDds, Library, Options, SlotPort, Timing, open_blueprint
 from msbot.registry import Registry
 from tests.registry.blueprint.test_blueprint_store import LIBRARY, ROBOT
 from tests.registry.hand import Hand
@@ -33,14 +33,14 @@ def test_what_was_made_by_hand_is_told_apart(registry: Registry) -> None:
     robot = registry.robots.apply_blueprint(ROBOT, LIBRARY)
     Hand(registry).set_value(robot, "left", "period_s", 9, "Ann")
     Hand(registry).set_value(robot, "right", "invert", True, "Bob")
-    Hand(registry).unbind(robot, "brightness", Endpoint("leg", "goal"), "Ann")
-    Hand(registry).bind(robot, "glow", "Ann", type_name="Light", source=None, targets=[Endpoint("right", "lamp")])
+    Hand(registry).unbind(robot, "brightness", SlotPort("leg", "goal"), "Ann")
+    Hand(registry).bind(robot, "glow", "Ann", type_name="Light", source=None, targets=[SlotPort("right", "lamp")])
     assert registry.robots.blueprint(robot, by_hand=False) == ROBOT
     held = registry.robots.blueprint(robot)
     assert [slot.settings for slot in held.slots] == [{"period_s": 9}, {"invert": True}, {}]
     assert held.bindings == (
-        Binding("brightness", "Light", Endpoint("left", "light"), ()),
-        Binding("glow", "Light", Endpoint("", ""), (Endpoint("right", "lamp"),)),
+        Binding("brightness", "Light", SlotPort("left", "light"), ()),
+        Binding("glow", "Light", SlotPort("", ""), (SlotPort("right", "lamp"),)),
     )
     assert registry.robots.made_by_hand(robot) == {
         ("left", "period_s"): "set by hand by Ann",

@@ -10,7 +10,6 @@ from msbot.config import (
     Binding,
     Blueprint,
     Direction,
-    Endpoint,
     Library,
     Options,
     Parameter,
@@ -19,6 +18,7 @@ from msbot.config import (
     Port,
     RobotProfile,
     Slot,
+    SlotPort,
     Timing,
 )
 from msbot.errors import RegistryError
@@ -46,7 +46,7 @@ EYE = PartType(
 )
 LEG = PartType("LEG", "Motor", ports=(Port("goal", Direction.SUBSCRIBE, "Light"),))
 LIBRARY = Library([EYE, LEG])
-WIRE = Binding("brightness", "Light", Endpoint("left", "light"), (Endpoint("leg", "goal"),))
+WIRE = Binding("brightness", "Light", SlotPort("left", "light"), (SlotPort("leg", "goal"),))
 ROBOT = Blueprint(
     PROFILE, (Slot("left", "EYE", settings={"period_s": 1}), Slot("right", "EYE"), Slot("leg", "LEG", "LEG-1")), (WIRE,)
 )
@@ -198,7 +198,7 @@ def test_the_order_of_the_blueprint_is_kept(registry: Registry) -> None:
 
 
 def test_a_receiver_of_two_senders_is_bound_once(registry: Registry) -> None:
-    second = replace(WIRE, source=Endpoint("right", "light"))
+    second = replace(WIRE, source=SlotPort("right", "light"))
     store = _apply(registry, replace(ROBOT, bindings=(WIRE, second)))
     assert [binding.topic for binding in store.configuration("leg").bindings] == ["brightness"]
 
@@ -244,7 +244,7 @@ def test_all_or_nothing(registry: Registry, monkeypatch: pytest.MonkeyPatch) -> 
 def test_the_safe_values_of_bound_ports_travel_with_the_settings_and_a_change_of_them_is_a_change(
     registry: Registry,
 ) -> None:
-    wires = (WIRE, Binding("glow", "Light", Endpoint("right", "light"), (Endpoint("left", "lamp"),)))
+    wires = (WIRE, Binding("glow", "Light", SlotPort("right", "light"), (SlotPort("left", "lamp"),)))
     store = _apply(registry, replace(ROBOT, bindings=wires))
     assert ("lamp.safe.lux", "0") in store.configuration("left").settings
     assert not [name for name, _ in store.configuration("right").settings if ".safe." in name]

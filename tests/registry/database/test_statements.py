@@ -6,7 +6,7 @@ import pytest
 from sqlalchemy import Connection
 
 from msbot.config import Blueprint, Library
-from msbot.pnp import Binding, Claim, PartState
+from msbot.pnp import Claim, PartState, SlotBinding
 from msbot.registry import Registry, RobotRecord, RobotStore
 from msbot.registry.database import statements
 from tests.registry.events import CLAIM, UID, changed
@@ -34,8 +34,8 @@ def test_the_sample_robot_comes_back_as_the_inventory_wants_it(store: RobotStore
         ("CC", "WXYZ", "WXYZ-local"),
     ]
     assert store.configuration("BB").bindings == (
-        Binding("in", "HelloWorldTopic_1_to_2", "HelloWorld", publishes=False, reliable=True),
-        Binding("out", "HelloWorldTopic_2_to_3", "HelloWorld", publishes=True, reliable=True),
+        SlotBinding("in", "HelloWorldTopic_1_to_2", "HelloWorld", publishes=False, reliable=True),
+        SlotBinding("out", "HelloWorldTopic_2_to_3", "HelloWorld", publishes=True, reliable=True),
     )
     motor = store.part_type("WXYZ")
     assert motor is not None

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import event
 
-from msbot.config import Endpoint, Library, Scalar, Slot
+from msbot.config import Library, Scalar, Slot, SlotPort
 from msbot.errors import ConfigError, RegistryError
 from msbot.pnp import Claim
 from msbot.registry import EditRecord, Registry, RobotRecord, RobotStore
@@ -212,7 +212,7 @@ def test_a_wire_is_made_survives_the_next_start_and_is_undone(
     registry: Registry, robot: RobotRecord, store: RobotStore
 ) -> None:
     edit = Hand(registry).bind(
-        robot, "brightness", "Ann", type_name="Light", source=None, targets=[Endpoint("right", "lamp")]
+        robot, "brightness", "Ann", type_name="Light", source=None, targets=[SlotPort("right", "lamp")]
     )
     assert (edit.words, edit.slots) == ("topic brightness joins right.lamp", ("right",))
     assert _topics(store, "right") == [("lamp", "brightness")]
@@ -227,7 +227,7 @@ def test_a_wire_is_made_survives_the_next_start_and_is_undone(
 def test_a_wire_of_the_blueprint_is_taken_away_and_stays_away(
     registry: Registry, robot: RobotRecord, store: RobotStore
 ) -> None:
-    edit = Hand(registry).unbind(robot, "brightness", Endpoint("leg", "goal"), "Ann")
+    edit = Hand(registry).unbind(robot, "brightness", SlotPort("leg", "goal"), "Ann")
     assert (edit.words, edit.slots) == ("leg.goal is taken off topic brightness", ("leg",))
     assert (_topics(store, "left"), _topics(store, "leg")) == ([("light", "brightness")], [])
     versions = [store.configuration(slot).version for slot in ("left", "leg")]
@@ -242,7 +242,7 @@ def test_a_wire_of_the_blueprint_is_taken_away_and_stays_away(
 def test_a_whole_topic_is_taken_away_and_made_anew(registry: Registry, robot: RobotRecord, store: RobotStore) -> None:
     assert Hand(registry).unbind(robot, "brightness", None, "Ann").slots == ("left", "leg")
     edit = Hand(registry).bind(
-        robot, "other", "Ann", type_name="Light", source=Endpoint("left", "light"), targets=[Endpoint("leg", "goal")],
+        robot, "other", "Ann", type_name="Light", source=SlotPort("left", "light"), targets=[SlotPort("leg", "goal")],
         reliable=False,
     )  # fmt: skip
     assert edit.slots == ("left", "leg")
@@ -252,8 +252,8 @@ def test_a_whole_topic_is_taken_away_and_made_anew(registry: Registry, robot: Ro
 def test_the_blueprint_wins_where_a_wire_made_by_hand_contradicts_it(
     registry: Registry, robot: RobotRecord, store: RobotStore
 ) -> None:
-    Hand(registry).bind(robot, "glow", "Ann", type_name="Light", source=None, targets=[Endpoint("left", "lamp")])
-    other = replace(WIRE, topic="glow", source=Endpoint("right", "light"), targets=(Endpoint("left", "lamp"),))
+    Hand(registry).bind(robot, "glow", "Ann", type_name="Light", source=None, targets=[SlotPort("left", "lamp")])
+    other = replace(WIRE, topic="glow", source=SlotPort("right", "light"), targets=(SlotPort("left", "lamp"),))
     registry.robots.apply_blueprint(replace(ROBOT, bindings=(WIRE, replace(other, reliable=False))), LIBRARY)
     assert [binding.reliable for binding in store.configuration("left").bindings] == [True, False]
     without_left = replace(ROBOT, slots=ROBOT.slots[1:], bindings=())
@@ -288,8 +288,8 @@ def test_a_wire_that_cannot_be(
     before = registry.runs.begin(robot).configuration("leg")
     words = _refused(
         Hand(registry).bind, robot, topic, "Ann", type_name=type_name,
-        source=None if source is None else Endpoint(*source.split(".")),
-        targets=[] if target is None else [Endpoint(*target.split("."))],
+        source=None if source is None else SlotPort(*source.split(".")),
+        targets=[] if target is None else [SlotPort(*target.split("."))],
     )  # fmt: skip
     assert sentence in words
     assert registry.runs.begin(robot).configuration("leg") == before
@@ -300,7 +300,7 @@ def test_a_wire_that_is_not_there(registry: Registry, robot: RobotRecord) -> Non
     assert _refused(Hand(registry).unbind, robot, "heat", None, "Ann") == (
         "no port is bound to topic 'heat'; topics: brightness"
     )
-    assert _refused(Hand(registry).unbind, robot, "brightness", Endpoint("right", "light"), "Ann") == (
+    assert _refused(Hand(registry).unbind, robot, "brightness", SlotPort("right", "light"), "Ann") == (
         "right.light is not bound to topic 'brightness'; left.light, leg.goal are"
     )
 

@@ -6,7 +6,7 @@ from contextlib import closing
 from functools import partial
 from pathlib import Path
 
-from msbot.pnp import Binding
+from msbot.pnp import SlotBinding
 from msbot.registry import open_registry
 from msbot.registry.edits.undo import undo
 from msbot.registry.records import EditRecord
@@ -42,7 +42,7 @@ def test_every_kind_of_edit_of_an_older_msbot_is_undone(path: Path) -> None:
         store = registry.runs.begin(robot)
         assert "in" not in [binding.port for binding in store.configuration("BB").bindings]
         take_back(5)
-        wire = Binding("in", "HelloWorldTopic_1_to_2", "HelloWorld", publishes=False)
+        wire = SlotBinding("in", "HelloWorldTopic_1_to_2", "HelloWorld", publishes=False)
         assert wire in store.configuration("BB").bindings
         assert store.blocked(b"", "WXYZ") == "recalled"
         take_back(4)

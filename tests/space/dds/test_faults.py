@@ -13,7 +13,7 @@ import pytest
 from msbot.errors import ConfigError
 from msbot.space import parse_space
 from msbot.space.dds import DdsSpace, library
-from msbot.space.dds.network import Interface, choose
+from msbot.space.dds.network import NetworkInterface, choose
 from tests.space.dds.foreign_programs import refuse
 
 
@@ -104,11 +104,11 @@ async def test_no_interface_at_all() -> None:
 
 
 def test_the_network_is_chosen_by_what_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    lo = Interface("lo", is_up=True, is_loopback=True, multicast=False, has_address=True)
-    eth = Interface("eth0", is_up=True, is_loopback=False, multicast=True, has_address=True)
-    ppp = Interface("ppp0", is_up=True, is_loopback=False, multicast=False, has_address=True)
-    down = Interface("eth1", is_up=False, is_loopback=False, multicast=True, has_address=True)
-    bare = Interface("eth2", is_up=True, is_loopback=False, multicast=True, has_address=False)
+    lo = NetworkInterface("lo", is_up=True, is_loopback=True, multicast=False, has_address=True)
+    eth = NetworkInterface("eth0", is_up=True, is_loopback=False, multicast=True, has_address=True)
+    ppp = NetworkInterface("ppp0", is_up=True, is_loopback=False, multicast=False, has_address=True)
+    down = NetworkInterface("eth1", is_up=False, is_loopback=False, multicast=True, has_address=True)
+    bare = NetworkInterface("eth2", is_up=True, is_loopback=False, multicast=True, has_address=False)
     assert choose(None, [lo, eth]).words == "the network"
     assert choose(None, [lo, eth]).config is None
     alone = choose(None, [lo, down, bare])

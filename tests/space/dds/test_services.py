@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from msbot.agent import Agent
 from msbot.link import InprocHub
-from msbot.part import Service
+from msbot.part import ServiceNames
 from msbot.space import Qos, Topic
 from msbot.space.dds import DdsSpace, services
 from tests.hearing_client import HearingClient
 from tests.space.dds.foreign_programs import SOURCES
 from tests.space.dds.peers import Inbox, program, until
 
-ADD = Service(
+ADD = ServiceNames(
     "add_two_ints", "example_interfaces::srv::dds_::AddTwoInts_Request_",
     "example_interfaces::srv::dds_::AddTwoInts_Response_", "rq/add_two_intsRequest", "rr/add_two_intsReply",
 )  # fmt: skip

@@ -13,7 +13,7 @@ from starlette.types import Message, Receive, Scope, Send
 from msbot.operations.rights import Role
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.cookies import cookie_names
-from msbot.web.access.guard import ANY_ADDRESS, CSRF_HEADER, MAX_BODY, Guard
+from msbot.web.access.guard import ANY_ADDRESS, CSRF_HEADER, MAX_BODY, AccessGuard
 from msbot.web.access.sessions import Session
 from msbot.web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user
@@ -64,7 +64,7 @@ class Rig:
             MemoryUsers(user("ada"), user("bob", Role.STUDENT, "also correct")), clock=Clock(), hasher=PlainHasher()
         )
         self.pages: dict[str, Session] = {}
-        self.guard = Guard(
+        self.guard = AccessGuard(
             inner, self.accounts, hosts, cookies=COOKIES, owns=lambda page, session: self.pages.get(page) is session,
             beat=lambda: b"{}", is_tls=is_tls,
         )  # fmt: skip
@@ -318,7 +318,7 @@ async def test_a_visitor_who_goes_before_the_answer_is_no_error(leaves: bool) ->
     async def send(_message: Message) -> None:
         raise AssertionError("there is nobody to answer")
 
-    guard = Guard(
+    guard = AccessGuard(
         silent, Rig().accounts, ("",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b""
     )  # fmt: skip
     scope = {"type": "http", "method": "GET", "path": "/login", "headers": []}

@@ -11,7 +11,7 @@ from fastapi import FastAPI
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.attempts import FREE_TRIES
 from msbot.web.access.cookies import cookie_names
-from msbot.web.access.guard import Guard
+from msbot.web.access.guard import AccessGuard
 from msbot.web.access.sign_in_pages import local_path, make_forms
 from msbot.web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher
@@ -31,7 +31,7 @@ async def browser(accounts: Accounts) -> AsyncIterator[httpx.AsyncClient]:
     app = FastAPI()
     app.include_router(make_forms(accounts, "Robby <b>", COOKIES))
     transport = httpx.ASGITransport(
-        Guard(app, accounts, ("127.0.0.1",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b"{}")
+        AccessGuard(app, accounts, ("127.0.0.1",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b"{}")
     )
     async with httpx.AsyncClient(transport=transport, base_url=HOME) as client:
         yield client

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.web.api.models import Lane, SpanLine
+from msbot.web.api.models import SpanLine, TimelineLane
 from msbot.web.svg.plots import STATE_COLOURS, Curve, bars_svg, curve_svg, curves_csv, shortened, thinned
 from tests.web.pictures import HARMFUL, names, read, words
 
@@ -24,11 +24,11 @@ def span(begin: float, end: float, state: str = "active", reason: str = "it fits
 spans = st.builds(
     span, st.floats(0, 1e5), st.floats(0, 1e5), st.one_of(st.sampled_from(list(STATE_COLOURS)), names), names
 )
-lanes = st.builds(lambda slot, found: Lane(slot=slot, spans=found), names, st.lists(spans, max_size=5))
+lanes = st.builds(lambda slot, found: TimelineLane(slot=slot, spans=found), names, st.lists(spans, max_size=5))
 
 
 def test_a_bar_reaches_from_its_begin_to_its_end_in_the_colour_of_its_state() -> None:
-    root = read(bars_svg([Lane(slot="fan", spans=[span(60, 30, "late", "silent"), span(30, 0)])], 60.0, same))
+    root = read(bars_svg([TimelineLane(slot="fan", spans=[span(60, 30, "late", "silent"), span(30, 0)])], 60.0, same))
     late, active = root.findall(".//{*}rect")
     assert late.get("fill") == STATE_COLOURS["late"]
     end_of_late = float(late.attrib["x"]) + float(late.attrib["width"])
@@ -38,7 +38,7 @@ def test_a_bar_reaches_from_its_begin_to_its_end_in_the_colour_of_its_state() ->
 
 
 def test_what_was_before_the_time_shown_is_left_out_or_cut() -> None:
-    root = read(bars_svg([Lane(slot="fan", spans=[span(900, 100), span(100, 50), span(50, 0)])], 60.0, same))
+    root = read(bars_svg([TimelineLane(slot="fan", spans=[span(900, 100), span(100, 50), span(50, 0)])], 60.0, same))
     cut, whole = root.findall(".//{*}rect")
     assert float(cut.attrib["x"]) < float(whole.attrib["x"])
     assert float(cut.attrib["x"]) == 130
@@ -46,7 +46,7 @@ def test_what_was_before_the_time_shown_is_left_out_or_cut() -> None:
 
 @settings(deadline=None)
 @given(st.lists(lanes, max_size=4), st.sampled_from([60.0, 7200.0]))
-def test_any_past_is_drawn(found: list[Lane], span_s: float) -> None:
+def test_any_past_is_drawn(found: list[TimelineLane], span_s: float) -> None:
     root = read(bars_svg(found, span_s, same))
     for lane in found:
         assert shortened(lane.slot, 16) in words(root)
@@ -114,7 +114,7 @@ def test_any_curves_stay_in_their_frame(curves: dict[str, list[tuple[float, floa
 
 
 def test_the_words_are_translated() -> None:
-    lane = Lane(slot="fan", spans=[span(60, 0)])
+    lane = TimelineLane(slot="fan", spans=[span(60, 0)])
     assert "[now]" in words(read(bars_svg([lane], 60.0, "[{}]".format)))
     assert "[active]" in words(read(bars_svg([lane], 60.0, "[{}]".format)))
     assert "[No numbers yet.]" in words(read(curve_svg([], 60.0, 0.0, "[{}]".format)))

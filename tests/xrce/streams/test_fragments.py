@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.xrce.sessions.counters import Memory, SessionCounters
-from msbot.xrce.streams.fragments import TOO_LARGE, Joiner
+from msbot.xrce.streams.fragments import TOO_LARGE, FragmentJoiner
 
 
-def make_joiner(limit: int = 100) -> tuple[Joiner, Memory, SessionCounters]:
+def make_joiner(limit: int = 100) -> tuple[FragmentJoiner, Memory, SessionCounters]:
     memory, counters = Memory(limit), SessionCounters()
-    return Joiner(memory, counters), memory, counters
+    return FragmentJoiner(memory, counters), memory, counters
 
 
 def test_pieces_are_joined_at_the_last_one() -> None:

@@ -12,7 +12,7 @@ TITLES = ("frame", "nominal bits", "data bits", "of these stuffed", "µs on the 
 
 
 @dataclass(frozen=True, slots=True)
-class Cost:
+class FrameCost:
     """One frame and its bits."""
 
     text: str
@@ -30,7 +30,7 @@ class Cost:
         return sum(bit.stuff for bit in wire_bits(self.frame))
 
 
-def costs(texts: Sequence[str]) -> list[Cost]:
+def costs(texts: Sequence[str]) -> list[FrameCost]:
     """What each frame costs.
 
     Raises:
@@ -38,7 +38,7 @@ def costs(texts: Sequence[str]) -> list[Cost]:
         LocalProtocolError: one is an error report, which is never on the wire.
     """
     frames = [(text, parse_frame(text)) for text in texts]
-    return [Cost(text, frame, phase_bits(frame)) for text, frame in frames]
+    return [FrameCost(text, frame, phase_bits(frame)) for text, frame in frames]
 
 
 def cost_json(texts: Sequence[str]) -> str:

@@ -9,7 +9,7 @@ import click
 
 from msbot.cli.change.robot_access import say
 from msbot.cli.options import answer_options
-from msbot.operations.table import OPERATIONS, Argument, Kind, Operation
+from msbot.operations.table import OPERATIONS, Argument, ArgumentKind, Operation
 
 WRITTEN_BY_HAND = ("adopt", "set", "undo", "stop", "go")
 """Commands that do more than one operation; each has a file of its name."""
@@ -31,7 +31,7 @@ def verb(name: str) -> click.Command:
     for argument in reversed(operation.arguments):
         decorated = _decorate(argument)(decorated)
     # Several values may be negative numbers, which look like options.
-    takes_values = any(argument.kind is Kind.TEXTS and not argument.option for argument in operation.arguments)
+    takes_values = any(argument.kind is ArgumentKind.TEXTS and not argument.option for argument in operation.arguments)
     return click.command(name, context_settings={"ignore_unknown_options": takes_values})(decorated)
 
 
@@ -40,7 +40,7 @@ def _arguments(operation: Operation, given: Mapping[str, object]) -> dict[str, o
     wish: dict[str, object] = {}
     for argument in operation.arguments:
         value = given[argument.passed_as]
-        if argument.kind is Kind.FLAG:
+        if argument.kind is ArgumentKind.FLAG:
             value = bool(value) != argument.default  # the option says what is not so by default
         wish[argument.name] = list(value) if isinstance(value, tuple) else value
     return wish
@@ -48,15 +48,15 @@ def _arguments(operation: Operation, given: Mapping[str, object]) -> dict[str, o
 
 def _decorate(argument: Argument) -> Callable[[Callable[..., object]], Callable[..., object]]:
     if not argument.option:
-        count = -1 if argument.kind is Kind.TEXTS else 1
+        count = -1 if argument.kind is ArgumentKind.TEXTS else 1
         return click.argument(
             argument.passed_as, required=argument.is_needed, metavar=argument.shown_as or None, nargs=count
         )
-    if argument.kind is Kind.FLAG:
+    if argument.kind is ArgumentKind.FLAG:
         return click.option(argument.option, argument.passed_as, is_flag=True, help=argument.help)
     default = "" if argument.default == "" else None
     return click.option(
         argument.option, argument.passed_as, required=argument.is_needed, metavar=argument.shown_as or None,
-        multiple=argument.kind is Kind.TEXTS, default=() if argument.kind is Kind.TEXTS else default,
-        help=argument.help, type=float if argument.kind is Kind.NUMBER else str,
+        multiple=argument.kind is ArgumentKind.TEXTS, default=() if argument.kind is ArgumentKind.TEXTS else default,
+        help=argument.help, type=float if argument.kind is ArgumentKind.NUMBER else str,
     )  # fmt: skip

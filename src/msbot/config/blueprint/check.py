@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from msbot.config.blueprint.model import Binding, Endpoint, Slot, Timing
+from msbot.config.blueprint.model import Binding, Slot, SlotPort, Timing
 from msbot.config.library.library import Direction, Library, PartType, Port, scalar_text
 from msbot.config.toml.problems import MOST_LISTED, quoted, suggestion
 from msbot.config.toml.table import Table
@@ -110,7 +110,7 @@ def check_bindings(
     for table, binding in zip(tables, bindings, strict=True):
         _check_topic(table, binding, topics)
         ports.check(table, binding, binding.source, Direction.PUBLISH, "from")
-        seen: set[Endpoint] = set()
+        seen: set[SlotPort] = set()
         for position, target in enumerate(binding.targets):
             if target in seen:
                 table.problem(f'"{target}" is there twice; keep one', "to", position)
@@ -153,10 +153,10 @@ class _Ports:
     def __init__(self, slots: Sequence[Slot], library: Library) -> None:
         self._slots = {slot.name: slot for slot in slots if slot.name}
         self._library = library
-        self._topics: dict[Endpoint, str] = {}
+        self._topics: dict[SlotPort, str] = {}
 
     def check(
-        self, table: Complaints, binding: Binding, endpoint: Endpoint, direction: Direction, *steps: str | int
+        self, table: Complaints, binding: Binding, endpoint: SlotPort, direction: Direction, *steps: str | int
     ) -> None:
         """Note what is wrong with one end of a binding."""
         if not endpoint.slot:
@@ -174,7 +174,7 @@ class _Ports:
             self._check_one_topic(table, binding, endpoint, direction, *steps)
 
     def _check_one_topic(
-        self, table: Complaints, binding: Binding, endpoint: Endpoint, direction: Direction, *steps: str | int
+        self, table: Complaints, binding: Binding, endpoint: SlotPort, direction: Direction, *steps: str | int
     ) -> None:
         earlier = self._topics.setdefault(endpoint, binding.topic)
         if earlier != binding.topic and earlier and binding.topic:
@@ -192,7 +192,7 @@ class _Ports:
 def _check_port(
     table: Complaints,
     binding: Binding,
-    endpoint: Endpoint,
+    endpoint: SlotPort,
     part_type: PartType,
     direction: Direction,
     *steps: str | int,

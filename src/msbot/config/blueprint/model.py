@@ -64,7 +64,7 @@ class Slot:
 
 
 @dataclass(frozen=True, slots=True)
-class Endpoint:
+class SlotPort:
     """A port of a slot."""
 
     slot: str
@@ -75,7 +75,7 @@ class Endpoint:
         return f"{self.slot}.{self.port}" if self.port else self.slot
 
 
-NOBODY = Endpoint("", "")
+NOBODY = SlotPort("", "")
 """No port: the source of a binding to which nobody publishes yet."""
 
 
@@ -99,15 +99,15 @@ class Binding:
 
     topic: str
     type_name: str
-    source: Endpoint
+    source: SlotPort
     """The port that publishes; `NOBODY` as long as there is none."""
-    targets: tuple[Endpoint, ...]
+    targets: tuple[SlotPort, ...]
     reliable: bool = True
     """False: best effort, the newest sample matters more than each sample."""
     in_dds: InDds = InDds()
 
     @property
-    def ends(self) -> tuple[Endpoint, ...]:
+    def ends(self) -> tuple[SlotPort, ...]:
         """Every port that it joins, the publishing one first."""
         return (self.source, *self.targets) if self.source.slot else self.targets
 

@@ -11,11 +11,11 @@ from msbot.config.blueprint.model import (
     PRESETS,
     Binding,
     Blueprint,
-    Endpoint,
     InDds,
     Options,
     RobotProfile,
     Slot,
+    SlotPort,
     Timing,
 )
 from msbot.config.library.library import Library, load_library
@@ -195,13 +195,13 @@ def _in_dds(table: Table) -> InDds:
     return found
 
 
-def _source(table: Table) -> Endpoint:
+def _source(table: Table) -> SlotPort:
     if table.scalar("from") == "":
         return NOBODY
     return _endpoint(table.name("from", "AA.out"))
 
 
-def _endpoint(name: str) -> Endpoint:
+def _endpoint(name: str) -> SlotPort:
     """`SLOT.port` taken apart; a name without a dot gets no port, which the check then reports."""
     slot, _, port = name.rpartition(".")
-    return Endpoint(slot, port) if slot else Endpoint(name, "")
+    return SlotPort(slot, port) if slot else SlotPort(name, "")

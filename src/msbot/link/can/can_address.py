@@ -15,7 +15,7 @@ from zlib import crc32
 
 from msbot.errors import ConfigError
 from msbot.link.can.adapters.driver import CanDriver
-from msbot.link.can.adapters.interface import Interface, find_interface
+from msbot.link.can.adapters.interface import CanInterface, find_interface
 from msbot.link.can.adapters.python_can import PythonCanAdapter, Value
 from msbot.link.can.adapters.remedies import Wanted
 from msbot.link.can.adapters.socketcan import SocketCanAdapter
@@ -224,7 +224,7 @@ def _driver(
     return CanDriver(SocketCanAdapter(wanted, info, filters=filters, error_frames=error_frames))
 
 
-def _look(name: str) -> Interface | None:
+def _look(name: str) -> CanInterface | None:
     with contextlib.suppress(OSError):
         return find_interface(name)
     return None

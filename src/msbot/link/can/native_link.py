@@ -18,7 +18,14 @@ from msbot.link.can.native_link_base import NativeEnd
 from msbot.link.can.peer_framing import CanWire, Codec
 from msbot.link.can.protocol.frames import MTU, Frame
 from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION, NODES, CanIds, is_joining
-from msbot.link.can.protocol.join_master import MasterEvent, MasterJoin, Member, NodeEvicted, NodeJoined, NodeRefused
+from msbot.link.can.protocol.join_master import (
+    JoinedPart,
+    MasterEvent,
+    MasterJoin,
+    NodeEvicted,
+    NodeJoined,
+    NodeRefused,
+)
 from msbot.link.can.protocol.join_part import AddressLost, ComponentEvent, ComponentJoin
 from msbot.link.can.protocol.node_ids import MemoryNodeIds, NodeIds
 from msbot.link.can.protocol.queue import QUEUE_FRAMES
@@ -79,7 +86,7 @@ class CanMasterLink(NativeEnd):
             ids=ids,
         )
         self._wires: list[CanWire | None] = [None] * (NODES + 1)
-        self._members: list[Member | None] = [None] * (NODES + 1)
+        self._members: list[JoinedPart | None] = [None] * (NODES + 1)
         self._up = ids.up
         self._started = False
         self._other_masters: set[int] = set()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from msbot.errors import RemoteProtocolError
 from msbot.link.can.controller import CanBusInfo
-from msbot.link.can.protocol.frames import COUNTER, REPEAT_S, Frame, Joiner, split
+from msbot.link.can.protocol.frames import COUNTER, REPEAT_S, Frame, FrameJoiner, split
 from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION
 from msbot.link.contract import LinkCounters
 
@@ -49,7 +49,7 @@ class CanWire:
         rate = None if self._fd else info.bits_per_second
         repeat_s = 6400 / rate if rate else REPEAT_S
         longest = mtu if self._codec is None else mtu + 1  # a packet that has no short form gets one octet longer
-        self.joiner = Joiner(longest, dropped=counters.dropped, repeat_s=repeat_s)
+        self.joiner = FrameJoiner(longest, dropped=counters.dropped, repeat_s=repeat_s)
 
     def cut(self, packet: bytes) -> list[Frame]:
         """The frames of a packet."""

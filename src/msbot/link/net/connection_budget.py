@@ -15,14 +15,14 @@ IDLE_S = 10.0
 """A connection that was silent for so long may make room for a newcomer."""
 
 
-class Connection(Protocol):
+class OpenConnection(Protocol):
     """What is known of one connection."""
 
     heard_at: float | None
     """When its last whole packet came; None = none yet."""
 
 
-C = TypeVar("C", bound=Connection)
+C = TypeVar("C", bound=OpenConnection)
 
 
 class ConnectionBudget(Generic[C]):

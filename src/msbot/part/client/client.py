@@ -16,7 +16,7 @@ from msbot.errors import LinkFull, LocalProtocolError, RequestError
 from msbot.link import Link, SignalHandler
 from msbot.part.client.agent_watch import Stall
 from msbot.part.client.connection import Connection
-from msbot.part.client.entities import Entity, EntityTable, Reading
+from msbot.part.client.entities import Entity, EntityTable, RunningRead
 from msbot.part.client.settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
 from msbot.xrce.messages import STREAM_RELIABLE, DeliveryControl, ObjectKind, ObjectVariant, status_words
 from msbot.xrce.objects import (
@@ -43,7 +43,7 @@ RELATED_OCTETS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Service:
+class ServiceNames:
     """The names of a service: requesters and repliers with the same ones find each other."""
 
     name: str
@@ -240,11 +240,11 @@ class Client:
         """Create a data reader; `read` starts the samples."""
         return self.create(reader_variant(topic.object_id, subscriber.object_id, qos))
 
-    def create_requester(self, participant: Entity, service: Service) -> Entity:
+    def create_requester(self, participant: Entity, service: ServiceNames) -> Entity:
         """Create a requester; `read` starts the replies."""
         return self.create(service.variant(requester_variant, participant))
 
-    def create_replier(self, participant: Entity, service: Service) -> Entity:
+    def create_replier(self, participant: Entity, service: ServiceNames) -> Entity:
         """Create a replier; `read` starts the requests."""
         return self.create(service.variant(replier_variant, participant))
 
@@ -267,7 +267,7 @@ class Client:
             stream_id: stream on which they shall come.
             control: how many, how long, how fast; None = exactly one sample.
         """
-        self._entities.want_read(entity, Reading(stream_id, control))
+        self._entities.want_read(entity, RunningRead(stream_id, control))
         self._connection.book()
 
     @property

@@ -20,7 +20,7 @@ _LAST_NUMBER = 0xFFE
 
 
 @dataclass(slots=True)
-class Reading:
+class RunningRead:
     """The running READ_DATA of a data reader, requester or replier."""
 
     stream_id: int
@@ -41,7 +41,7 @@ class Entity:
     request_id: int = 0
     """Request id of the CREATE in this session; 0 = not asked yet."""
     asked_at: float = 0.0
-    reading: Reading | None = None
+    reading: RunningRead | None = None
 
     @property
     def created(self) -> bool:
@@ -97,7 +97,7 @@ class EntityTable:
         self._settled = False
         return entity
 
-    def want_read(self, entity: Entity, reading: Reading) -> None:
+    def want_read(self, entity: Entity, reading: RunningRead) -> None:
         """Wish for a read of an entity; takes the place of an earlier one."""
         entity.reading = reading
         self._settled = False
@@ -131,7 +131,7 @@ class EntityTable:
             return None
         return next((entity for entity in self._entities.values() if entity.request_id == 0), None)
 
-    def next_to_read(self) -> tuple[Entity, Reading] | None:
+    def next_to_read(self) -> tuple[Entity, RunningRead] | None:
         """The next entity whose READ_DATA should go, with it; only those for which a CREATE is on its way."""
         if self._settled:
             return None

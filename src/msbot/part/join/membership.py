@@ -12,7 +12,7 @@ import logging
 from collections.abc import Callable
 
 from msbot.errors import LinkFull, LocalProtocolError, RemoteProtocolError
-from msbot.part.client.client import ENDLESS, ClientMaker, Service
+from msbot.part.client.client import ENDLESS, ClientMaker, ServiceNames
 from msbot.part.client.loop_turn import Turn
 from msbot.part.client.settings import ConnectionState
 from msbot.part.join import plug
@@ -31,7 +31,7 @@ from msbot.part.join.joining import (
 from msbot.part.join.keys import KEY_VARIABLE
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl
 
-INVENTORY = Service(
+INVENTORY = ServiceNames(
     plug.INVENTORY_SERVICE,
     plug.INVENTORY_REQUEST_TYPE,
     plug.INVENTORY_REPLY_TYPE,

@@ -150,7 +150,7 @@ class ConfigurationRequest(Message):
     """The version it works with, 0 = none yet."""
 
 
-class Direction(IntEnum):
+class BindingDirection(IntEnum):
     """Which way the samples of a bound port go, seen from the part."""
 
     PUBLISH = 0
@@ -164,7 +164,7 @@ class PortBinding(Message):
     topic: Text
     topic_type: Text
     direction: uint8
-    """`Direction`."""
+    """`BindingDirection`."""
     reliable: uint8
     """1 = reliable stream, 0 = best effort."""
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, ClassVar, Self, TypeVar, dataclass_transform, 
 
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part.messages.fixed_size import FixedSize, fixed_size
-from msbot.part.messages.wire_types import Codec, codec_for
+from msbot.part.messages.wire_types import FieldCodec, codec_for
 from msbot.xrce.messages import CdrReader, CdrWriter
 
 LARGEST_PADDING = 3
@@ -37,7 +37,7 @@ class Field:
     """One field of a message class."""
 
     name: str
-    codec: Codec
+    codec: FieldCodec
     default: object
     """Value of a message that does not set the field; copied when the type can change in place."""
 
@@ -176,7 +176,7 @@ def _field(cls: type[Message], name: str, annotation: object) -> Field:
     return field
 
 
-def _record(annotation: object) -> Codec | None:
+def _record(annotation: object) -> FieldCodec | None:
     if not (isinstance(annotation, type) and issubclass(annotation, Message)):
         return None
     cls = annotation
@@ -193,7 +193,7 @@ def _record(annotation: object) -> Codec | None:
         return _read(cls, reader)
 
     smallest = sum(codec.smallest for _, codec in codecs)
-    return Codec(cls.__name__, f"a {cls.__name__}", smallest, cls, fits, write, read, fragile=True)
+    return FieldCodec(cls.__name__, f"a {cls.__name__}", smallest, cls, fits, write, read, fragile=True)
 
 
 def _read(cls: type[_M], reader: CdrReader) -> _M:

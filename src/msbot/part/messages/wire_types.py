@@ -65,7 +65,7 @@ FLOAT32_MAX = 3.4028234663852886e38
 
 
 @dataclass(frozen=True, slots=True)
-class Codec:
+class FieldCodec:
     """How one type is checked, written and read."""
 
     word: str
@@ -87,11 +87,11 @@ class Codec:
     """Of a number or boolean: its code in a `struct` format."""
 
 
-RecordCodec = Callable[[object], Codec | None]
+RecordCodec = Callable[[object], FieldCodec | None]
 """Gives the codec of a message class, None for anything else."""
 
 
-def codec_for(annotation: object, record: RecordCodec) -> Codec | None:
+def codec_for(annotation: object, record: RecordCodec) -> FieldCodec | None:
     """The codec of a resolved annotation, or None if it has no form on the wire."""
     base, marks = _split(annotation)
     match marks:
@@ -117,7 +117,7 @@ def _split(annotation: object) -> tuple[object, tuple[object, ...]]:
     return annotation, ()
 
 
-def _unbounded(base: object, record: RecordCodec) -> Codec | None:
+def _unbounded(base: object, record: RecordCodec) -> FieldCodec | None:
     if base is bool:
         return _BOOLEAN
     if base is str:
@@ -136,7 +136,7 @@ def _size_of(value: str | bytes | list[object]) -> int:
     return len(value.encode()) if isinstance(value, str) else len(value)
 
 
-def _at_most(codec: Codec, limit: int) -> Codec:
+def _at_most(codec: FieldCodec, limit: int) -> FieldCodec:
     words = f"at most {limit} {'elements' if codec.fragile else 'octets'}"
 
     def fits(value: object) -> bool:
@@ -151,7 +151,9 @@ def _at_most(codec: Codec, limit: int) -> Codec:
     return replace(codec, word=f"{codec.word} ({words})", needs=f"{codec.needs}, {words}", fits=fits, read=read)
 
 
-def _integer(word: str, size: int, write: Callable[[CdrWriter, int], None], read: Callable[[CdrReader], int]) -> Codec:
+def _integer(
+    word: str, size: int, write: Callable[[CdrWriter, int], None], read: Callable[[CdrReader], int]
+) -> FieldCodec:
     low, high = (-(1 << (8 * size - 1)), (1 << (8 * size - 1)) - 1) if word[0] == "i" else (0, (1 << 8 * size) - 1)
 
     def fits(value: object) -> bool:
@@ -159,7 +161,7 @@ def _integer(word: str, size: int, write: Callable[[CdrWriter, int], None], read
 
     code = {1: "b", 2: "h", 4: "i", 8: "q"}[size]
     code = code if word[0] == "i" else code.upper()
-    return Codec(word, f"a whole number from {low} to {high}", size, int, fits, write, read, code=code)
+    return FieldCodec(word, f"a whole number from {low} to {high}", size, int, fits, write, read, code=code)
 
 
 def _fits_float32(value: object) -> bool:
@@ -184,7 +186,7 @@ _NUMBERS = {
     "int16": _integer("int16", 2, CdrWriter.i16, CdrReader.i16),
     "int32": _integer("int32", 4, CdrWriter.i32, CdrReader.i32),
     "int64": _integer("int64", 8, CdrWriter.i64, CdrReader.i64),
-    "float32": Codec(
+    "float32": FieldCodec(
         "float32",
         f"a number from -{FLOAT32_MAX} to {FLOAT32_MAX}, or inf or nan",
         4,
@@ -194,10 +196,10 @@ _NUMBERS = {
         CdrReader.f32,
         code="f",
     ),
-    "float64": Codec("float64", "a number", 8, float, _fits_float64, CdrWriter.f64, CdrReader.f64, code="d"),
+    "float64": FieldCodec("float64", "a number", 8, float, _fits_float64, CdrWriter.f64, CdrReader.f64, code="d"),
 }
 
-_BOOLEAN = Codec(
+_BOOLEAN = FieldCodec(
     "bool",
     "True or False",
     1,
@@ -216,9 +218,9 @@ def _fits_string(value: object) -> bool:
     return value.isascii() or not any("\ud800" <= character <= "\udfff" for character in value)
 
 
-_STRING = Codec("str", "a text without NUL characters", 4, str, _fits_string, CdrWriter.string, CdrReader.string)
+_STRING = FieldCodec("str", "a text without NUL characters", 4, str, _fits_string, CdrWriter.string, CdrReader.string)
 
-_OCTET_SEQUENCE = Codec(
+_OCTET_SEQUENCE = FieldCodec(
     "bytes",
     "bytes",
     4,
@@ -229,7 +231,7 @@ _OCTET_SEQUENCE = Codec(
 )
 
 
-def _octet_array(length: int) -> Codec:
+def _octet_array(length: int) -> FieldCodec:
     def fits(value: object) -> bool:
         return isinstance(value, bytes) and len(value) == length
 
@@ -237,10 +239,10 @@ def _octet_array(length: int) -> Codec:
         return reader.octets(length)
 
     words = f"exactly {length} bytes"
-    return Codec(f"octet[{length}]", words, length, lambda: bytes(length), fits, CdrWriter.octets, read)
+    return FieldCodec(f"octet[{length}]", words, length, lambda: bytes(length), fits, CdrWriter.octets, read)
 
 
-def _enumeration(kind: type[IntEnum]) -> Codec:
+def _enumeration(kind: type[IntEnum]) -> FieldCodec:
     """An IDL enum: 32 bits in classic CDR (XCDR version 1)."""
 
     def fits(value: object) -> bool:
@@ -254,10 +256,10 @@ def _enumeration(kind: type[IntEnum]) -> Codec:
             raise RemoteProtocolError(f"{number} is no {kind.__name__}") from None
 
     names = ", ".join(f"{kind.__name__}.{member.name}" for member in kind)
-    return Codec(kind.__name__, f"one of {names}", 4, lambda: next(iter(kind)), fits, CdrWriter.u32, read)
+    return FieldCodec(kind.__name__, f"one of {names}", 4, lambda: next(iter(kind)), fits, CdrWriter.u32, read)
 
 
-def _array(element: Codec, length: int) -> Codec:
+def _array(element: FieldCodec, length: int) -> FieldCodec:
     def fits(value: object) -> bool:
         return isinstance(value, list) and len(value) == length and all(map(element.fits, value))
 
@@ -269,11 +271,13 @@ def _array(element: Codec, length: int) -> Codec:
 
     needs = f"a list of exactly {length}, each element {element.needs}"
     word = f"list[{element.word}] (exactly {length})"
-    return Codec(word, needs, length * element.smallest, lambda: [element.zero() for _ in range(length)], fits, write,
-                 read, fragile=True)  # fmt: skip
+    return FieldCodec(
+        word, needs, length * element.smallest, lambda: [element.zero() for _ in range(length)], fits, write, read,
+        fragile=True,
+    )  # fmt: skip
 
 
-def _write_all(writer: CdrWriter, element: Codec, values: list[Any]) -> None:
+def _write_all(writer: CdrWriter, element: FieldCodec, values: list[Any]) -> None:
     if element.code is not None:
         writer.numbers(element.code, values)
         return
@@ -281,7 +285,7 @@ def _write_all(writer: CdrWriter, element: Codec, values: list[Any]) -> None:
         element.write(writer, value)
 
 
-def _read_all(reader: CdrReader, element: Codec, count: int) -> list[Any]:
+def _read_all(reader: CdrReader, element: FieldCodec, count: int) -> list[Any]:
     # Checked before the loop, so that four octets cannot make us build a list of four thousand million.
     if count * element.smallest > reader.remaining:
         raise RemoteProtocolError(f"a list of {count} {element.word} in {reader.remaining} octets")
@@ -290,7 +294,7 @@ def _read_all(reader: CdrReader, element: Codec, count: int) -> list[Any]:
     return [element.read(reader) for _ in range(count)]
 
 
-def _sequence(element: Codec) -> Codec:
+def _sequence(element: FieldCodec) -> FieldCodec:
     def fits(value: object) -> bool:
         return isinstance(value, list) and all(map(element.fits, value))
 
@@ -302,4 +306,4 @@ def _sequence(element: Codec) -> Codec:
         return _read_all(reader, element, reader.u32())
 
     needs = f"a list, each element {element.needs}"
-    return Codec(f"list[{element.word}]", needs, 4, list, fits, write, read, fragile=True)
+    return FieldCodec(f"list[{element.word}]", needs, 4, list, fits, write, read, fragile=True)

@@ -13,12 +13,12 @@ from msbot.config import (
     SHIPPED,
     Binding,
     Blueprint,
-    Endpoint,
     InDds,
     Options,
     RobotProfile,
     Scalar,
     Slot,
+    SlotPort,
     Timing,
     preset_of,
 )
@@ -120,14 +120,14 @@ def _bindings(connection: Connection, robot_id: int, *, by_hand: bool) -> tuple[
         .where(bindings.c.robot_id == robot_id, held, slots.c.in_blueprint)
         .order_by(bindings.c.id)
     )
-    topics: dict[str, tuple[str, bool, list[Endpoint], list[Endpoint]]] = {}
+    topics: dict[str, tuple[str, bool, list[SlotPort], list[SlotPort]]] = {}
     for row in connection.execute(query):
         _, _, sources, targets = topics.setdefault(row.topic, (row.type_name, row.reliable, [], []))
-        (sources if row.publishes else targets).append(Endpoint(row.slot, row.port))
+        (sources if row.publishes else targets).append(SlotPort(row.slot, row.port))
     return tuple(
         Binding(topic, type_name, source, tuple(targets), reliable)
         for topic, (type_name, reliable, sources, targets) in topics.items()
-        for source in sources or [Endpoint("", "")]
+        for source in sources or [SlotPort("", "")]
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
 
-from msbot.config import Direction, Endpoint, Library, PartType, Port, Slot, binding_faults
+from msbot.config import Direction, Library, PartType, Port, Slot, SlotPort, binding_faults
 from msbot.errors import ConfigError
 from msbot.registry.blueprint.blueprint_reader import read_bindings
 from msbot.registry.database.statements import bump_versions
@@ -41,9 +41,9 @@ class WireEnd:
         return (self.slot, self.port, self.publishes)
 
     @property
-    def endpoint(self) -> Endpoint:
+    def endpoint(self) -> SlotPort:
         """The port."""
-        return Endpoint(self.slot, self.port)
+        return SlotPort(self.slot, self.port)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +108,8 @@ def bind(
     topic: str,
     *,
     type_name: str,
-    source: Endpoint | None,
-    targets: Sequence[Endpoint] = (),
+    source: SlotPort | None,
+    targets: Sequence[SlotPort] = (),
     reliable: bool = True,
 ) -> EditRecord:
     """Join ports by a topic, besides those it joins; it then has this reliability at all its ports.
@@ -133,7 +133,7 @@ def bind(
     return _bound(connection, author, before, f"topic {topic} joins {', '.join(str(port) for port, _ in wanted)}")
 
 
-def unbind(connection: Connection, author: Author, topic: str, endpoint: Endpoint | None) -> EditRecord:
+def unbind(connection: Connection, author: Author, topic: str, endpoint: SlotPort | None) -> EditRecord:
     """Take a port off a topic, or all its ports.
 
     Raises:

@@ -9,7 +9,7 @@ from sqlalchemy import Connection, select
 
 from msbot.config import Scalar, scalar_text
 from msbot.part.join.plug import safe_setting
-from msbot.pnp import Binding, Configuration
+from msbot.pnp import Configuration, SlotBinding
 from msbot.registry.database.tables import bindings, library, settings, slots
 
 ORIGINS = ("library", "blueprint", "hand")
@@ -43,13 +43,13 @@ def read_configurations(connection: Connection, robot_id: int, slot: str | None 
     }
 
 
-def _bindings(connection: Connection, robot_id: int, slot_id: int | None) -> defaultdict[int, list[Binding]]:
+def _bindings(connection: Connection, robot_id: int, slot_id: int | None) -> defaultdict[int, list[SlotBinding]]:
     query = select(bindings).where(bindings.c.robot_id == robot_id, bindings.c.in_use).order_by(bindings.c.id)
     if slot_id is not None:
         query = query.where(bindings.c.slot_id == slot_id)
-    found: defaultdict[int, list[Binding]] = defaultdict(list)
+    found: defaultdict[int, list[SlotBinding]] = defaultdict(list)
     for row in connection.execute(query):
-        found[row.slot_id].append(Binding(row.port, row.topic, row.type_name, row.publishes, row.reliable))
+        found[row.slot_id].append(SlotBinding(row.port, row.topic, row.type_name, row.publishes, row.reliable))
     return found
 
 
@@ -66,7 +66,7 @@ def _settings(connection: Connection, robot_id: int, slot_id: int | None) -> def
     return found
 
 
-def _safe_values(ports: Sequence[Mapping[str, object]], of: Sequence[Binding]) -> dict[str, Scalar]:
+def _safe_values(ports: Sequence[Mapping[str, object]], of: Sequence[SlotBinding]) -> dict[str, Scalar]:
     """What the slot's type applies to itself at the ports that are bound, as settings `PORT.safe.FIELD`."""
     bound = {binding.port for binding in of if not binding.publishes}
     values: dict[str, Scalar] = {}

@@ -8,7 +8,7 @@ from ctypes import byref
 from dataclasses import dataclass
 
 from msbot.errors import ConfigError
-from msbot.space.dds.library import PRECONDITION_NOT_MET, Library
+from msbot.space.dds.library import PRECONDITION_NOT_MET, DdsLibrary
 from msbot.space.dds.network import Network, check_domain
 from msbot.space.dds.raw_type import Serialiser, descriptor, type_by_sample, type_of
 
@@ -29,7 +29,7 @@ class NativeTopic:
 class Domain:
     """This process' place in a domain; made when somebody first needs it."""
 
-    def __init__(self, library: Library, network: Network, number: int) -> None:
+    def __init__(self, library: DdsLibrary, network: Network, number: int) -> None:
         """Join the domain, and make sure that the library passes octets through as they are.
 
         Raises:

@@ -78,7 +78,7 @@ class TopicDescriptor(ctypes.Structure):
     ]
 
 
-class Octets(ctypes.Structure):
+class IoVec(ctypes.Structure):
     """`struct iovec`: a pointer and a length (Windows has them the other way round: see `as_octets`)."""
 
     _fields_ = (
@@ -206,7 +206,7 @@ _SIGNATURES: dict[str, tuple[type | None, list[object]]] = {
     "dds_free": (None, [c_void_p]),
     "dds_writecdr": (c_int32, [_ENTITY, c_void_p]),
     "dds_takecdr": (c_int32, [_ENTITY, _BUFFERS, c_uint32, POINTER(SampleInfo), c_uint32]),
-    "ddsi_serdata_from_ser_iov": (c_void_p, [c_void_p, c_int, c_size_t, POINTER(Octets), c_size_t]),
+    "ddsi_serdata_from_ser_iov": (c_void_p, [c_void_p, c_int, c_size_t, POINTER(IoVec), c_size_t]),
     "ddsi_serdata_size": (c_uint32, [c_void_p]),
     "ddsi_serdata_to_ser": (None, [c_void_p, c_size_t, c_size_t, c_void_p]),
     "ddsi_serdata_unref": (None, [c_void_p]),
@@ -218,7 +218,7 @@ _SINCE_11: dict[str, tuple[type | None, list[object]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Library:
+class DdsLibrary:
     """A libddsc that has every function that is used."""
 
     calls: ctypes.CDLL
@@ -235,7 +235,7 @@ class Library:
         return text.decode("ascii", "replace")
 
 
-def load() -> Library:
+def load() -> DdsLibrary:
     """The first libddsc there is: below CYCLONEDDS_HOME if that is set, else the wheel's, else the system's.
 
     Raises:
@@ -283,11 +283,11 @@ def _wheel_folder() -> Path | None:
     return Path(next(iter(spec.submodule_search_locations)))
 
 
-def _open(path: str) -> Library:
+def _open(path: str) -> DdsLibrary:
     version = re.search(r"(\d+)\.(\d+)\.\d+(?:\.dylib)?$", os.path.realpath(path))
     if version and not OLDEST <= (int(version[1]), int(version[2])) <= NEWEST:
         raise OSError(f"it is version {version[1]}.{version[2]}")
-    library = Library(ctypes.CDLL(path), ctypes.PyDLL(path), path, knows_types=False)
+    library = DdsLibrary(ctypes.CDLL(path), ctypes.PyDLL(path), path, knows_types=False)
     knows_types = hasattr(library.calls, "dds_get_entity_sertype")
     signatures = {**_SIGNATURES, **(_SINCE_11 if knows_types else {})}
     for handle in (library.calls, library.quick):
@@ -295,7 +295,7 @@ def _open(path: str) -> Library:
             function = getattr(handle, name)
             function.restype = result
             function.argtypes = arguments
-    return Library(library.calls, library.quick, path, knows_types)
+    return DdsLibrary(library.calls, library.quick, path, knows_types)
 
 
 def _missing(error: AttributeError) -> str:

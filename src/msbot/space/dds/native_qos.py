@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from ctypes import POINTER, byref, c_char_p, c_int, c_int32, c_int64, c_uint32, c_void_p, cast
 
 from msbot.space.contract import Qos
-from msbot.space.dds.library import FOR_EVER, Library
+from msbot.space.dds.library import FOR_EVER, DdsLibrary
 
 ON_THE_WAY = 256
 """Samples of one writer or reader that may be on their way."""
@@ -36,7 +36,7 @@ COMPARED = frozenset(["RELIABILITY", "DURABILITY", "OWNERSHIP", "DEADLINE", "PAR
 
 
 @contextlib.contextmanager
-def writer_qos(library: Library, qos: Qos, partitions: tuple[str, ...]) -> Iterator[int]:
+def writer_qos(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> Iterator[int]:
     """A writer's; valid inside the `with`."""
     calls = library.calls
     with _common(library, qos, partitions) as made:
@@ -52,7 +52,7 @@ def writer_qos(library: Library, qos: Qos, partitions: tuple[str, ...]) -> Itera
 
 
 @contextlib.contextmanager
-def reader_qos(library: Library, qos: Qos, partitions: tuple[str, ...]) -> Iterator[int]:
+def reader_qos(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> Iterator[int]:
     """A reader's, which does not hear the writers of its own participant: those it meets in memory."""
     calls = library.calls
     with _common(library, qos, partitions) as made:
@@ -62,7 +62,7 @@ def reader_qos(library: Library, qos: Qos, partitions: tuple[str, ...]) -> Itera
 
 
 @contextlib.contextmanager
-def _common(library: Library, qos: Qos, partitions: tuple[str, ...]) -> Iterator[int]:
+def _common(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> Iterator[int]:
     calls = library.calls
     made: int = calls.dds_create_qos()
     try:
@@ -85,7 +85,7 @@ def _common(library: Library, qos: Qos, partitions: tuple[str, ...]) -> Iterator
         calls.dds_delete_qos(made)
 
 
-def qos_of(library: Library, native: int) -> Qos:
+def qos_of(library: DdsLibrary, native: int) -> Qos:
     """What a discovered writer offers or a reader asks for, as far as it is compared."""
     calls = library.calls
     kind, strength, duration = c_int(), c_int32(), c_int64()
@@ -105,7 +105,7 @@ def qos_of(library: Library, native: int) -> Qos:
     )
 
 
-def _partitions(library: Library, native: int) -> tuple[str, ...]:
+def _partitions(library: DdsLibrary, native: int) -> tuple[str, ...]:
     calls = library.calls
     count, names = c_uint32(), POINTER(c_void_p)()
     if not calls.dds_qget_partition(native, byref(count), byref(names)) or not names:

@@ -10,7 +10,15 @@ from functools import partial
 
 from msbot.space.contract import Guid, Qos
 from msbot.space.dds.domain import Domain
-from msbot.space.dds.library import ALIVE, ANY_STATE, PUBLICATIONS, SUBSCRIPTIONS, BuiltinEndpoint, Library, SampleInfo
+from msbot.space.dds.library import (
+    ALIVE,
+    ANY_STATE,
+    PUBLICATIONS,
+    SUBSCRIPTIONS,
+    BuiltinEndpoint,
+    DdsLibrary,
+    SampleInfo,
+)
 from msbot.space.dds.native_qos import qos_of
 from msbot.space.dds.waiter import Waiter
 from msbot.space.qos_matching import mismatch, partitions_meet
@@ -37,7 +45,9 @@ class Neighbour:
 class Neighbours:
     """What others write and read in one domain."""
 
-    def __init__(self, library: Library, domain: Domain, waiter: Waiter, changed: Callable[[Neighbour], None]) -> None:
+    def __init__(
+        self, library: DdsLibrary, domain: Domain, waiter: Waiter, changed: Callable[[Neighbour], None]
+    ) -> None:
         """Begin to listen.
 
         Args:

@@ -33,7 +33,7 @@ _SIOCGIFFLAGS, _SIOCGIFADDR = 0x8913, 0x8915
 
 
 @dataclass(frozen=True, slots=True)
-class Interface:
+class NetworkInterface:
     """A network interface of this computer."""
 
     name: str
@@ -53,7 +53,7 @@ class Network:
     words: str
 
 
-def choose(interface: str | None = None, interfaces: Iterable[Interface] | None = None) -> Network:
+def choose(interface: str | None = None, interfaces: Iterable[NetworkInterface] | None = None) -> Network:
     """The network for DDS.
 
     Args:
@@ -80,7 +80,7 @@ def choose(interface: str | None = None, interfaces: Iterable[Interface] | None 
     return Network(None, "the network")
 
 
-def _named(name: str, known: dict[str, Interface]) -> Network:
+def _named(name: str, known: dict[str, NetworkInterface]) -> Network:
     found = known.get(name)
     if found is None:
         raise ConfigError(f"DDS: there is no network interface {name!r}; there are {', '.join(sorted(known))}")
@@ -106,7 +106,7 @@ def check_domain(domain: int) -> None:
         raise ConfigError(f"DDS domain {domain}: domains go from 0 to {MAX_DOMAIN}, more have no UDP ports")
 
 
-def find_interfaces() -> list[Interface]:
+def find_interfaces() -> list[NetworkInterface]:
     """The interfaces of this computer; none where they cannot be told (not Linux)."""
     if not sys.platform.startswith("linux"):
         return []
@@ -118,7 +118,7 @@ def find_interfaces() -> list[Interface]:
                 continue  # it has just gone
             flags: int = struct.unpack_from("H", answer, 16)[0]
             found.append(
-                Interface(
+                NetworkInterface(
                     name,
                     is_up=bool(flags & _UP),
                     is_loopback=bool(flags & _IS_LOOPBACK),

@@ -12,7 +12,7 @@ import ctypes
 from ctypes import POINTER, byref, c_uint32, c_void_p
 
 from msbot.errors import ConfigError, RemoteProtocolError
-from msbot.space.dds.library import ANY_STATE, DATA, Library, Octets, SampleInfo, TopicDescriptor
+from msbot.space.dds.library import ANY_STATE, DATA, DdsLibrary, IoVec, SampleInfo, TopicDescriptor
 
 BATCH = 64
 """Samples that are taken at once."""
@@ -48,9 +48,9 @@ def descriptor(type_name: str) -> TopicDescriptor:
 class Serialiser:
     """Turns octets into samples of the library and back; for one thread."""
 
-    def __init__(self, library: Library) -> None:
+    def __init__(self, library: DdsLibrary) -> None:
         self._quick = library.quick
-        self._octets = Octets()
+        self._octets = IoVec()
         self._octets_at = byref(self._octets)
         self._samples = (c_void_p * BATCH)()
         self._infos = (SampleInfo * BATCH)()
@@ -105,7 +105,7 @@ class Serialiser:
         self._view = memoryview(self._scratch).cast("B")
 
 
-def type_of(library: Library, entity: int) -> int:
+def type_of(library: DdsLibrary, entity: int) -> int:
     """The library's inner type of a topic, for `Serialiser.write` (since version 11).
 
     Raises:
@@ -118,7 +118,7 @@ def type_of(library: Library, entity: int) -> int:
     return found.value
 
 
-def type_by_sample(library: Library, topic: int, participant: int) -> int:
+def type_by_sample(library: DdsLibrary, topic: int, participant: int) -> int:
     """The same for version 0.10: read from a sample that a private writer gives to a private reader.
 
     Raises:

@@ -11,7 +11,7 @@ from msbot.errors import RemoteProtocolError
 from msbot.space.contract import Guid, Qos, Sample, Topic
 from msbot.space.dds import services
 from msbot.space.dds.counts import Counts
-from msbot.space.dds.library import Incompatible, Library, Matched, Missed
+from msbot.space.dds.library import DdsLibrary, Incompatible, Matched, Missed
 from msbot.space.dds.native_qos import COMPARED, POLICIES
 from msbot.space.dds.neighbours import Neighbours, obstacle
 from msbot.space.dds.raw_type import BATCH, Serialiser
@@ -54,7 +54,7 @@ class Inlet:
                  "counts", "domain", "entity", "name", "qos", "reader", "tokens", "type_name")  # fmt: skip
 
     def __init__(  # noqa: PLR0917 - made by DdsSpace only
-        self, library: Library, serialiser: Serialiser, entity: int, condition: int, name: str, type_name: str,
+        self, library: DdsLibrary, serialiser: Serialiser, entity: int, condition: int, name: str, type_name: str,
         qos: Qos, neighbours: Neighbours, reader: MemoryReader, convert: Convert | None, domain: int,
     ) -> None:  # fmt: skip
         self.entity = entity

@@ -31,7 +31,7 @@ from msbot.space.dds.raw_type import Serialiser
 from msbot.space.dds.reader import REQUESTED_STATUSES, DdsReader, Inlet, ReplyInlet, RequestInlet
 from msbot.space.dds.waiter import Waiter
 from msbot.space.dds.writer import OFFERED_STATUSES, DdsWriter, Outlet, ServiceWriter
-from msbot.space.dds_topics import Way, WaysOf, as_it_is
+from msbot.space.dds_topics import DdsTopic, DdsTopicsOf, as_it_is
 from msbot.space.memory import MemorySpace
 from msbot.space.readers import MemoryReader
 
@@ -45,7 +45,8 @@ class DdsSpace:
     """Satisfies `Space`. Must be made on a running event loop, and closed; fits `with`."""
 
     def __init__(
-        self, domain: int = 0, *, partition: str = "", ways_of: WaysOf = as_it_is, interface: str | None = None,
+        self, domain: int = 0, *, partition: str = "", dds_topics_of: DdsTopicsOf = as_it_is,
+        interface: str | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         """Join DDS.
@@ -53,7 +54,7 @@ class DdsSpace:
         Args:
             domain: where endpoints of domain 0 are, which is what clients say that say nothing.
             partition: where endpoints are that name none themselves.
-            ways_of: the names of a topic in DDS; verbatim if absent.
+            dds_topics_of: the names of a topic in DDS; verbatim if absent.
             interface: the network interface to use; absent: the network there is.
             clock: seconds, for lifespans, deadlines and time-based filters.
 
@@ -62,7 +63,7 @@ class DdsSpace:
         """
         self._domain = domain
         self._partitions = (partition,) if partition else ()
-        self._ways_of = ways_of
+        self._dds_topics_of = dds_topics_of
         self._memory = MemorySpace(clock=clock)
         self._library = library_room.load()
         self._network = network_room.choose(interface)
@@ -103,9 +104,9 @@ class DdsSpace:
         if service and not (services.is_request(topic.name) or services.is_reply(topic.name)):
             return memory  # whom it is for could not be said in DDS
         outlets, notes = [], []
-        for way in self._ways_of(topic):
+        for dds_topic in self._dds_topics_of(topic):
             try:
-                outlets.append((self._open_outlet(topic, way, qos), way.outward))
+                outlets.append((self._open_outlet(topic, dds_topic, qos), dds_topic.outward))
             except ConfigError as error:
                 notes.append(self._tell(str(error)))
         if service and services.is_request(topic.name):
@@ -125,9 +126,9 @@ class DdsSpace:
         if qos.service and not (services.is_request(topic.name) or services.is_reply(topic.name)):
             return memory
         inlets, notes = [], []
-        for way in self._ways_of(topic):
+        for dds_topic in self._dds_topics_of(topic):
             try:
-                inlets.append(self._open_inlet(topic, way, qos, memory))
+                inlets.append(self._open_inlet(topic, dds_topic, qos, memory))
             except ConfigError as error:
                 notes.append(self._tell(str(error)))
         reader = DdsReader(memory, tuple(inlets), tuple(notes), self._waiter, self._close_reader)
@@ -161,44 +162,45 @@ class DdsSpace:
             self._neighbours_in(domain)
         return domain
 
-    def _in_dds(self, qos: Qos, way: Way) -> Qos:
-        """With the partitions that count there: those of the client, of the way, of the space."""
+    def _in_dds(self, qos: Qos, dds_topic: DdsTopic) -> Qos:
+        """With the partitions that count there: those of the client, of the topic in DDS, of the space."""
         return replace(
-            qos, partitions=qos.partitions or (self._partitions if way.partitions is None else way.partitions)
+            qos,
+            partitions=qos.partitions or (self._partitions if dds_topic.partitions is None else dds_topic.partitions),
         )
 
-    def _open_outlet(self, topic: Topic, way: Way, qos: Qos) -> Outlet:
-        domain, qos = self._domain_of(topic), self._in_dds(qos, way)
-        native = domain.topic(way.name, way.type_name)
+    def _open_outlet(self, topic: Topic, dds_topic: DdsTopic, qos: Qos) -> Outlet:
+        domain, qos = self._domain_of(topic), self._in_dds(qos, dds_topic)
+        native = domain.topic(dds_topic.name, dds_topic.type_name)
         calls = self._library.calls
         with writer_qos(self._library, qos, qos.partitions) as made:
             entity = calls.dds_create_writer(domain.participant, native.entity, made, None)
         if entity < 0:
-            domain.release(way.name, way.type_name)
-            raise ConfigError(f"topic {way.name}: DDS makes no writer for it ({self._library.words(entity)})")
+            domain.release(dds_topic.name, dds_topic.type_name)
+            raise ConfigError(f"topic {dds_topic.name}: DDS makes no writer for it ({self._library.words(entity)})")
         calls.dds_set_status_mask(entity, OFFERED_STATUSES)
         return Outlet(
-            self._library, self._serialiser, entity, native.sample_type, way.name, way.type_name, qos,
+            self._library, self._serialiser, entity, native.sample_type, dds_topic.name, dds_topic.type_name, qos,
             self._neighbours[domain.number], self._try_again, domain.number,
         )  # fmt: skip
 
-    def _open_inlet(self, topic: Topic, way: Way, qos: Qos, memory: MemoryReader) -> Inlet:
-        domain, qos = self._domain_of(topic), self._in_dds(qos, way)
-        native = domain.topic(way.name, way.type_name)
+    def _open_inlet(self, topic: Topic, dds_topic: DdsTopic, qos: Qos, memory: MemoryReader) -> Inlet:
+        domain, qos = self._domain_of(topic), self._in_dds(qos, dds_topic)
+        native = domain.topic(dds_topic.name, dds_topic.type_name)
         calls = self._library.calls
         with reader_qos(self._library, qos, qos.partitions) as made:
             entity = calls.dds_create_reader(domain.participant, native.entity, made, None)
         if entity < 0:
-            domain.release(way.name, way.type_name)
-            raise ConfigError(f"topic {way.name}: DDS makes no reader for it ({self._library.words(entity)})")
+            domain.release(dds_topic.name, dds_topic.type_name)
+            raise ConfigError(f"topic {dds_topic.name}: DDS makes no reader for it ({self._library.words(entity)})")
         calls.dds_set_status_mask(entity, REQUESTED_STATUSES)
         condition = calls.dds_create_readcondition(entity, ANY_STATE)
         make: Callable[..., Inlet] = Inlet
         if qos.service:
             make = RequestInlet if services.is_request(topic.name) else partial(ReplyInlet, asker_of=self._askers.get)
         return make(
-            self._library, self._serialiser, entity, condition, way.name, way.type_name, qos,
-            self._neighbours[domain.number], memory, way.inward, domain.number,
+            self._library, self._serialiser, entity, condition, dds_topic.name, dds_topic.type_name, qos,
+            self._neighbours[domain.number], memory, dds_topic.inward, domain.number,
         )  # fmt: skip
 
     def _close_writer(self, writer: DdsWriter) -> None:

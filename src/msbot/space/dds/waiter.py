@@ -14,7 +14,7 @@ from collections.abc import Callable
 from ctypes import c_ssize_t
 
 from msbot.errors import ConfigError
-from msbot.space.dds.library import ALL_DOMAINS, FOR_EVER, Library
+from msbot.space.dds.library import ALL_DOMAINS, FOR_EVER, DdsLibrary
 
 SLOTS = 256
 """Events that are handed over at once; more come in the next turn."""
@@ -27,7 +27,7 @@ logger = logging.getLogger(__name__)
 class Waiter:
     """Calls handlers on the event loop when their entities have something to say. Must be made on the loop."""
 
-    def __init__(self, library: Library) -> None:
+    def __init__(self, library: DdsLibrary) -> None:
         """Begin to wait; the library must have a participant.
 
         Raises:

@@ -10,7 +10,7 @@ from msbot.errors import RemoteProtocolError
 from msbot.space.contract import Guid, Qos, Topic
 from msbot.space.dds import services
 from msbot.space.dds.counts import Counts
-from msbot.space.dds.library import TIMEOUT, Incompatible, Library, Matched
+from msbot.space.dds.library import TIMEOUT, DdsLibrary, Incompatible, Matched
 from msbot.space.dds.native_qos import COMPARED, POLICIES
 from msbot.space.dds.neighbours import Neighbours, obstacle
 from msbot.space.dds.raw_type import Serialiser
@@ -29,7 +29,7 @@ class Outlet:
                  "entity", "has_readers", "is_kept", "name", "qos", "sample_type", "token", "type_name")  # fmt: skip
 
     def __init__(  # noqa: PLR0917 - made by DdsSpace only
-        self, library: Library, serialiser: Serialiser, entity: int, sample_type: int, name: str, type_name: str,
+        self, library: DdsLibrary, serialiser: Serialiser, entity: int, sample_type: int, name: str, type_name: str,
         qos: Qos, neighbours: Neighbours, retry: Callable[[Outlet], None], domain: int,
     ) -> None:  # fmt: skip
         self.entity = entity

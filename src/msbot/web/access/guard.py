@@ -70,7 +70,7 @@ STRICT_TRANSPORT = (b"strict-transport-security", b"max-age=86400")
 Headers: TypeAlias = dict[str, str]
 
 
-class Guard:
+class AccessGuard:
     """ASGI middleware, see the module's docstring.
 
     Args:

@@ -23,7 +23,7 @@ class Health(Model):
     status: str = "ok"
 
 
-class Problem(Model):
+class ProblemAnswer(Model):
     """What every refusal looks like."""
 
     error: str
@@ -138,7 +138,7 @@ class SlotCard(Model):
     """For a simulated part: whether it is on the wire."""
 
 
-class Control(Model):
+class ControlLine(Model):
     """Something a person can do to a simulated part."""
 
     name: str
@@ -159,7 +159,7 @@ class Simulated(Model):
 
     slot: str
     plugged: bool
-    controls: list[Control]
+    controls: list[ControlLine]
     readings: dict[str, Scalar]
 
 
@@ -211,7 +211,7 @@ class Robot(Model):
     """Parts that wait in the arrivals tray."""
 
 
-class BusState(Model):
+class BusFigures(Model):
     """The CAN bus, or zeros when there is none to watch."""
 
     watched: bool
@@ -272,7 +272,7 @@ class SpanLine(Model):
     reason: str
 
 
-class Lane(Model):
+class TimelineLane(Model):
     """A slot's states over time."""
 
     slot: str

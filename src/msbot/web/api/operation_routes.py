@@ -10,18 +10,18 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path
 from pydantic import Field, create_model
 
-from msbot.operations.table import OPERATIONS, Argument, Kind, Operation
+from msbot.operations.table import OPERATIONS, Argument, ArgumentKind, Operation
 from msbot.web.api.models import Done, Model, Scalar
 from msbot.web.api.session import SignedIn
 from msbot.web.service import Service, done_of
 
-_TYPES: dict[Kind, object] = {
-    Kind.TEXT: str,
-    Kind.TEXTS: list[str],
-    Kind.NUMBER: float,
-    Kind.WHOLE: int,
-    Kind.FLAG: bool,
-    Kind.VALUE: Scalar,
+_TYPES: dict[ArgumentKind, object] = {
+    ArgumentKind.TEXT: str,
+    ArgumentKind.TEXTS: list[str],
+    ArgumentKind.NUMBER: float,
+    ArgumentKind.WHOLE: int,
+    ArgumentKind.FLAG: bool,
+    ArgumentKind.VALUE: Scalar,
 }
 
 
@@ -72,7 +72,7 @@ def _body(name: str, arguments: list[Argument]) -> type[Model]:
 
 def _field(argument: Argument) -> tuple[object, object]:
     kind: Any = _TYPES[argument.kind]
-    longest = argument.longest if argument.kind is Kind.TEXT else None
+    longest = argument.longest if argument.kind is ArgumentKind.TEXT else None
     known: dict[str, Any] = {
         "alias": argument.name, "description": argument.help,
         "max_length": longest, "ge": argument.least, "le": argument.most,

@@ -14,20 +14,20 @@ from fastapi.responses import Response
 from msbot.web.api.models import (
     BlueprintDiff,
     BlueprintText,
-    BusState,
+    BusFigures,
     Done,
     EditLine,
     FrameLine,
     Health,
     JournalLine,
-    Lane,
     Me,
     PartLine,
-    Problem,
+    ProblemAnswer,
     Robot,
     RobotTile,
     Simulated,
     SlotCard,
+    TimelineLane,
     TopicLine,
     TypeLine,
     Value,
@@ -38,13 +38,13 @@ from msbot.web.api.session import Name, SignedIn, parts_for, slots_for
 from msbot.web.service import Service
 
 PROBLEMS: dict[int | str, dict[str, object]] = {
-    400: {"model": Problem, "description": "It cannot be done; the sentence says why and what would be right."},
-    401: {"model": Problem, "description": "Nobody is signed in."},
-    403: {"model": Problem, "description": "The role does not allow it."},
-    404: {"model": Problem, "description": "There is no such thing."},
-    409: {"model": Problem, "description": "The database does not take it at the moment."},
-    413: {"model": Problem, "description": "The body is too large."},
-    422: {"model": Problem, "description": "The request does not fit the schema."},
+    400: {"model": ProblemAnswer, "description": "It cannot be done; the sentence says why and what would be right."},
+    401: {"model": ProblemAnswer, "description": "Nobody is signed in."},
+    403: {"model": ProblemAnswer, "description": "The role does not allow it."},
+    404: {"model": ProblemAnswer, "description": "There is no such thing."},
+    409: {"model": ProblemAnswer, "description": "The database does not take it at the moment."},
+    413: {"model": ProblemAnswer, "description": "The body is too large."},
+    422: {"model": ProblemAnswer, "description": "The request does not fit the schema."},
 }
 """What every call can answer besides its result."""
 
@@ -108,7 +108,7 @@ def _add_reads(router: APIRouter, service: Service) -> None:
         return views.live.series(topic, field)
 
     @router.get("/timeline")
-    async def timeline(session: SignedIn) -> list[Lane]:  # noqa: ARG001
+    async def timeline(session: SignedIn) -> list[TimelineLane]:  # noqa: ARG001
         """The states of every slot over time."""
         return views.timeline()
 
@@ -122,7 +122,7 @@ def _add_reads(router: APIRouter, service: Service) -> None:
         return await service.journal(limit, part)
 
     @router.get("/bus")
-    async def bus(session: SignedIn) -> BusState:  # noqa: ARG001
+    async def bus(session: SignedIn) -> BusFigures:  # noqa: ARG001
         """How busy the CAN bus is."""
         return views.bus()
 

@@ -37,7 +37,7 @@ CHECK_S = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class MenuEntry:
     """One entry of the menu."""
 
     path: str
@@ -47,16 +47,16 @@ class Way:
 
 
 MENU = (
-    Way("/", "smart_toy", "Robot"),
-    Way("/arrivals", "move_to_inbox", "Arrivals"),
-    Way("/settings", "tune", "Settings"),
-    Way("/bus", "cable", "Bus"),
-    Way("/wires", "hub", "Wires"),
-    Way("/timeline", "timeline", "Timeline"),
-    Way("/library", "menu_book", "Library"),
-    Way("/journal", "history", "Journal"),
-    Way("/class", "grid_view", "Class"),
-    Way("/admin", "manage_accounts", "Admin", Right.ADMINISTER),
+    MenuEntry("/", "smart_toy", "Robot"),
+    MenuEntry("/arrivals", "move_to_inbox", "Arrivals"),
+    MenuEntry("/settings", "tune", "Settings"),
+    MenuEntry("/bus", "cable", "Bus"),
+    MenuEntry("/wires", "hub", "Wires"),
+    MenuEntry("/timeline", "timeline", "Timeline"),
+    MenuEntry("/library", "menu_book", "Library"),
+    MenuEntry("/journal", "history", "Journal"),
+    MenuEntry("/class", "grid_view", "Class"),
+    MenuEntry("/admin", "manage_accounts", "Admin", Right.ADMINISTER),
 )
 
 

@@ -7,7 +7,7 @@ from functools import partial
 from nicegui import ui
 
 from msbot.web.access.sessions import Session
-from msbot.web.api.models import Control, Done, Scalar
+from msbot.web.api.models import ControlLine, Done, Scalar
 from msbot.web.pages.layout import Page
 from msbot.web.pages.page_elements import heading
 from msbot.web.svg.drawings import fields_html
@@ -47,7 +47,7 @@ def simulator_panel(page: Page, slot: str, *, title: str = "") -> None:
     plugged.on_value_change(plug)
 
 
-def _control(page: Page, slot: str, control: Control) -> None:
+def _control(page: Page, slot: str, control: ControlLine) -> None:
     title = control.words or control.name
     unit = f" [{control.unit}]" if control.unit else ""
 

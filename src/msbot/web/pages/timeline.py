@@ -7,7 +7,7 @@ import json
 from fastapi import Request
 from nicegui import ui
 
-from msbot.web.api.models import Lane
+from msbot.web.api.models import TimelineLane
 from msbot.web.html import Markup, render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import heading, set_html
@@ -47,7 +47,7 @@ def _bars(page: Page) -> None:
             .props("tabindex=0")
         )
 
-    def lanes() -> list[Lane]:
+    def lanes() -> list[TimelineLane]:
         return page.service.views.timeline()
 
     def show() -> None:
@@ -66,7 +66,7 @@ def _bars(page: Page) -> None:
     page.every_look(show)
 
 
-def _event_rows(page: Page, lanes: list[Lane], span_s: float) -> Markup:
+def _event_rows(page: Page, lanes: list[TimelineLane], span_s: float) -> Markup:
     spans = [(span, lane.slot) for lane in lanes for span in lane.spans if span.begin_age_s <= span_s]
     spans.sort(key=lambda pair: pair[0].begin_age_s)
     rows = [(f"{span.begin_age_s:.0f} s", slot, page.say(span.state), span.reason) for span, slot in spans[:EVENTS]]

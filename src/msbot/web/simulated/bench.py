@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from msbot.web.api.models import Control, Scalar
+from msbot.web.api.models import ControlLine, Scalar
 
 
 class Bench(Protocol):
@@ -23,7 +23,7 @@ class Bench(Protocol):
     def unplug(self, slot: str) -> None:
         """Pull a part out, without a word to anybody."""
 
-    def controls(self, slot: str) -> tuple[Control, ...]:
+    def controls(self, slot: str) -> tuple[ControlLine, ...]:
         """What a person can do to that part."""
 
     def operate(self, slot: str, control: str, value: Scalar) -> None:
@@ -54,7 +54,7 @@ class NoBench:
     def unplug(self, slot: str) -> None:
         """There is nothing to pull out."""
 
-    def controls(self, slot: str) -> tuple[Control, ...]:  # noqa: ARG002
+    def controls(self, slot: str) -> tuple[ControlLine, ...]:  # noqa: ARG002
         """None."""
         return ()
 

@@ -8,7 +8,7 @@ from msbot.config import ControlKind
 from msbot.demo import DemoRobot
 from msbot.errors import ConfigError
 from msbot.link.can.sim import SimBusDriver
-from msbot.web.api.models import Control, Scalar
+from msbot.web.api.models import ControlLine, Scalar
 from msbot.web.assembly import Seen
 from msbot.web.frames import FrameRing
 from msbot.web.views import BusMeter
@@ -36,13 +36,13 @@ class DemoBench:
         """See `Bench.unplug`."""
         self._robot.unplug(slot)
 
-    def controls(self, slot: str) -> tuple[Control, ...]:
+    def controls(self, slot: str) -> tuple[ControlLine, ...]:
         """See `Bench.controls`; the thesis' three have none."""
         simulated = self._robot.simulated(slot)
         if simulated is None:
             return ()
         return tuple(
-            Control(
+            ControlLine(
                 name=control.name,
                 kind=control.kind.value,
                 least=control.least,

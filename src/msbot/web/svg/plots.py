@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from msbot.web.api.models import Lane, SpanLine
+from msbot.web.api.models import SpanLine, TimelineLane
 from msbot.web.html import Markup, render
 
 Say = Callable[[str], str]
@@ -34,7 +34,7 @@ class Curve:
     unit: str = ""
 
 
-def bars_svg(lanes: Sequence[Lane], span_s: float, say: Say, *, is_narrow: bool = False) -> Markup:
+def bars_svg(lanes: Sequence[TimelineLane], span_s: float, say: Say, *, is_narrow: bool = False) -> Markup:
     """The states of slots over the last `span_s` seconds, now at the right; narrow for a phone."""
     width, left, ticks = (380, 84, 3) if is_narrow else (_WIDTH, 130, _TICKS)
     room = width - left - 10

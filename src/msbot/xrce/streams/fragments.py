@@ -13,7 +13,7 @@ from msbot.xrce.sessions.counters import Memory, SessionCounters
 TOO_LARGE = "fragmented message larger than allowed"
 
 
-class Joiner:
+class FragmentJoiner:
     """Collects the pieces of one reliable stream."""
 
     __slots__ = ("_buffer", "_counters", "_memory", "_refused")

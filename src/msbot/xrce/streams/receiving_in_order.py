@@ -9,7 +9,7 @@ gap is repaired at the speed of the link (XRCE 1.0 §8.4).
 from __future__ import annotations
 
 from msbot.xrce.sessions.counters import Memory, SessionCounters
-from msbot.xrce.streams.fragments import Joiner
+from msbot.xrce.streams.fragments import FragmentJoiner
 from msbot.xrce.streams.sequence_numbers import HALF, NOTHING_YET, distance, is_after
 
 BITMAP_BITS = 16
@@ -48,7 +48,7 @@ class ReliableInput:
         self.announced = NOTHING_YET
         """The newest number that is known to exist; nothing is missing while it is the last one handled."""
         self.last_handled = NOTHING_YET
-        self.joiner = Joiner(memory, counters)
+        self.joiner = FragmentJoiner(memory, counters)
 
     def accept(self, sequence_nr: int, packet: bytes) -> bool:
         """Whether the message is the next in order; an early one is held, any other is counted and forgotten."""

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.link.can.adapters.interface import (
-    Interface,
+    CanInterface,
     can_interfaces,
     find_interface,
     parse_interface,
@@ -27,9 +27,11 @@ LOOPBACK, VIRTUAL, ADAPTER, BUS_OFF = ANSWERS
 
 
 def test_answers_of_a_real_kernel() -> None:
-    adapter = Interface("can0", 4, is_can=True, is_up=True, mtu=16, kind="can", bitrate=250_000, state=BusState.ACTIVE)
-    assert parse_interface(LOOPBACK) == Interface("lo", 1, is_can=False, is_up=True, mtu=65536)
-    assert parse_interface(VIRTUAL) == Interface("vcan0", 2, is_can=True, is_up=True, mtu=72, kind="vcan")
+    adapter = CanInterface(
+        "can0", 4, is_can=True, is_up=True, mtu=16, kind="can", bitrate=250_000, state=BusState.ACTIVE
+    )
+    assert parse_interface(LOOPBACK) == CanInterface("lo", 1, is_can=False, is_up=True, mtu=65536)
+    assert parse_interface(VIRTUAL) == CanInterface("vcan0", 2, is_can=True, is_up=True, mtu=72, kind="vcan")
     assert parse_interface(ADAPTER) == adapter
     off = parse_interface(BUS_OFF)
     assert off is not None
@@ -55,7 +57,7 @@ def test_a_can_fd_controller_with_all_its_settings() -> None:
         + attribute(9, struct.pack("=I28x", 2_000_000))
     )
     about = attribute(0x8000 | 18, attribute(1, b"can\0") + attribute(0x8000 | 2, data))
-    assert parse_interface(answer(attribute(3, b"can1\0"), attribute(4, struct.pack("=I", 72)), about)) == Interface(
+    assert parse_interface(answer(attribute(3, b"can1\0"), attribute(4, struct.pack("=I", 72)), about)) == CanInterface(
         "can1", 9, is_can=True, is_up=False, mtu=72, kind="can", bitrate=500_000, data_bitrate=2_000_000,
         state=BusState.PASSIVE, restart_ms=100, listen_only=True,
     )  # fmt: skip

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.link.can.adapters.interface import Interface
+from msbot.link.can.adapters.interface import CanInterface
 from msbot.link.can.adapters.remedies import NO_KERNEL_SUPPORT, Wanted, open_error, restart_advice, up_commands, why_not
 
-CAN0 = Interface("can0", 3, is_can=True, is_up=True, mtu=16, kind="can", bitrate=500_000)
+CAN0 = CanInterface("can0", 3, is_can=True, is_up=True, mtu=16, kind="can", bitrate=500_000)
 FD0 = replace(CAN0, mtu=72, data_bitrate=2_000_000)
-VCAN0 = Interface("vcan0", 4, is_can=True, is_up=True, mtu=72, kind="vcan")
-ETH0 = Interface("eth0", 2, is_can=False, is_up=True, mtu=1500)
+VCAN0 = CanInterface("vcan0", 4, is_can=True, is_up=True, mtu=72, kind="vcan")
+ETH0 = CanInterface("eth0", 2, is_can=False, is_up=True, mtu=1500)
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ ETH0 = Interface("eth0", 2, is_can=False, is_up=True, mtu=1500)
         (Wanted("vcan0", fd=True, bitrate=500_000), VCAN0),
     ],
 )
-def test_an_interface_that_fits_has_no_problem(wanted: Wanted, found: Interface) -> None:
+def test_an_interface_that_fits_has_no_problem(wanted: Wanted, found: CanInterface) -> None:
     assert why_not(wanted, found, []) == ""
 
 
@@ -94,7 +94,7 @@ def test_an_interface_that_fits_has_no_problem(wanted: Wanted, found: Interface)
         ),
     ],
 )
-def test_a_problem_names_the_commands_that_help(wanted: Wanted, found: Interface | None, words: str) -> None:
+def test_a_problem_names_the_commands_that_help(wanted: Wanted, found: CanInterface | None, words: str) -> None:
     assert why_not(wanted, found, [VCAN0]) == words
 
 

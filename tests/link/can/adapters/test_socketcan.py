@@ -16,7 +16,7 @@ from msbot.errors import LinkDown
 from msbot.link.can.adapters import socketcan
 from msbot.link.can.adapters.driver import CanDriver
 from msbot.link.can.adapters.error_frames import NO_ACK_WORDS, STATE_WORDS, WARNING_WORDS
-from msbot.link.can.adapters.interface import Interface
+from msbot.link.can.adapters.interface import CanInterface
 from msbot.link.can.adapters.remedies import NO_KERNEL_SUPPORT, Wanted
 from msbot.link.can.adapters.socketcan import KERNEL_FULL, NO_FRAME, SocketCanAdapter, SocketCanChannel, pack_filters
 from msbot.link.can.adapters.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
@@ -26,7 +26,7 @@ from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.protocol.ids import CanIds
 from msbot.runtime.virtual_time import run_virtual
 
-CAN0 = Interface("can0", 7, is_can=True, is_up=True, mtu=16, kind="can", bitrate=500_000)
+CAN0 = CanInterface("can0", 7, is_can=True, is_up=True, mtu=16, kind="can", bitrate=500_000)
 FRAME = Frame(0x123, b"\1\2\3")
 
 
@@ -58,7 +58,7 @@ class Bench:
     """A driver on SocketCAN, the other end of its socket, and what it told."""
 
     def __init__(self, *, fd: bool = False, error_frames: bool = False, ring_frames: int = 4096) -> None:
-        self.interface: Interface | None = CAN0
+        self.interface: CanInterface | None = CAN0
         self.restart_error: int | None = None
         self.restarts: list[int] = []
         self.sockets: list[CanSocket] = []
@@ -178,7 +178,7 @@ def test_fd_frames_come_in_and_go_out() -> None:
         assert bench.frames == [frame, FRAME]
         assert bench.sent() == [frame]
 
-    bench_interface = Interface("can0", 7, is_can=True, is_up=True, mtu=72, kind="can")
+    bench_interface = CanInterface("can0", 7, is_can=True, is_up=True, mtu=72, kind="can")
 
     async def main() -> None:
         bench = Bench(fd=True)
@@ -358,7 +358,7 @@ def test_a_lost_interface_is_told_in_words_and_used_again(number: int, words: st
 
 
 def off(bench: Bench) -> None:
-    bench.interface = Interface("can0", 7, is_can=True, is_up=True, mtu=16, kind="can", state=BusState.OFF)
+    bench.interface = CanInterface("can0", 7, is_can=True, is_up=True, mtu=16, kind="can", state=BusState.OFF)
     bench.hear(error_frame(0x40))
 
 
@@ -401,7 +401,7 @@ def test_where_the_kernel_restarts_by_itself_it_is_left_to_it() -> None:
     async def test(bench: Bench) -> None:
         off(bench)
         await asyncio.sleep(0.1)
-        bench.interface = Interface("can0", 7, is_can=True, is_up=True, mtu=16, state=BusState.OFF, restart_ms=100)
+        bench.interface = CanInterface("can0", 7, is_can=True, is_up=True, mtu=16, state=BusState.OFF, restart_ms=100)
         bench.driver.restart()
         await asyncio.sleep(0.1)
         assert bench.restarts == []
@@ -418,7 +418,7 @@ def test_somebody_else_may_have_restarted_it() -> None:
     async def test(bench: Bench) -> None:
         off(bench)
         await asyncio.sleep(0.1)
-        bench.interface = Interface("can0", 7, is_can=True, is_up=True, mtu=16, state=BusState.PASSIVE)
+        bench.interface = CanInterface("can0", 7, is_can=True, is_up=True, mtu=16, state=BusState.PASSIVE)
         bench.driver.restart()
         await asyncio.sleep(0.1)
         assert bench.restarts == []
@@ -430,7 +430,7 @@ def test_somebody_else_may_have_restarted_it() -> None:
 def test_a_controller_that_is_passive_at_the_start_can_send_as_soon_as_that_is_told() -> None:
     async def main() -> None:
         bench = Bench()
-        bench.interface = Interface("can0", 7, is_can=True, is_up=True, mtu=16, state=BusState.PASSIVE)
+        bench.interface = CanInterface("can0", 7, is_can=True, is_up=True, mtu=16, state=BusState.PASSIVE)
         bench.driver.attach(state=lambda state, *_: bench.driver.send(FRAME) if state is BusState.PASSIVE else None)
         async with bench:
             assert bench.sent() == [FRAME]
@@ -441,7 +441,7 @@ def test_a_controller_that_is_passive_at_the_start_can_send_as_soon_as_that_is_t
 def test_a_controller_that_is_off_at_the_start_is_told_at_once() -> None:
     async def main() -> None:
         bench = Bench()
-        bench.interface = Interface("can0", 7, is_can=True, is_up=True, mtu=16, state=BusState.OFF)
+        bench.interface = CanInterface("can0", 7, is_can=True, is_up=True, mtu=16, state=BusState.OFF)
         async with bench:
             assert [state for state, _ in bench.states] == [BusState.GONE, BusState.OFF]
             assert not bench.driver.has_room()
@@ -476,7 +476,7 @@ def test_an_interface_that_cannot_be_used_as_wanted_is_an_error() -> None:
 
 
 def test_on_other_systems_the_way_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def find(_: str) -> Interface | None:
+    def find(_: str) -> CanInterface | None:
         raise OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
 
     monkeypatch.delattr(socket, "AF_CAN", raising=False)

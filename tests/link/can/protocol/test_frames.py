@@ -15,7 +15,7 @@ from msbot.link.can.protocol.frames import (
     FIRST,
     LAST,
     Frame,
-    Joiner,
+    FrameJoiner,
     check_byte,
     check_frame,
     pad_fd,
@@ -36,8 +36,8 @@ def plain_check_byte(message: bytes) -> int:
     return crc ^ 0xFF
 
 
-def join_all(frames: list[bytes], joiner: Joiner | None = None) -> list[bytes]:
-    joiner = joiner or Joiner()
+def join_all(frames: list[bytes], joiner: FrameJoiner | None = None) -> list[bytes]:
+    joiner = joiner or FrameJoiner()
     packets = [joiner.receive(frame, 0.001 * i) for i, frame in enumerate(frames)]
     return [packet for packet in packets if packet is not None]
 
@@ -99,7 +99,7 @@ def test_an_empty_packet_cannot_be_sent() -> None:
 
 @given(packets=st.lists(st.binary(min_size=1, max_size=300), max_size=12), q=st.integers(0, 63), fd=st.booleans())
 def test_joining_undoes_splitting(packets: list[bytes], q: int, fd: bool) -> None:
-    joiner = Joiner()
+    joiner = FrameJoiner()
     got = []
     now = 0.0
     for packet in packets:
@@ -165,7 +165,7 @@ def test_bursts_below_64_frames_never_give_a_message_in_part_glued_altered_or_tw
         if kind in ("reorder", "all"):
             random.shuffle(burst)
         wire += [] if kind == "lose" else burst
-    joiner = Joiner(repeat_s=0.0635)
+    joiner = FrameJoiner(repeat_s=0.0635)
     got = [packet for i, (_, frame) in enumerate(wire) if (packet := joiner.receive(frame, i * 0.001)) is not None]
 
     sent = [packet for packet, _ in messages]
@@ -183,7 +183,7 @@ def test_bursts_below_64_frames_never_give_a_message_in_part_glued_altered_or_tw
 @given(frames=st.lists(st.tuples(st.binary(max_size=64), st.floats(0, 0.3)), max_size=60), mtu=st.integers(1, 200))
 def test_arbitrary_frames_never_raise_and_are_counted(frames: list[tuple[bytes, float]], mtu: int) -> None:
     dropped = Tally()
-    joiner = Joiner(mtu, dropped=dropped)
+    joiner = FrameJoiner(mtu, dropped=dropped)
     now = 0.0
     for frame, pause in frames:
         now += pause
@@ -218,13 +218,13 @@ def frame(flags: int, q: int, data: bytes = b"1234567") -> bytes:
 )
 def test_each_reason_is_counted_once(frames: list[bytes], reason: str) -> None:
     dropped = Tally()
-    join_all(frames, Joiner(50, dropped=dropped))
+    join_all(frames, FrameJoiner(50, dropped=dropped))
     assert dropped == {reason: 1}
 
 
 def test_a_pause_of_more_than_250_ms_ends_the_message() -> None:
     dropped = Tally()
-    joiner = Joiner(dropped=dropped)
+    joiner = FrameJoiner(dropped=dropped)
     first, last = split(bytes(10), 0, False)
     assert joiner.receive(first, 0.0) is None
     assert joiner.receive(last, 0.251) is None
@@ -236,7 +236,7 @@ def test_a_pause_of_more_than_250_ms_ends_the_message() -> None:
 
 def test_the_bus_own_repetition_is_no_loss() -> None:
     dropped = Tally()
-    joiner = Joiner(dropped=dropped)
+    joiner = FrameJoiner(dropped=dropped)
     first, last = split(bytes(10), 0, False)
     assert [joiner.receive(part, 0.0) for part in (first, first, last, last)] == [None, None, bytes(10), None]
     assert dropped == {can_frames.REPEATED: 2}
@@ -244,7 +244,7 @@ def test_the_bus_own_repetition_is_no_loss() -> None:
 
 def test_63_lost_frames_are_noticed_although_the_counter_comes_round() -> None:
     """The frame after them has the counter of the last one heard, and here even its content."""
-    joiner = Joiner()
+    joiner = FrameJoiner()
     parts = split(bytes(7 * 200), 0, False)
     heard = parts[:10] + parts[73:]
     assert all(joiner.receive(part, 0.000111 * (i if i < 10 else i + 63)) is None for i, part in enumerate(heard))
@@ -253,13 +253,13 @@ def test_63_lost_frames_are_noticed_although_the_counter_comes_round() -> None:
 def test_a_fast_stream_of_equal_frames_is_no_repetition() -> None:
     """On a virtual bus 64 frames may pass in no time; they are all new."""
     dropped = Tally()
-    joiner = Joiner(dropped=dropped)
+    joiner = FrameJoiner(dropped=dropped)
     got = [packet for part in split(bytes(4096), 0, False) if (packet := joiner.receive(part, 0.0)) is not None]
     assert (got, dropped) == ([bytes(4096)], {})
 
 
 def test_reset_forgets_the_message_in_progress() -> None:
-    joiner = Joiner()
+    joiner = FrameJoiner()
     first, last = split(bytes(10), 0, False)
     joiner.receive(first, 0.0)
     joiner.reset()

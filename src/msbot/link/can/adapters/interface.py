@@ -40,7 +40,7 @@ _ANSWER_S: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Interface:
+class CanInterface:
     """A network interface, as far as CAN is concerned."""
 
     name: str
@@ -66,7 +66,7 @@ class Interface:
         return self.mtu >= FD_SIZE
 
 
-def find_interface(name: str) -> Interface | None:
+def find_interface(name: str) -> CanInterface | None:
     """What the kernel says of an interface; None when there is none of that name.
 
     Raises:
@@ -81,7 +81,7 @@ def find_interface(name: str) -> Interface | None:
     return parse_interface(answer)
 
 
-def can_interfaces() -> list[Interface]:
+def can_interfaces() -> list[CanInterface]:
     """All CAN interfaces of this machine; none where the kernel does not tell."""
     found = []
     with contextlib.suppress(OSError):
@@ -102,7 +102,7 @@ def restart_controller(index: int) -> None:
     _ask(_NEWLINK, _REQUEST | _ACKNOWLEDGE, index, _attribute(_LINKINFO, _attribute(_KIND, b"can") + data))
 
 
-def parse_interface(answer: bytes) -> Interface | None:
+def parse_interface(answer: bytes) -> CanInterface | None:
     """The interface in an RTM_NEWLINK message; None when it is none."""
     try:
         _, kind, _, _, _ = _HEADER.unpack_from(answer)
@@ -112,7 +112,7 @@ def parse_interface(answer: bytes) -> Interface | None:
         attributes = dict(_attributes(answer[_HEADER.size + _LINK.size :]))
         about = dict(_attributes(attributes.get(_LINKINFO, b"")))
         can = dict(_attributes(about.get(_DATA, b""))) if link_type == _CAN_TYPE else {}
-        return Interface(
+        return CanInterface(
             name=_text(attributes.get(_NAME, b"")),
             index=index,
             is_can=link_type == _CAN_TYPE,

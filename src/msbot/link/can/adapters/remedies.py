@@ -6,7 +6,7 @@ import errno
 from dataclasses import dataclass
 from typing import Final
 
-from msbot.link.can.adapters.interface import Interface
+from msbot.link.can.adapters.interface import CanInterface
 
 ELSEWHERE: Final = (
     "SocketCAN is a part of Linux: on this system use an adapter through python-can, "
@@ -31,7 +31,7 @@ class Wanted:
     """Bits per second as the user gave them; None = whatever it runs at."""
 
 
-def why_not(wanted: Wanted, found: Interface | None, others: list[Interface]) -> str:
+def why_not(wanted: Wanted, found: CanInterface | None, others: list[CanInterface]) -> str:
     """Why an interface cannot be used as wanted, with the remedy; empty when it can.
 
     Args:
@@ -64,7 +64,7 @@ def why_not(wanted: Wanted, found: Interface | None, others: list[Interface]) ->
     return ""
 
 
-def up_commands(wanted: Wanted, found: Interface | None = None) -> str:
+def up_commands(wanted: Wanted, found: CanInterface | None = None) -> str:
     """The commands that bring an interface up as wanted."""
     name = wanted.name
     if _is_virtual(name, found):
@@ -101,11 +101,11 @@ def _how_to_get(wanted: Wanted) -> str:
     return f"plug the adapter in, then {_quoted(up_commands(wanted))} brings it up"
 
 
-def _is_virtual(name: str, found: Interface | None) -> bool:
+def _is_virtual(name: str, found: CanInterface | None) -> bool:
     return found.kind in ("vcan", "vxcan") if found is not None else name.startswith(("vcan", "vxcan"))
 
 
-def _others(others: list[Interface]) -> str:
+def _others(others: list[CanInterface]) -> str:
     return f" (there are: {', '.join(other.name for other in others)})" if others else ""
 
 

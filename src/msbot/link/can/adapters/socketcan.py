@@ -20,7 +20,7 @@ from typing import Final
 from msbot.errors import LinkDown
 from msbot.link.can.adapters.driver import ChannelOwner
 from msbot.link.can.adapters.error_frames import BACK_WORDS, STATE_WORDS, read_report
-from msbot.link.can.adapters.interface import Interface, can_interfaces, find_interface, restart_controller
+from msbot.link.can.adapters.interface import CanInterface, can_interfaces, find_interface, restart_controller
 from msbot.link.can.adapters.remedies import ELSEWHERE, Wanted, open_error, restart_advice, up_commands, why_not
 from msbot.link.can.adapters.socketcan_frames import EXTENDED, FD_SIZE, ID_MASK, REMOTE, pack_frame, unpack_frame
 from msbot.link.can.controller import BusState, CanBusInfo
@@ -56,7 +56,7 @@ class SocketCanAdapter:
         *,
         filters: Sequence[IdFilter] | None = None,
         error_frames: bool = False,
-        find: Callable[[str], Interface | None] = find_interface,
+        find: Callable[[str], CanInterface | None] = find_interface,
         connect: Callable[[Wanted, Sequence[IdFilter] | None], socket.socket] | None = None,
         restart: Callable[[int], None] = restart_controller,
     ) -> None:
@@ -105,7 +105,9 @@ class SocketCanAdapter:
 class SocketCanChannel:
     """An open CAN_RAW socket. Satisfies `Channel`."""
 
-    def __init__(self, adapter: SocketCanAdapter, sock: socket.socket, found: Interface, owner: ChannelOwner) -> None:
+    def __init__(
+        self, adapter: SocketCanAdapter, sock: socket.socket, found: CanInterface, owner: ChannelOwner
+    ) -> None:
         """Serve a socket that is open, non-blocking and bound."""
         self._adapter = adapter
         self._socket = sock
@@ -232,7 +234,7 @@ class SocketCanChannel:
                 state, words = BusState.ACTIVE, BACK_WORDS
         self._owner.state(self, state, words, self._loop.time())
 
-    def _look(self) -> Interface | None:
+    def _look(self) -> CanInterface | None:
         with contextlib.suppress(OSError):
             return self._adapter.find(self._adapter.wanted.name)
         return None

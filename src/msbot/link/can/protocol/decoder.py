@@ -1,9 +1,9 @@
 """Frames of a CAN bus in words, for people who watch it: who says what to whom, down to the DDS-XRCE message.
 
 Theory of operation. A decoder is fed with every frame of a bus, in order, and keeps for each node and direction what
-the receiver keeps: a `Joiner`. What a whole packet means is said by somebody else (`Explain`), because a link does not
-know DDS-XRCE. Who begins to listen in the middle has not seen the ASSIGN that says whether headers are compressed;
-then it is tried (a short form is told from a message by its first octet). Nothing here raises, whatever is fed.
+the receiver keeps: a `FrameJoiner`. What a whole packet means is for somebody else to say (`Explain`), because a link
+does not know DDS-XRCE. A decoder that starts in the middle has not seen the ASSIGN that says whether headers are
+compressed, so it tries (the first octet tells a short form from a message). Nothing here raises, whatever is fed.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable
 from typing import Final, Protocol
 
 from msbot.errors import RemoteProtocolError
-from msbot.link.can.protocol.frames import COUNTER, FIRST, LAST, MTU, Frame, Joiner
+from msbot.link.can.protocol.frames import COUNTER, FIRST, LAST, MTU, Frame, FrameJoiner
 from msbot.link.can.protocol.ids import (
     CAN_FD,
     COMPRESSION,
@@ -200,7 +200,7 @@ class _Lane:
 
     def __init__(self) -> None:
         self.dropped = _Dropped()
-        self.joiner = Joiner(MTU, dropped=self.dropped)
+        self.joiner = FrameJoiner(MTU, dropped=self.dropped)
 
 
 def report_words(frame: Frame) -> str:

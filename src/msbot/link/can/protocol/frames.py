@@ -1,4 +1,4 @@
-"""CAN frames, and how a whole packet travels in them: cut by `split`, put together by `Joiner`.
+"""CAN frames, and how a whole packet travels in them: cut by `split`, put together by `FrameJoiner`.
 
 Theory of operation. Byte 0 of every data frame is the segment header: S (first frame), E (last frame) and a 6-bit
 counter `q` that runs on across messages, per node and direction. A message of several frames ends with one check
@@ -154,7 +154,7 @@ def split(packet: bytes, q: int, fd: bool) -> list[bytes]:
     return frames
 
 
-class Joiner:
+class FrameJoiner:
     """Puts the frames of one node in one direction together again; never gives a message in part or altered."""
 
     __slots__ = (

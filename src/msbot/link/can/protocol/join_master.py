@@ -76,7 +76,7 @@ MasterEvent = NodeJoined | NodeEvicted | NodeRefused | OtherMaster
 
 
 @dataclass(slots=True)
-class Member:
+class JoinedPart:
     """A part that has an address in this epoch."""
 
     uid: bytes
@@ -97,7 +97,7 @@ class MasterJoin:
     """The epoch is drawn from it."""
     caps: int = 0
     ids: CanIds = field(default_factory=CanIds)
-    members: dict[int, Member] = field(default_factory=dict, init=False)
+    members: dict[int, JoinedPart] = field(default_factory=dict, init=False)
     """By node id."""
     epoch: int = field(default=0, init=False)
     _outbox: list[Frame] = field(default_factory=list, init=False)
@@ -178,7 +178,7 @@ class MasterJoin:
             events.append(NodeEvicted(node_id, member.uid))
         if self.node_ids.find(uid) is not None:
             self.node_ids.keep(node_id, uid)
-        self.members[node_id] = Member(uid, use, now)
+        self.members[node_id] = JoinedPart(uid, use, now)
         return [*events, NodeJoined(node_id, uid, use)]
 
     def _address(self, uid: bytes, now: float) -> int | None:

@@ -127,7 +127,7 @@ class SimAdapter:
         self._folder = folder
         self.info = self._look()
 
-    async def open(self, owner: ChannelOwner) -> Client | Host:
+    async def open(self, owner: ChannelOwner) -> SimBusClient | Host:
         """See `Adapter`."""
         waiting = False
         while True:
@@ -148,10 +148,10 @@ class SimAdapter:
                 _log.warning("waiting for the simulated bus %r: nobody serves it yet", self._wish.name)
             await asyncio.sleep(LOOK_S)
 
-    async def _connect(self, owner: ChannelOwner, bus: NamedBus) -> Client | None:
+    async def _connect(self, owner: ChannelOwner, bus: NamedBus) -> SimBusClient | None:
         """Join a bus; None when its file was left behind by a program that has gone."""
         hello = Hello(bytes.fromhex(bus.key), self._node, listen_only=self._listen_only)
-        client = Client(owner, hello, bus.name)
+        client = SimBusClient(owner, hello, bus.name)
         try:
             async with asyncio.timeout(CONNECT_S):
                 await asyncio.get_running_loop().create_connection(lambda: client, "127.0.0.1", bus.port)
@@ -194,7 +194,7 @@ class SimAdapter:
         return CanBusInfo(f"sim:{wish.name}", bitrate, data_bitrate if fd else None, fd)
 
 
-class Client(asyncio.Protocol):
+class SimBusClient(asyncio.Protocol):
     """A connection with the program that serves the bus. Satisfies `Channel`."""
 
     def __init__(self, owner: ChannelOwner, hello: Hello, name: str) -> None:

@@ -76,7 +76,7 @@ class SimBusServer:
         """`dropped` counts what was wrong with programs, by reason."""
         self.key = secrets.token_bytes(KEY_OCTETS)
         self.folder = folder
-        self._programs: set[Program] = set()
+        self._programs: set[SimBusConnection] = set()
         self._attached = 0
         self._told: set[str] = set()
         self._encoded: tuple[Frame, float, bytes] | None = None
@@ -95,7 +95,7 @@ class SimBusServer:
         """
         loop = asyncio.get_running_loop()
         try:
-            server = await loop.create_server(lambda: Program(self), "127.0.0.1", 0)
+            server = await loop.create_server(lambda: SimBusConnection(self), "127.0.0.1", 0)
         except OSError as error:
             raise LinkDown(f"cannot serve the simulated bus {self.name!r} on 127.0.0.1: {error.strerror}") from error
         bus = self.driver.bus
@@ -121,7 +121,7 @@ class SimBusServer:
 
     # What programs call
 
-    def joined(self, program: Program) -> bool:
+    def joined(self, program: SimBusConnection) -> bool:
         """A program has connected; False when there are too many."""
         if len(self._programs) >= MAX_PROGRAMS:
             self.complain(TOO_MANY)
@@ -129,7 +129,7 @@ class SimBusServer:
         self._programs.add(program)
         return True
 
-    def left(self, program: Program) -> None:
+    def left(self, program: SimBusConnection) -> None:
         """A program has gone."""
         self._programs.discard(program)
 
@@ -156,7 +156,7 @@ class SimBusServer:
         return octets
 
 
-class Program(asyncio.Protocol):
+class SimBusConnection(asyncio.Protocol):
     """One connection."""
 
     def __init__(self, server: SimBusServer) -> None:
