@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 from random import Random
 
 from bench.buses import BUSES, CODEC, Rates, table
-from msbot.config import Blueprint, Options, RobotProfile
+from msbot.config import Blueprint, Options, PartType, RobotProfile, Slot
 from msbot.link.can import CanMasterLink, CanPartLink
 from msbot.link.can.sim import SimBusDriver
 from msbot.master import Master
 from msbot.part import Part
 from msbot.part.messages.standard import Level
-from msbot.pnp import Configuration, MemoryStore, PartType, Slot, SlotBinding
+from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.runtime.virtual_time import run_virtual
 
 KEY = bytes(range(16))

@@ -8,43 +8,6 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs/reference/words.md").read_text()
 
-STILL_DOUBLE = {
-    "Acceptor": {"runtime", "web"},
-    "Binding": {"config", "pnp"},
-    "BusState": {"link", "web"},
-    "Client": {"link", "part"},
-    "Codec": {"link", "part"},
-    "Connection": {"link", "part"},
-    "Control": {"config", "web"},
-    "Cost": {"cli", "link"},
-    "Direction": {"config", "part"},
-    "Endpoint": {"agent", "config"},
-    "Entity": {"agent", "part"},
-    "Guard": {"part", "web"},
-    "Interface": {"link", "space"},
-    "Joiner": {"link", "xrce"},
-    "Kind": {"idl", "operations"},
-    "Lane": {"web", "xrce"},
-    "Library": {"config", "space"},
-    "Member": {"idl", "link"},
-    "Neighbour": {"space", "web"},
-    "Neighbours": {"space", "web"},
-    "Octets": {"part", "space"},
-    "PartType": {"config", "pnp"},
-    "Place": {"idl", "part"},
-    "Port": {"agent", "config"},
-    "Problem": {"config", "web"},
-    "Program": {"link", "part"},
-    "Reading": {"config", "part"},
-    "Service": {"part", "web"},
-    "Slot": {"config", "pnp"},
-    "Text": {"idl", "part"},
-    "Timing": {"config", "pnp"},
-    "Way": {"space", "web"},
-}
-"""Class names that two rooms still share without a reason. This list only becomes shorter: take a name out when you
-have told its classes apart; a new one is told apart at once, or gets a line with its reason in words.md."""
-
 
 def rooms_of_classes() -> dict[str, set[str]]:
     """Public class -> the rooms that define one of that name."""
@@ -69,15 +32,9 @@ def shared_on_purpose() -> dict[str, set[str]]:
 
 def test_no_class_name_means_two_things_in_two_rooms() -> None:
     double = {name: rooms for name, rooms in rooms_of_classes().items() if len(rooms) > 1}
-    known = STILL_DOUBLE | shared_on_purpose()
+    known = shared_on_purpose()
     new = {name: rooms for name, rooms in double.items() if not rooms <= known.get(name, set())}
     assert new == {}, "give these classes names of their own, or a line with the reason in docs/reference/words.md"
-
-
-def test_the_list_of_double_names_only_becomes_shorter() -> None:
-    rooms = rooms_of_classes()
-    told_apart = {name: sorted(was - rooms.get(name, set())) for name, was in STILL_DOUBLE.items()}
-    assert {name: gone for name, gone in told_apart.items() if gone} == {}, "take these out of STILL_DOUBLE"
 
 
 def test_names_shared_on_purpose_are_there() -> None:

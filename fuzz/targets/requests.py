@@ -8,9 +8,10 @@ from random import Random
 from fuzz.bounds import REASONS, hold
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
+from msbot.config import Slot
 from msbot.part.join import plug
 from msbot.part.join.keys import prove
-from msbot.pnp import FAST_TIMING, PartState, Slot
+from msbot.pnp import FAST_TIMING, PartState
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.key_proof import Keys
 from msbot.pnp.requests import RequestHandler

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from random import Random
 from typing import Protocol
 
-from msbot.config import Blueprint, Options, RobotProfile
+from msbot.config import Blueprint, Options, PartType, RobotProfile, Slot
 from msbot.link.byte_frames import SerialReceiver, encode_serial
 from msbot.link.can import CanMasterLink, CanPartLink, Codec
 from msbot.link.can.protocol.frames import Frame, FrameJoiner, split
@@ -25,7 +25,7 @@ from msbot.part import Part
 from msbot.part.join.keys import prove
 from msbot.part.join.plug import Refusal
 from msbot.part.messages.standard import STANDARD_MESSAGES
-from msbot.pnp import Configuration, MemoryStore, PartType, Slot, SlotBinding
+from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce import compress, decompress
 from msbot.xrce.compression.dictionary import DICTIONARY, FIXED

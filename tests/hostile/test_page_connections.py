@@ -8,14 +8,16 @@ import errno
 import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Any
 
 import pytest
 import uvicorn
 from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
+from msbot.runtime import accept_connections
 from msbot.web import connections
-from msbot.web.connections import Acceptor, Connections, WatchedConnection
+from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
 
 
 async def answer(scope: Scope, receive: Receive, send: Send) -> None:
@@ -35,7 +37,7 @@ async def answer(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 class Site:
-    def __init__(self, port: int, open_ones: Connections, acceptor: Acceptor) -> None:
+    def __init__(self, port: int, open_ones: Connections, acceptor: PageAcceptor) -> None:
         self.port = port
         self.open = open_ones
         self.acceptor = acceptor
@@ -52,14 +54,15 @@ class Site:
 
 
 @asynccontextmanager
-async def site(most: int = 100) -> AsyncIterator[Site]:
+async def site(most: int = 100, make_socket: type[socket.socket] = socket.socket) -> AsyncIterator[Site]:
     """A server with our connections and nothing else."""
     config = uvicorn.Config(answer, log_level="error", lifespan="off")
     config.load()
     state, open_ones = ServerState(), Connections(most)
-    with socket.create_server(("127.0.0.1", 0)) as listening:
-        listening.setblocking(False)
-        acceptor = Acceptor(listening, lambda: WatchedConnection(open_ones, config, state, {}), None)
+    with make_socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        acceptor = PageAcceptor(listening, lambda: WatchedConnection(open_ones, config, state, {}), None)
         task = asyncio.create_task(acceptor.run())
         try:
             yield Site(listening.getsockname()[1], open_ones, acceptor)
@@ -114,20 +117,25 @@ async def test_one_address_makes_room_among_its_own(monkeypatch: pytest.MonkeyPa
             writer.close()
 
 
-async def test_without_descriptors_accepting_pauses_instead_of_spinning(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connections, "ACCEPT_PAUSE_S", 0.01)
-    async with site() as server:
-        loop, left = asyncio.get_running_loop(), 3
-        real = loop.sock_accept
+class Scarce(socket.socket):
+    """A listening socket of a process that has no descriptor left, three times."""
 
-        async def accept(listening: socket.socket) -> tuple[socket.socket, object]:
-            nonlocal left
-            left -= 1
-            if left >= 0:
-                raise OSError(errno.EMFILE, "Too many open files")
-            return await real(listening)
+    left = 3
 
-        monkeypatch.setattr(loop, "sock_accept", accept)
-        for _ in range(2):  # the first is taken by the call that waited already
-            assert b"200 OK" in await server.ask()
-        assert server.acceptor.pauses == 3
+    def accept(self) -> tuple[socket.socket, Any]:
+        if self.left:
+            self.left -= 1
+            raise OSError(errno.EMFILE, "Too many open files")
+        return super().accept()
+
+
+async def test_without_descriptors_accepting_pauses_instead_of_spinning(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(accept_connections, "PAUSE_S", 0.01)
+    async with site(make_socket=Scarce) as server:
+        assert b"200 OK" in await server.ask()
+        assert server.acceptor.failed == {accept_connections.EXHAUSTED: 3}
+    assert [record.message for record in caplog.records if record.name == accept_connections.__name__] == [
+        "no more connections can be accepted for now: Too many open files"
+    ]

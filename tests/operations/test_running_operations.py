@@ -11,12 +11,12 @@ from random import Random
 
 import pytest
 
-from msbot.config import load_blueprint, load_library, write_sample
+from msbot.config import PartType, Slot, load_blueprint, load_library, write_sample
 from msbot.errors import ConfigError
 from msbot.master import Master
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.outcome import Outcome
-from msbot.pnp import Claim, MemoryStore, PartType, Slot
+from msbot.pnp import Claim, MemoryStore
 from msbot.runtime.virtual_time import run_virtual
 from tests.operations.stage import AA_IS_A_DIAL, Deeds, Stage, play
 
@@ -195,7 +195,7 @@ def test_without_a_database_parts_can_be_moved_and_what_is_to_last_cannot_be_cha
     async def main() -> None:
         store = MemoryStore(
             types=tuple(PartType(part.number, part.name) for part in library),
-            slots=tuple(Slot(slot.name, slot.part) for slot in blueprint.slots),
+            slots=tuple(Slot(slot.name, slot.part_number) for slot in blueprint.slots),
         )
         master = Master(blueprint, store, random=Random(1))
         operations = RunningOperations(master)

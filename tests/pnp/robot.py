@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
+from msbot.config import PartType, Slot
 from msbot.pnp import (
     THESIS_TIMING,
     Claim,
@@ -13,16 +14,14 @@ from msbot.pnp import (
     PartEvent,
     PartInfo,
     PartState,
-    PartType,
-    Slot,
     SlotBinding,
     Verdict,
 )
 from msbot.pnp.inventory import Inventory
 
-ABCD = PartType("ABCD", "light sensor", "light sensor", "5V")
-EFGH = PartType("EFGH", "toggle switch", "toggle switch", "5V")
-WXYZ = PartType("WXYZ", "motor driver", "motor driver", "5V")
+ABCD = PartType("ABCD", "light sensor", description="light sensor", specification="5V")
+EFGH = PartType("EFGH", "toggle switch", description="toggle switch", specification="5V")
+WXYZ = PartType("WXYZ", "motor driver", description="motor driver", specification="5V")
 
 RING = {"AA": ("ABCD", "1_to_2", "3_to_1"), "BB": ("EFGH", "2_to_3", "1_to_2"), "CC": ("WXYZ", "3_to_1", "2_to_3")}
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from msbot.config import Slot
 from msbot.errors import RegistryError
-from msbot.pnp import FAST_TIMING, MemoryStore, PartState, Refusal, Slot, Verdict
+from msbot.pnp import FAST_TIMING, MemoryStore, PartState, Refusal, Verdict
 from tests.pnp.robot import Rig, configuration, sample_store, uid
 
 AA, BB, CC, DD = 0xAAAAAAAA, 0xBBBBBBBB, 0xCCCCCCCC, 0xDDDDDDDD

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.pnp import FAST_TIMING, LifeTiming, MemoryStore, PartState, PartType, Refusal, Slot, Verdict
+from msbot.config import PartType, Slot
+from msbot.pnp import FAST_TIMING, LifeTiming, MemoryStore, PartState, Refusal, Verdict
 from tests.pnp.robot import Rig, configuration
 
 AA, BB, CC, DD = 0xAAAAAAAA, 0xBBBBBBBB, 0xCCCCCCCC, 0xDDDDDDDD

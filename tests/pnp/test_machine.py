@@ -9,8 +9,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from msbot.config import Slot
 from msbot.errors import LocalProtocolError
-from msbot.pnp import FAST_TIMING, THESIS_TIMING, LifeTiming, PartState, Slot
+from msbot.pnp import FAST_TIMING, THESIS_TIMING, LifeTiming, PartState
 from msbot.pnp.life import TRANSITIONS
 from msbot.pnp.slot_assignment import PLACEABLE
 from tests.pnp.robot import Rig, sample_store

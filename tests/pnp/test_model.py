@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from msbot.config import Slot
 from msbot.errors import ConfigError
 from msbot.pnp import (
     FAST_TIMING,
@@ -16,7 +17,6 @@ from msbot.pnp import (
     PartState,
     PartStore,
     Refusal,
-    Slot,
 )
 from tests.pnp.robot import ABCD, sample_store, uid
 

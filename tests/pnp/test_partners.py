@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from msbot.pnp import Configuration, PartType, Slot, SlotBinding
+from msbot.config import PartType, Slot
+from msbot.pnp import Configuration, SlotBinding
 from tests.pnp.robot import Rig, sample_store
 
 AA, BB, CC, DD = 0xAA, 0xBB, 0xCC, 0xDD

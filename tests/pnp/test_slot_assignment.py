@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from msbot.config import PartType, Slot
 from msbot.errors import LocalProtocolError, RegistryError
-from msbot.pnp import FAST_TIMING, Configuration, MemoryStore, PartState, PartType, Refusal, Slot, TakeOver, Verdict
+from msbot.pnp import FAST_TIMING, Configuration, MemoryStore, PartState, Refusal, TakeOver, Verdict
 from tests.pnp.robot import Rig, configuration, sample_store, uid
 
 AA, BB, CC, DD, EE = 0xAA, 0xBB, 0xCC, 0xDD, 0xEE

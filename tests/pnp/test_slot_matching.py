@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from msbot.config import PartType, Slot
 from msbot.errors import RegistryError
-from msbot.pnp import Claim, MemoryStore, PartState, PartType, Refusal, Slot
+from msbot.pnp import Claim, MemoryStore, PartState, Refusal
 from msbot.pnp.slot_matching import Match, Matcher
 from tests.pnp.robot import ABCD, EFGH, sample_store, uid
 

@@ -22,10 +22,7 @@ from msbot.link import InprocHub
 from msbot.master import Master
 from msbot.part import JoinState, Message, Part
 from msbot.part.messages.message import fields_of
-from msbot.pnp import Configuration, MemoryStore
-from msbot.pnp import PartType as KnownType
-from msbot.pnp import Slot as Place
-from msbot.pnp import SlotBinding as Wire
+from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.runtime.virtual_time import run_virtual
 from msbot.sim import SimulatedPart, make_simulator, message_class
 
@@ -66,13 +63,13 @@ def store_for(part_type: PartType, settings: Mapping[str, Scalar]) -> MemoryStor
     """Slots and configurations of both: each port of the part is bound to the desk's port of the same name."""
     values = {parameter.name: parameter.default for parameter in part_type.parameters} | dict(settings)
     unit = tuple(
-        Wire(port.name, f"topic/{port.name}", port.type_name, publishes=port.direction is Direction.PUBLISH)
+        SlotBinding(port.name, f"topic/{port.name}", port.type_name, publishes=port.direction is Direction.PUBLISH)
         for port in part_type.ports
     )
     desk = tuple(replace(wire, publishes=not wire.publishes) for wire in unit)
     return MemoryStore(
-        types=(KnownType(part_type.number, part_type.name), KnownType("DESK", "Desk")),
-        slots=(Place("unit", part_type.number), Place("desk", "DESK")),
+        types=(PartType(part_type.number, part_type.name), PartType("DESK", "Desk")),
+        slots=(Slot("unit", part_type.number), Slot("desk", "DESK")),
         configurations=(
             Configuration(1, "unit", unit, tuple((name, scalar_text(value)) for name, value in values.items())),
             Configuration(1, "desk", desk),

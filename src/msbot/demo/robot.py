@@ -96,7 +96,7 @@ class DemoRobot:
                 raise ConfigError(
                     f"the demo needs a slot {meant_for!r}; the blueprint has none: use the sample of `msbot init`"
                 )
-            self._plugs[name] = Plug(name, meant_for, slot.part, self._random.randbytes(8), library)
+            self._plugs[name] = Plug(name, meant_for, slot.part_number, self._random.randbytes(8), library)
         self._by_uid = {plug.uid: plug for plug in self._plugs.values()}
         self._baseline: dict[str, tuple[int, int]] = {}
         self._tasks: asyncio.TaskGroup | None = None

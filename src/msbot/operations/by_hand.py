@@ -11,8 +11,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from msbot.config import Direction as PortDirection
-from msbot.config import FieldKind, Port, Scalar
+from msbot.config import Direction, FieldKind, Port, Scalar
 from msbot.errors import ConfigError, RegistryError
 from msbot.operations.changeable_robot import endpoint_of
 from msbot.operations.outcome import Outcome
@@ -109,7 +108,7 @@ class ByHand:
         if part_type is None:
             raise ConfigError(f"the library does not know {number}: nobody can say what {slot}.{name} takes")
         declared = part_type.port(name)
-        drivable = [one.name for one in part_type.ports if one.direction is PortDirection.SUBSCRIBE and one.message]
+        drivable = [one.name for one in part_type.ports if one.direction is Direction.SUBSCRIBE and one.message]
         if declared is None or declared.name not in drivable:
             known = ", ".join(f"{slot}.{one}" for one in drivable) or "it has none"
             raise ConfigError(f"{slot}.{name} is no port that can be driven; those of {number}: {known}")

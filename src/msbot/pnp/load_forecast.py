@@ -217,7 +217,7 @@ def _bound(
 
 def _part_type(blueprint: Blueprint, library: Library, binding: Binding) -> PartType | None:
     slot = blueprint.slot(binding.source.slot)
-    return None if slot is None else library.get(slot.part)
+    return None if slot is None else library.get(slot.part_number)
 
 
 def _numbers() -> range:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+from msbot.config import PartType, Slot
 from msbot.errors import ConfigError
 from msbot.part.join.plug import Refusal
 from msbot.pnp.emergency_stop import StopRecord
@@ -100,33 +101,6 @@ THESIS_TIMING = LifeTiming()
 """Beat 1 s, tick 2 s, life 3: a silent part is delisted after 4 to 6 s."""
 FAST_TIMING = LifeTiming(beat_s=0.25, tick_s=0.5, life=3)
 """The `fast` preset: a silent part is delisted after 1.0 to 1.5 s."""
-
-
-@dataclass(frozen=True, slots=True)
-class PartType:
-    """What a part number is: one entry of the library (thesis 3.12.1.2, R64)."""
-
-    number: str
-    name: str
-    description: str = ""
-    specification: str = ""
-    compatible_with: tuple[str, ...] = ()
-    """Part numbers whose slots this type can fill as well."""
-
-
-@dataclass(frozen=True, slots=True)
-class Slot:
-    """A role in the robot that one part can fill."""
-
-    name: str
-    part_number: str
-    local_name: str = ""
-    """The local name that decides when several slots take the same number; empty: the slot's name."""
-
-    @property
-    def wanted_name(self) -> str:
-        """The local name a part shows to ask for exactly this slot."""
-        return self.local_name or self.name
 
 
 @dataclass(frozen=True, slots=True)

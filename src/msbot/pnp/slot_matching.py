@@ -17,9 +17,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from msbot.config import PartType, Slot
 from msbot.errors import RegistryError
 from msbot.part.join.plug import Refusal
-from msbot.pnp.model import MAX_TEXT, Claim, Evidence, PartState, PartStore, PartType, Slot
+from msbot.pnp.model import MAX_TEXT, Claim, Evidence, PartState, PartStore
 
 UID_BYTES = 8
 NO_UID = bytes(UID_BYTES)

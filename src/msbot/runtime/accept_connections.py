@@ -1,17 +1,20 @@
 """Accepts connections in the event loop, and rests when the system has no more to give.
 
 asyncio's own servers try again and again, and log each failure, while the process has no file descriptor left; here the
-failure is counted once for each pause, and everything else goes on meanwhile.
+failure is counted once for each pause, the log says it once, and everything else goes on meanwhile.
 """
 
 from __future__ import annotations
 
 import asyncio
 import errno
+import logging
 import socket
 from collections.abc import Callable
 
 from msbot.runtime.tally import Tally
+
+_log = logging.getLogger(__name__)
 
 PAUSE_S = 0.5
 """Rest after the system had no descriptor or memory for another connection."""
@@ -63,6 +66,8 @@ class Acceptor:
                 return
             except OSError as error:
                 if error.errno in _NO_MORE:
+                    if EXHAUSTED not in self._dropped:
+                        _log.warning("no more connections can be accepted for now: %s", error.strerror)
                     self._dropped.count(EXHAUSTED)
                     self._loop.remove_reader(self._listening)
                     self._pause = self._loop.call_later(PAUSE_S, self._listen)

@@ -78,12 +78,12 @@ class SlotCards:
 
     def _card(self, slot: Slot, look: _Look) -> SlotCard:
         info, is_here = look.infos.get(slot.name), slot.name in look.here
-        part_type = self.library.get(slot.part)
+        part_type = self.library.get(slot.part_number)
         beat_s = self._master.inventory.timing.beat_s
         is_counted = info is not None and info.state.is_registered and info.beat_age_s is not None
         return SlotCard(
             name=slot.name,
-            part_number=slot.part,
+            part_number=slot.part_number,
             type_name="" if part_type is None else part_type.name,
             category="" if part_type is None else part_type.category.value,
             description=slot.description,
@@ -127,7 +127,7 @@ class SlotCards:
         if source is None or not source.state.is_registered:
             return True
         slot = self._slots.get(binding.source.slot)
-        part_type = None if slot is None else self.library.get(slot.part)
+        part_type = None if slot is None else self.library.get(slot.part_number)
         port = None if part_type is None else part_type.port(binding.source.port)
         if port is None or not port.rate_hz:  # sent when something happens: silence is no sign
             return False

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 import os
 import socket
 import ssl
@@ -19,7 +18,8 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.server import ServerState
 
-_log = logging.getLogger(__name__)
+from msbot.runtime.accept_connections import Acceptor
+from msbot.runtime.tally import Tally
 
 HEAD_S = 10.0
 """So long a connection may take until its request has come with all its headers; TLS gets as long."""
@@ -29,8 +29,6 @@ MOST_PER_ADDRESS = 300
 """A class behind one router has one address; each browser opens up to seven connections."""
 MOST = 600
 """Connections in all; never more than half of the file descriptors that the process may have."""
-ACCEPT_PAUSE_S = 0.5
-"""So long nothing is accepted when the system has no descriptor left."""
 
 
 class Connections:
@@ -164,10 +162,8 @@ class WatchedConnection(HttpToolsProtocol):
             self._timer = None
 
 
-class Acceptor:
-    """Accepts connections one by one, and pauses when the system has no descriptor left.
-
-    asyncio's own server would try again for each place in the queue, with a line in the log each time.
+class PageAcceptor:
+    """Accepts connections to the page one by one; TLS is negotiated for each on its own.
 
     Args:
         listening: the socket.
@@ -182,33 +178,28 @@ class Acceptor:
         self._make = make
         self._tls = tls
         self._handshakes: set[asyncio.Task[None]] = set()
-        self.pauses = 0
-        """How often nothing could be accepted."""
+        self.failed = Tally()
+        """What could not be accepted, by reason."""
 
     async def run(self) -> None:
         """Accept until cancelled."""
-        loop = asyncio.get_running_loop()
+        acceptor = Acceptor(self._listening, self._take, self.failed)
         try:
-            while True:
-                try:
-                    connection, _ = await loop.sock_accept(self._listening)
-                except OSError as error:
-                    if self.pauses == 0:
-                        _log.warning("no more connections to the page can be accepted for now: %s", error.strerror)
-                    self.pauses += 1
-                    await asyncio.sleep(ACCEPT_PAUSE_S)
-                    continue
-                task = loop.create_task(self._begin(connection))
-                self._handshakes.add(task)
-                task.add_done_callback(self._handshakes.discard)
+            await asyncio.get_running_loop().create_future()
         finally:
+            acceptor.stop()
             for task in self._handshakes:
                 task.cancel()
+
+    def _take(self, connection: socket.socket) -> None:
+        task = asyncio.get_running_loop().create_task(self._begin(connection))
+        self._handshakes.add(task)
+        task.add_done_callback(self._handshakes.discard)
 
     async def _begin(self, connection: socket.socket) -> None:
         loop = asyncio.get_running_loop()
         try:
-            # Who fails at TLS, or is gone again, is no news.
+            # A peer that fails at TLS, or is gone again, is not worth a word.
             with contextlib.suppress(OSError, ssl.SSLError):
                 await loop.connect_accepted_socket(
                     self._make, connection, ssl=self._tls, ssl_handshake_timeout=HEAD_S if self._tls else None

@@ -33,7 +33,7 @@ from msbot.web.access.sign_in_pages import make_forms
 from msbot.web.api.admin import make_admin_api
 from msbot.web.api.problems import tell_problems
 from msbot.web.api.routes import make_api
-from msbot.web.connections import Acceptor, Connections, WatchedConnection
+from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
 from msbot.web.open_pages import OpenPages
 from msbot.web.pages import register_pages
 from msbot.web.pages.help import picture_answer
@@ -72,7 +72,7 @@ class _Server(uvicorn.Server):
         self.ready = asyncio.Event()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:  # noqa: ARG002 - uvicorn's signature
-        await super().startup([])  # no socket for asyncio's own server: `Acceptor` looks after it
+        await super().startup([])  # no socket for asyncio's own server: `PageAcceptor` looks after it
         self.ready.set()
 
     def connection(self, connections: Connections) -> WatchedConnection:
@@ -147,7 +147,7 @@ class WebServer:
     async def run(self) -> None:
         """Serve until cancelled."""
         serving = asyncio.ensure_future(self._server.serve(sockets=[]))
-        acceptor = Acceptor(self._socket, lambda: self._server.connection(self.connections), self._tls)
+        acceptor = PageAcceptor(self._socket, lambda: self._server.connection(self.connections), self._tls)
         accepting = asyncio.ensure_future(self._accept(acceptor))
         try:
             await asyncio.shield(serving)
@@ -161,7 +161,7 @@ class WebServer:
                     await asyncio.shield(ending)
             self._socket.close()
 
-    async def _accept(self, acceptor: Acceptor) -> None:
+    async def _accept(self, acceptor: PageAcceptor) -> None:
         await self.ready.wait()
         await acceptor.run()
 

@@ -204,7 +204,7 @@ class Views:
         wired = {str(end): binding for binding in blueprint.bindings for end in (binding.source, *binding.targets)}
         lines: dict[str, WirePort] = {}
         for slot in blueprint.slots:
-            part_type = self.library.get(slot.part)
+            part_type = self.library.get(slot.part_number)
             for port in () if part_type is None else part_type.ports:
                 end = f"{slot.name}.{port.name}"
                 lines[end] = WirePort(

@@ -19,7 +19,7 @@ def snapshot(sample: str) -> DemoSnapshot:
     slots = parse_blueprint(SAMPLES[sample], load_library()).slots
     parts = tuple(
         PartSnapshot(
-            name=slot.name, part_number=slot.part, slot=slot.name, state="active", plugged=number != 3, life=3,
+            name=slot.name, part_number=slot.part_number, slot=slot.name, state="active", plugged=number != 3, life=3,
             beat_age_s=0.4, beats=12, messages_in=123, messages_out=45, plug_in_to_active_ms=20.0,
             outputs=(True,) * 8 if slot.name == "BB" else (),
         )

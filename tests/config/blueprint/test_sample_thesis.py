@@ -30,7 +30,7 @@ def test_the_sample_is_the_thesis_robot(tmp_path: Path) -> None:
         "8-4-2021",
         "MASSEY_ENGINEERING_DEP",
     )
-    assert [(slot.name, slot.part, slot.local_name) for slot in blueprint.slots] == [
+    assert [(slot.name, slot.part_number, slot.local_name) for slot in blueprint.slots] == [
         ("AA", "ABCD", "ABCD-local"),
         ("BB", "EFGH", "EFGH-local"),
         ("CC", "WXYZ", "WXYZ-local"),

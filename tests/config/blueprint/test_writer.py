@@ -144,7 +144,7 @@ def blueprints(draw: st.DrawFn) -> Blueprint:
         values = {one.name: draw(scalars_of(one)) for one in part_type.parameters if draw(st.booleans())}
         local_name = draw(st.one_of(st.just(""), NAMES))
         slots.append(Slot(name, part_type.number, local_name, draw(texts), values))
-    ports = [(slot, port) for slot in slots for port in LIBRARY.require(slot.part).ports]
+    ports = [(slot, port) for slot in slots for port in LIBRARY.require(slot.part_number).ports]
     bindings = []
     for number, type_name in enumerate(sorted({port.type_name for _, port in ports})):
         ends = [(SlotPort(slot.name, port.name), port.direction) for slot, port in ports if port.type_name == type_name]

@@ -97,7 +97,7 @@ def test_the_page_shows_a_file_that_is_right(tmp_path: Path) -> None:
     (tmp_path / "lux-1.toml").rename(tmp_path / "parts/lux-1.toml")
     (tmp_path / "robot.toml").write_text(blueprint)
     robot, _ = open_blueprint(tmp_path / "robot.toml")
-    assert [slot.part for slot in robot.slots] == ["LUX-1"]
+    assert [slot.part_number for slot in robot.slots] == ["LUX-1"]
 
 
 def test_the_page_of_the_library_shows_what_is_said(tmp_path: Path) -> None:

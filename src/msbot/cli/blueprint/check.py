@@ -40,16 +40,16 @@ def hints(blueprint: Blueprint, library: Library) -> list[str]:
     bound = {str(end) for binding in blueprint.bindings for end in binding.ends}
     told = []
     for slot in blueprint.slots:
-        part_type = library.get(slot.part)
+        part_type = library.get(slot.part_number)
         assert part_type is not None
         loose = [port.name for port in part_type.ports if f"{slot.name}.{port.name}" not in bound]
         if part_type.ports and len(loose) == len(part_type.ports):
             told.append(f"no port of slot {slot.name} is bound to a topic: its part will do nothing")
         elif loose:
             told.append(f"slot {slot.name}: not bound to a topic: {', '.join(loose)}")
-    numbers = [slot.part for slot in blueprint.slots]
+    numbers = [slot.part_number for slot in blueprint.slots]
     for number in sorted({number for number in numbers if numbers.count(number) > 1}):
-        alike = [slot for slot in blueprint.slots if slot.part == number]
+        alike = [slot for slot in blueprint.slots if slot.part_number == number]
         if any(not slot.local_name for slot in alike):
             names = ", ".join(slot.name for slot in alike)
             told.append(f"slots {names} take the same part {number}: the parts need these as local names")

@@ -82,11 +82,13 @@ def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], lib
                 "give each slot a name of its own",
                 "name",
             )
-        part_type = library.get(slot.part)
+        part_type = library.get(slot.part_number)
         if part_type is not None:
             _check_settings(table, slot, part_type)
-        elif slot.part:
-            table.problem(f'the library has no part number "{slot.part}"; {library.suggest(slot.part)}', "part")
+        elif slot.part_number:
+            table.problem(
+                f'the library has no part number "{slot.part_number}"; {library.suggest(slot.part_number)}', "part"
+            )
 
 
 def _check_settings(table: Table, slot: Slot, part_type: PartType) -> None:
@@ -168,7 +170,7 @@ class _Ports:
         elif slot is None:
             right = suggestion(endpoint.slot, list(self._slots), none_known="add the slot first")
             table.problem(f'"{endpoint}": there is no slot "{endpoint.slot}"; {right}', *steps)
-        elif (part_type := self._library.get(slot.part)) and _check_port(
+        elif (part_type := self._library.get(slot.part_number)) and _check_port(
             table, binding, endpoint, part_type, direction, *steps
         ):
             self._check_one_topic(table, binding, endpoint, direction, *steps)
@@ -184,7 +186,7 @@ class _Ports:
             table.problem(f'"{endpoint}" is bound to "{earlier}" already and carries one topic; {remedy}', *steps)
 
     def _example(self, slot: Slot | None, direction: Direction) -> str:
-        part_type = self._library.get(slot.part) if slot else None
+        part_type = self._library.get(slot.part_number) if slot else None
         ports = [port.name for port in part_type.ports if port.direction is direction] if part_type else []
         return ports[0] if ports else {Direction.PUBLISH: "out", Direction.SUBSCRIBE: "in"}[direction]
 

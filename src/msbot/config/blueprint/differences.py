@@ -76,9 +76,9 @@ def _slots(old: Blueprint, new: Blueprint) -> Iterator[Difference]:
 
 def _slot(old: Slot, new: Slot) -> Iterator[Difference]:
     where = f"slot {new.name}"
-    if old.part != new.part:
+    if old.part_number != new.part_number:
         consequence = "a part in it that does not fit any more is delisted"
-        yield Difference("changed", f"{where}, part", old.part, new.part, consequence)
+        yield Difference("changed", f"{where}, part", old.part_number, new.part_number, consequence)
     for name, before, after in (
         ("local_name", old.local_name, new.local_name),
         ("description", old.description, new.description),
@@ -144,7 +144,7 @@ def _unordered(topic: _Topic) -> tuple[object, ...]:
 
 
 def _slot_words(slot: Slot) -> str:
-    words = [f"part {slot.part}", *(f"{name} = {_words(value)}" for name, value in slot.settings.items())]
+    words = [f"part {slot.part_number}", *(f"{name} = {_words(value)}" for name, value in slot.settings.items())]
     return ", ".join(words)
 
 

@@ -54,13 +54,18 @@ class Slot:
     """A role in the robot that one part can fill."""
 
     name: str
-    part: str
+    part_number: str
     """Part number of what fits."""
     local_name: str = ""
-    """The part that shows this local name is meant for this slot; empty: the slot's own name counts."""
+    """The local name that decides when several slots take the same number; empty: the slot's name."""
     description: str = ""
     settings: Mapping[str, Scalar] = field(default_factory=dict)
     """Values for parameters of the part type."""
+
+    @property
+    def wanted_name(self) -> str:
+        """The local name a part shows to ask for exactly this slot."""
+        return self.local_name or self.name
 
 
 @dataclass(frozen=True, slots=True)

@@ -155,7 +155,7 @@ def _read_options(table: Table) -> Options:
 def _read_slot(table: Table) -> Slot:
     slot = Slot(
         name=table.name("name", "AA", forbidden="."),
-        part=table.name("part", "ABCD"),
+        part_number=table.name("part", "ABCD"),
         local_name=table.name("local_name", "ABCD-local", default=""),
         description=table.text("description", "light sensor, 5V"),
         settings=table.scalars("settings"),

@@ -73,7 +73,7 @@ def _overrides(timing: Timing, preset: Timing) -> Iterator[str]:
 def _slot(slot: Slot, notes: Mapping[tuple[str, str], str]) -> Iterator[str]:
     yield "[[slot]]"
     yield f"name = {_value(slot.name)}"
-    yield f"part = {_value(slot.part)}"
+    yield f"part = {_value(slot.part_number)}"
     if slot.local_name:
         yield f"local_name = {_value(slot.local_name)}"
     if slot.description:

@@ -67,7 +67,7 @@ def _put_slots(connection: Connection, robot_id: int, blueprint: Blueprint) -> d
             "robot_id": robot_id,
             "name": slot.name,
             "position": position,
-            "part_number": slot.part,
+            "part_number": slot.part_number,
             "local_name": slot.local_name,
             "description": slot.description,
             "in_blueprint": True,
@@ -96,7 +96,7 @@ def _put_settings(
     wanted: dict[_Setting, Scalar] = {}
     parameters: dict[tuple[int, str], Parameter] = {}
     for slot in blueprint.slots:
-        slot_id, part_type = slot_ids[slot.name], part_types.get(slot.part)
+        slot_id, part_type = slot_ids[slot.name], part_types.get(slot.part_number)
         for parameter in () if part_type is None else part_type.parameters:
             wanted[slot_id, parameter.name, "library"] = parameter.default
             parameters[slot_id, parameter.name] = parameter

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 from sqlalchemy import Connection, Row, Table, and_, bindparam, delete, func, or_, select, update
 from sqlalchemy.dialects import sqlite
 
-from msbot.pnp import Claim, PartEvent, PartState, PartType, Slot
+from msbot.config import PartType, Slot
+from msbot.pnp import Claim, PartEvent, PartState
 from msbot.registry.database.tables import journal, library, node_ids, parts, robots, slots
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord, uid_text
 
@@ -90,7 +91,13 @@ def read_part_types(connection: Connection) -> dict[str, tuple[PartType, str]]:
     """All part types of the library: by number, with the versions they describe."""
     return {
         row.number: (
-            PartType(row.number, row.name, row.description, row.specification, tuple(row.compatible_with)),
+            PartType(
+                row.number,
+                row.name,
+                description=row.description,
+                specification=row.specification,
+                compatible_with=tuple(row.compatible_with),
+            ),
             row.versions,
         )
         for row in connection.execute(_TYPE_QUERY)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from sqlalchemy import Connection, func, select
 
-from msbot.config import Blueprint
-from msbot.pnp import Configuration, PartType, Slot, StopRecord
+from msbot.config import Blueprint, PartType, Slot
+from msbot.pnp import Configuration, StopRecord
 from msbot.registry.blueprint import blueprint_reader
 from msbot.registry.database.statements import list_slots, read_part_types
 from msbot.registry.database.tables import blocks, edits, keys

@@ -12,9 +12,9 @@ from threading import Lock
 
 from sqlalchemy import Connection
 
-from msbot.config import Blueprint, parse_versions, split_number
+from msbot.config import Blueprint, PartType, Slot, parse_versions, split_number
 from msbot.errors import RegistryError
-from msbot.pnp import Claim, Configuration, PartEvent, PartState, PartType, Slot, StopRecord
+from msbot.pnp import Claim, Configuration, PartEvent, PartState, StopRecord
 from msbot.registry.database import statements as store
 from msbot.registry.database.writer import Writer
 from msbot.registry.records import RobotRecord, UserRecord, uid_text
