@@ -13,18 +13,18 @@ import uvicorn
 from starlette.applications import Starlette
 from uvicorn.server import ServerState
 
-from msbot.config import Blueprint, RobotProfile
+from msbot.config import Blueprint, PartType, RobotProfile, Slot
 from msbot.errors import MsbotError
 from msbot.link.net import WebSocketClientLink, WebSocketServerLink
 from msbot.master import Master
 from msbot.operations.rights import Role
 from msbot.part import HelloWorld, Part
-from msbot.pnp import Configuration, MemoryStore, PartState, PartType, Slot, SlotBinding
+from msbot.pnp import Configuration, MemoryStore, PartState, SlotBinding
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.cookies import CookieNames
 from msbot.web.access.guard import AccessGuard
 from msbot.web.access.users import MemoryUsers
-from msbot.web.connections import Acceptor, Connections, WatchedConnection
+from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
 from msbot.web.part_socket import PartSocket
 from tests.web.access.test_accounts import PlainHasher, user
 
@@ -113,7 +113,7 @@ async def part_site(slots: int = 2) -> AsyncIterator[PartSite]:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         listening.setblocking(False)
         state, connections = ServerState(), Connections()
-        acceptor = Acceptor(listening, lambda: WatchedConnection(connections, config, state, {}), None)
+        acceptor = PageAcceptor(listening, lambda: WatchedConnection(connections, config, state, {}), None)
         running = asyncio.create_task(master.run())
         async with asyncio.timeout(PATIENCE_S):
             await master.ready.wait()
