@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from msbot.errors import RemoteProtocolError
 from msbot.pnp import Claim
 from msbot.pnp.thesis_programs import BUFFER_BYTES, decode_reply, decode_request, encode_reply, encode_request
+from tests.damage import damaged, read_or_refused
 
 REQUEST = bytes.fromhex("05000000") + b"ABCD\0\0\0\0" + bytes.fromhex("0b000000") + b"ABCD-local\0" + bytes(96 - 27)
 """AA's request: 27 of 96 octets are used (padding octets after the strings are zero anyway)."""
@@ -68,10 +69,11 @@ def test_requests_survive_the_round_trip(number: str, name: str) -> None:
     assert decode_reply(encode_reply(number)) == number
 
 
-@given(st.binary(min_size=BUFFER_BYTES, max_size=BUFFER_BYTES))
+@given(
+    damaged(st.builds(encode_request, texts, texts)) | st.binary(min_size=BUFFER_BYTES, max_size=BUFFER_BYTES),
+)
 @settings(max_examples=200, deadline=None)
 def test_any_octets_are_a_request_or_a_protocol_error(body: bytes) -> None:
-    try:
-        decode_request(body)
-    except RemoteProtocolError:
-        return
+    claim = read_or_refused(decode_request, body)
+    if claim is not None:
+        assert decode_request(encode_request(claim.part_number, claim.local_name)) == claim

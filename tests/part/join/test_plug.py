@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -30,6 +32,7 @@ from msbot.part.join.plug import (
 )
 from msbot.part.messages.message import Message
 from msbot.part.messages.wire_types import uint32
+from tests.damage import damaged, read_or_refused
 
 PROFILE = ProfileMessage(
     index=1,
@@ -131,13 +134,16 @@ def test_a_configuration_cannot_bind_more_ports_than_an_agent_has_objects_for() 
         decode_reply(more.encode())
 
 
-@given(st.binary(max_size=80))
+SAID = [message.encode() for message in (PROFILE, *(one for one, _ in REQUESTS + REPLIES))]
+
+
+@given(damaged(st.sampled_from(SAID)) | st.binary(max_size=80))
 def test_any_octets_are_understood_or_a_remote_protocol_error(octets: bytes) -> None:
-    for decode in (decode_request, decode_reply, ProfileMessage.decode):
-        try:
-            decode(octets)
-        except RemoteProtocolError:
-            continue
+    readers: list[Callable[[bytes], Message]] = [decode_request, decode_reply, ProfileMessage.decode]
+    for read in readers:
+        message = read_or_refused(read, octets)
+        if message is not None:
+            assert read(message.encode()) == message
 
 
 def test_every_refusal_has_words() -> None:

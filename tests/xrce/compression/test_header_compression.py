@@ -6,7 +6,7 @@ import struct
 import zlib
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msbot.errors import RemoteProtocolError
@@ -35,6 +35,7 @@ from msbot.xrce.messages import (
     read_request_id,
     write_request_id,
 )
+from tests.damage import damaged, read_or_refused
 from tests.xrce.captures import CAPTURES, recorded
 
 TABLE = [
@@ -196,13 +197,21 @@ def test_recorded_traffic_comes_back(name: str) -> None:
         assert decompress(compress(record.packet)) == record.packet
 
 
-@given(u8, st.binary(max_size=40))
-def test_any_octets_are_read_or_refused(code: int, rest: bytes) -> None:
-    try:
-        packet = decompress(bytes((code,)) + rest)
-    except RemoteProtocolError:
-        return
-    assert decompress(compress(packet)) == packet
+packets = st.builds(
+    lambda header, contents: encode_message(header, contents, pad_end=True),
+    headers,
+    st.lists(submessages, min_size=1, max_size=3),
+)
+forms = damaged(packets.map(compress)) | st.binary(max_size=41)
+
+
+@given(forms)
+@example(b"\x1d\x81")
+@example(bytes((DEFLATED, 3, 0)))
+def test_any_octets_are_read_or_refused(form: bytes) -> None:
+    packet = read_or_refused(decompress, form)
+    if packet is not None:
+        assert decompress(compress(packet)) == packet
 
 
 def deflated(short: bytes) -> bytes:
@@ -211,13 +220,12 @@ def deflated(short: bytes) -> bytes:
     return bytes((DEFLATED,)) + squeezer.compress(short) + squeezer.flush()
 
 
-@given(st.binary(max_size=60))
-def test_any_octets_within_deflate_are_read_or_refused(short: bytes) -> None:
-    try:
-        packet = decompress(deflated(short))
-    except RemoteProtocolError:
-        return
-    assert decompress(short) == packet
+@given(forms)
+@example(b"\x1d\x81")
+def test_any_octets_within_deflate_are_read_as_they_are_without_it_or_refused(short: bytes) -> None:
+    packet = read_or_refused(decompress, deflated(short))
+    if packet is not None:
+        assert decompress(short) == packet
 
 
 def test_a_short_form_within_deflate_is_the_same_packet() -> None:

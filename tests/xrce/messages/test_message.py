@@ -25,6 +25,7 @@ from msbot.xrce.messages import (
     iter_submessages,
 )
 from msbot.xrce.objects import parse_variant
+from tests.damage import damaged, read_or_refused
 from tests.xrce.captures import HEADERLESS_ANSWER
 from tests.xrce.message_table import BIG_ENDIAN, TABLE, Row
 
@@ -152,23 +153,25 @@ def test_padding_stands_between_submessages_and_at_the_end_only_when_asked() -> 
     assert decode(plain) == decode(plain + bytes(3))
 
 
-@given(st.binary(max_size=80))
+SEEN = [row.packet() for row in TABLE + BIG_ENDIAN]
+
+
+@given(damaged(st.sampled_from(SEEN)) | st.binary(max_size=80))
 def test_any_octets_are_read_or_refused(octets: bytes) -> None:
-    try:
-        header = decode_header(octets)
-        list(iter_submessages(octets, header.size))
-    except RemoteProtocolError:
-        pass
+    read = read_or_refused(decode, octets)
+    if read is not None:
+        assert_survives_being_sent_on(read[1])
 
 
-@given(st.integers(0, 15), st.integers(0, 255), st.integers(0, 40), st.binary(max_size=60))
-def test_any_contents_of_any_submessage_are_read_or_refused(kind: int, flags: int, length: int, body: bytes) -> None:
-    packet = bytes((0x81, 0x80, 0, 0, kind, flags, length, 0)) + body
-    try:
-        submessages = list(iter_submessages(packet, 4))
-    except RemoteProtocolError:
-        return
-    # What was understood survives being sent on.
-    again = encode_message(Header(0x81, 0x80), submessages, pad_end=True)
+@given(st.integers(0, 15), st.integers(0, 255), st.binary(max_size=60))
+def test_any_contents_of_any_submessage_are_read_or_refused(kind: int, flags: int, body: bytes) -> None:
+    packet = bytes((0x81, 0x80, 0, 0, kind, flags, len(body), 0)) + body
+    submessages = read_or_refused(lambda octets: list(iter_submessages(octets, 4)), packet)
+    if submessages is not None:
+        assert_survives_being_sent_on(submessages)
+
+
+def assert_survives_being_sent_on(submessages: list[Submessage]) -> None:
     if all(not isinstance(one, Create) or one.variant.format in (1, 2, 3) for one in submessages):
+        again = encode_message(Header(0x81, 0x80), submessages, pad_end=True)
         assert decode(again)[1] == submessages

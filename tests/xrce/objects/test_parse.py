@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msbot.errors import RemoteProtocolError
@@ -22,6 +20,7 @@ from msbot.xrce.objects import (
     WriterDef,
     parse_variant,
 )
+from tests.damage import damaged, read_or_refused
 
 TABLE: list[tuple[ObjectKind, str, Definition]] = [
     (ObjectKind.PARTICIPANT, "00 01 0000 05000000 7061727400", ParticipantDef(0, "part")),
@@ -164,16 +163,24 @@ def test_domain_of_the_create_counts_not_that_of_the_xml() -> None:
     assert definition == ParticipantDef(4, "MicroXRCEParticipant")
 
 
-@given(st.sampled_from(list(ObjectKind)), st.binary(max_size=60), st.booleans())
+BLOBS = [bytes.fromhex(octets) for _, octets, _ in TABLE]
+CLASSES = {kind: type(definition) for kind, _, definition in TABLE}
+
+
+@given(st.sampled_from(list(ObjectKind)), damaged(st.sampled_from(BLOBS)) | st.binary(max_size=60), st.booleans())
+@example(ObjectKind.TOPIC, bytes.fromhex("02000000 5400 00 00"), True)
 def test_any_blob_is_read_or_refused(kind: ObjectKind, blob: bytes, little_endian: bool) -> None:
-    with suppress(RemoteProtocolError):
-        parse_variant(ObjectVariant(kind, Format.BINARY, blob=blob), little_endian=little_endian)
+    variant = ObjectVariant(kind, Format.BINARY, blob=blob)
+    definition = read_or_refused(lambda _: parse_variant(variant, little_endian=little_endian), blob)
+    if definition is not None:
+        assert type(definition) is CLASSES[kind]
 
 
-@given(st.text(max_size=20), st.text(max_size=20), st.booleans())
+NAMES = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20)
+
+
+@given(NAMES.filter(bool), NAMES, st.booleans())
 def test_topics_in_binary_form_round_trip_in_both_byte_orders(name: str, type_name: str, little_endian: bool) -> None:
-    if not name or "\0" in name + type_name:
-        return
     writer = CdrWriter(little_endian)
     writer.string(name)
     writer.boolean(False)

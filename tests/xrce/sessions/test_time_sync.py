@@ -28,13 +28,11 @@ def test_replies_to_other_questions_are_told_apart() -> None:
     assert not answers(TimestampReply(0, 0, 7), 8)
 
 
-@given(st.integers(0, 2**33 * SECOND), st.integers(-SECOND, SECOND), st.integers(0, SECOND), st.integers(0, 1000))
+@given(st.integers(SECOND, 2**33 * SECOND), st.integers(-SECOND, SECOND), st.integers(0, SECOND), st.integers(0, 1000))
 def test_32_bits_of_seconds_are_enough(asked: int, ahead: int, way: int, pause: int) -> None:
     octets = Timestamp(asked).encode()
     originate = Timestamp.decode(octets, 4, len(octets), octets[1]).transmit_ns
     received = asked + way + ahead
-    if received < 0:
-        return
     reply = over_the_wire(TimestampReply(received + pause, received, originate))
     assert answers(reply, asked)
     assert compare_clocks(reply, asked, asked + 2 * way + pause) == TimeSynchronised(-ahead, 2 * way)
