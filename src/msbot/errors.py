@@ -9,6 +9,7 @@ A room that needs an error of its own derives it from one of these.
     │   └── NotThere             there is no slot, part, frame or type of that name
     ├── LinkError                the way to a peer; also a ConnectionError
     │   ├── LinkDown             absent, closed, bus-off: nothing can be sent now
+    │   │   └── BusTaken         another master is on the bus
     │   └── LinkFull             the peer's queue is full: try again when there is room
     ├── LocalProtocolError       this side asked for something the protocol does not allow; also a RuntimeError
     ├── RemoteProtocolError      the other side sent bytes that make no sense; also a ValueError
@@ -38,6 +39,10 @@ class LinkError(MsbotError, ConnectionError):
 
 class LinkDown(LinkError):
     """The link cannot carry anything now; the text says how to bring it up."""
+
+
+class BusTaken(LinkDown):
+    """Another master is on the bus: this one has no business there, and ends, whatever other links it has."""
 
 
 class LinkFull(LinkError):

@@ -24,7 +24,7 @@ from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.rivals import Rivals
 from msbot.agent.session_budget import SessionBudget
 from msbot.agent.statistics import ClientView, TopicTable
-from msbot.errors import LinkDown
+from msbot.errors import BusTaken, LinkDown
 from msbot.link import Link, Peer, Signal, Tap
 from msbot.runtime.tally import Tally
 from msbot.space import Space
@@ -116,7 +116,7 @@ class Agent:
         """Serve all links until cancelled.
 
         Raises:
-            LinkDown: a link could not be opened, or the last one has gone.
+            LinkDown: a link could not be opened, or the last one has gone; or another master has its bus (BusTaken).
         """
         self._loop = asyncio.get_running_loop()
         try:
@@ -323,18 +323,19 @@ class Agent:
         return self._loop.time() if self._loop is not None else 0.0
 
     async def _serve(self, port: ServedLink) -> None:
-        """Run one link to its end; the others go on without it, unless it could not even be opened."""
+        """Run one link to its end; the others go on without it, unless it could not even be opened or is not ours."""
         failure: LinkDown | None = None
         try:
             await port.link.run()
         except LinkDown as error:
             failure = error
-            if port.opened:  # else `run` raises it, and who awaits that tells the user once
+            # What could not be opened, or is another master's, `run` raises: who awaits that tells the user once.
+            if port.opened and not isinstance(error, BusTaken):
                 logger.warning("link %s has ended: %s", port.link.info.name, error)
         for proxy in list(port.members):
             self._end_session(proxy, f"link {port.link.info.name} has ended")
         del self._tasks[port]
-        if not self._tasks or (failure is not None and not port.opened):
+        if not self._tasks or (failure is not None and (isinstance(failure, BusTaken) or not port.opened)):
             self._failure = failure
             self._ended.set()
 

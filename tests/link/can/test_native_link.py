@@ -16,6 +16,7 @@ from msbot.link.can.native_link import MASTER, MASTERS_TOLD, NO_ADDRESS, CanMast
 from msbot.link.can.protocol.bits import frame_bits
 from msbot.link.can.protocol.frames import FIRST, LAST, Frame
 from msbot.link.can.protocol.ids import Beacon, CanIds, beacon_frame
+from msbot.link.can.protocol.join_master import HEARD_S
 from msbot.link.can.protocol.node_ids import MemoryNodeIds
 from msbot.link.can.sim.model.bus import SimBus
 from tests.link.can_robot import End, Robot, node_of, play
@@ -287,6 +288,7 @@ def test_a_second_master_refuses_to_start_and_names_the_other_robot(caplog: pyte
 def test_invented_masters_fill_neither_the_memory_nor_the_log(caplog: pytest.LogCaptureFixture) -> None:
     async def scene(robot: Robot) -> None:
         master = robot.master()
+        robot.part(1)
         await asyncio.sleep(2.0)
         for profile_hash in range(1000):
             master.link.frame_received(beacon_frame(Beacon(0, 1, profile_hash), CanIds()), 2.0)
@@ -608,5 +610,27 @@ def test_a_part_knows_its_master_only() -> None:
             part.link.send(b"x", 7)
         with pytest.raises(Exception, match="no address yet"):
             part.link.send(b"x", MASTER)
+
+    play(scene)
+
+
+@pytest.mark.parametrize("seeds", [(1, 2), (2, 1)])
+@pytest.mark.parametrize("apart_s", [0.0, 0.0001, 0.05, 0.2, 0.5, 1.0, 1.4, 3.0])
+@pytest.mark.parametrize("with_part", [False, True])
+def test_of_two_masters_on_one_bus_exactly_one_stays(seeds: tuple[int, int], apart_s: float, with_part: bool) -> None:
+    async def scene(robot: Robot) -> None:
+        robot.driver.attach("monitor")
+        if with_part:
+            robot.part(1)
+            await asyncio.sleep(1.0)
+        first = robot.master(seed=seeds[0], profile_hash=1)
+        await asyncio.sleep(apart_s)
+        second = robot.master(seed=seeds[1], profile_hash=2)
+        await asyncio.sleep(5.0)
+        ended = [end.error for end in (first, second) if end.error is not None]
+        assert len(ended) == 1
+        assert "A bus has one master: stop the other one or take another bus" in str(ended[0])
+        if apart_s >= HEARD_S:
+            assert first.error is None, "who was there stays"
 
     play(scene)

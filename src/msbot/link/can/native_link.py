@@ -12,7 +12,7 @@ import logging
 from random import Random
 from typing import Final
 
-from msbot.errors import ConfigError, LinkDown
+from msbot.errors import BusTaken, ConfigError, LinkDown
 from msbot.link.can.controller import CanBus
 from msbot.link.can.native_link_base import NativeEnd
 from msbot.link.can.peer_framing import CanWire, Codec
@@ -109,7 +109,8 @@ class CanMasterLink(NativeEnd):
         """See `Link`.
 
         Raises:
-            LinkDown: the controller cannot be opened or has gone, or another master is on the bus already.
+            BusTaken: another master is on the bus.
+            LinkDown: the controller cannot be opened or has gone.
         """
         self._started = False
         await super().run()
@@ -138,6 +139,10 @@ class CanMasterLink(NativeEnd):
                 self._handle(event, now)
         else:
             self.foreign += 1
+
+    def drained(self, now: float) -> None:
+        """See `PortOwner`."""
+        self._join.sent(now)
 
     def bus_up(self, now: float) -> None:
         """See `PortOwner`."""
@@ -182,9 +187,10 @@ class CanMasterLink(NativeEnd):
             _log.warning("part %s is refused on %s: all %d addresses are held", event.uid.hex(), self.info.name, NODES)
         elif event.fatal:
             self._port.fail(
-                LinkDown(
-                    f"link {self.info.name}: another master is on this bus, its robot has the profile hash "
-                    f"{event.profile_hash:08x}. A bus has one master: stop the other one or take another bus"
+                BusTaken(
+                    f"link {self.info.name}: another master {'starts' if event.at_once else 'is'} on this bus, its "
+                    f"robot has the profile hash {event.profile_hash:08x}. A bus has one master: stop the other one "
+                    "or take another bus"
                 )
             )
         elif event.profile_hash not in self._other_masters and len(self._other_masters) < MASTERS_TOLD:

@@ -4,11 +4,23 @@ from __future__ import annotations
 
 from random import Random
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.ids import CAN_FD, NOBODY, NODES, Assign, Beacon, join_frame, read_assign, read_beacon
+from msbot.link.can.protocol.ids import (
+    CAN_FD,
+    NOBODY,
+    NODES,
+    STARTING,
+    Assign,
+    Beacon,
+    beacon_frame,
+    join_frame,
+    read_assign,
+    read_beacon,
+)
 from msbot.link.can.protocol.join_master import (
     UNPROVEN_S,
     MasterJoin,
@@ -25,6 +37,7 @@ def master(node_ids: MemoryNodeIds | None = None, *, seed: int = 1, caps: int = 
     join = MasterJoin(node_ids or MemoryNodeIds(), profile_hash=HASH, random=Random(seed), caps=caps)
     join.start(0.0)
     join.take_frames()
+    join.sent(0.0)
     return join
 
 
@@ -39,13 +52,16 @@ def test_a_master_says_beacon_at_once_and_each_second() -> None:
     join = MasterJoin(MemoryNodeIds(), profile_hash=HASH, random=Random(1), caps=CAN_FD)
     join.start(10.0)
     (frame,) = join.take_frames()
-    assert read_beacon(frame, IDS) == Beacon(CAN_FD, join.epoch, HASH)
+    assert read_beacon(frame, IDS) == Beacon(CAN_FD | STARTING, join.epoch, HASH)
+    join.sent(10.0)
     assert join.timer() == 11.0
     join.handle_timer(10.9)
     assert join.take_frames() == []
     join.handle_timer(11.0)
     assert join.take_frames() == [frame]
     assert join.timer() == 12.0
+    join.handle_timer(12.0)
+    assert read_beacon(join.take_frames()[0], IDS) == Beacon(CAN_FD, join.epoch, HASH)
 
 
 def test_epochs_differ_between_starts() -> None:
@@ -64,7 +80,7 @@ def test_going_on_after_a_time_off_the_bus_keeps_the_epoch() -> None:
     join.take_frames()
     join.resume(0.7)
     (frame,) = join.take_frames()
-    assert read_beacon(frame, IDS) == Beacon(0, epoch, HASH)
+    assert read_beacon(frame, IDS) == Beacon(STARTING, epoch, HASH)
     assert list(join.members) == [1]
 
 
@@ -165,6 +181,31 @@ def test_another_master_stops_a_starting_one_and_is_answered_by_a_running_one() 
     assert len(join.take_frames()) == 1
     assert join.receive(beacon(profile_hash=0x1234), 1.65) == [OtherMaster(0x1234, fatal=False)]
     assert join.take_frames() == [], "two masters do not answer each other without end"
+
+
+def test_a_master_that_nobody_has_heard_yet_gives_way_however_long_it_waits() -> None:
+    join = MasterJoin(MemoryNodeIds(), profile_hash=HASH, random=Random(1))
+    join.start(0.0)
+    assert join.receive(beacon(profile_hash=0x1234), 60.0) == [OtherMaster(0x1234, fatal=True)]
+
+
+def starting(epoch: int, profile_hash: int = HASH) -> Frame:
+    return beacon_frame(Beacon(STARTING, epoch, profile_hash), IDS)
+
+
+@pytest.mark.parametrize("smaller", [False, True])
+def test_of_two_that_start_at_once_the_one_with_the_smaller_number_stays_and_says_so(smaller: bool) -> None:
+    join = master()
+    other = join.epoch - 1 if smaller else join.epoch + 1
+    assert join.receive(starting(other), 0.05) == [OtherMaster(HASH, fatal=smaller, at_once=smaller)]
+    assert len(join.take_frames()) == (0 if smaller else 1)
+
+
+def test_who_was_there_before_stays_whatever_the_numbers_say() -> None:
+    join = master()
+    assert join.receive(starting(0), 0.5) == [OtherMaster(HASH, fatal=False)]
+    (frame,) = join.take_frames()
+    assert read_beacon(frame, IDS) == Beacon(0, join.epoch, HASH), "no longer one that starts: the other one ends"
 
 
 def test_a_stranger_is_told_to_join_again_but_not_for_each_frame() -> None:

@@ -18,6 +18,7 @@ from msbot.link.can.protocol.ids import (
     COMPRESSION,
     NOBODY,
     NODES,
+    STARTING,
     Assign,
     CanIds,
     read_assign,
@@ -122,7 +123,7 @@ class CanDecoder:
             return self._assigned(assign)
         if beacon := read_beacon(frame, ids):
             words = f"BEACON: robot {beacon.profile_hash:08x}, epoch {beacon.epoch}"
-            return words + _caps_words(", offers", beacon.flags)
+            return words + _caps_words(", offers", beacon.flags) + (", starts" if beacon.flags & STARTING else "")
         return ""
 
     def _assigned(self, assign: Assign) -> str:

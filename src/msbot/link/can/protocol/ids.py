@@ -29,6 +29,9 @@ CAN_FD: Final = 1
 COMPRESSION: Final = 2
 """Capability bit: header compression."""
 
+STARTING: Final = 4
+"""Flag of a BEACON: this master has only begun, and gives way to one that was there before. Parts ignore it."""
+
 NOBODY: Final = bytes(UID_SIZE)
 """An ASSIGN with this UID takes an address back: whoever uses it must join again."""
 
@@ -80,7 +83,7 @@ class Beacon:
     """What a master says about itself each second."""
 
     flags: int
-    """Capabilities the master offers (`CAN_FD`, `COMPRESSION`)."""
+    """Capabilities the master offers (`CAN_FD`, `COMPRESSION`), and whether it is `STARTING`."""
     epoch: int
     """Drawn anew at every start of the master; 14 bits."""
     profile_hash: int

@@ -5,6 +5,10 @@ ever had, else that of the part that was silent for longest. An address is remem
 data: who only asks for addresses, however often, never takes the one that a known part comes back to. The beacon tells
 each second that the master is there, in which epoch and of which robot. Pure: frames and times in, frames and events
 out.
+
+A bus has one master. Whoever has only begun says so in its beacons, and ends when it hears one that was there before;
+of two that begin at once the one with the smaller (epoch, profile hash) stays. Whoever stays answers at once, so that
+the other one hears it. A master that runs never ends because of another one's frames: anybody can send those.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ from msbot.link.can.protocol.ids import (
     EPOCHS,
     NOBODY,
     NODES,
+    STARTING,
     Assign,
     Beacon,
     CanIds,
@@ -30,14 +35,17 @@ from msbot.link.can.protocol.node_ids import NodeIds
 
 BEACON_PERIOD_S: Final = 1.0
 STARTING_S: Final = 1.5
-"""While a master starts, another master's beacon stops it; the other answers ours at once, so this is ample."""
+"""So long after its first beacon has left the controller a master counts as starting: another one's beacon stops it.
+The other answers ours at once, so this is ample."""
+HEARD_S: Final = 0.3
+"""Whoever was on the bus for this long was there before a master that says that it starts: that one heard nothing."""
 SILENT_S: Final = 10.0
 """A node that was not heard for this long may lose its address to a newcomer. Longer than `BEACON_TIMEOUT_S`: a part
 that cannot hear the master has given up its address by then."""
 UNPROVEN_S: Final = 1.0
 """A newcomer that has not sent any data for this long may lose its address to the next one."""
 REPEAT_S: Final = 0.1
-"""Shortest time between two beacons, or two take-backs of one address, that are sent as answers."""
+"""Shortest time between two answers: beacons to other masters, or take-backs of one address."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +78,8 @@ class OtherMaster:
 
     profile_hash: int
     fatal: bool
+    at_once: bool = False
+    """Both were starting."""
 
 
 MasterEvent = NodeJoined | NodeEvicted | NodeRefused | OtherMaster
@@ -101,8 +111,9 @@ class MasterJoin:
     """By node id."""
     epoch: int = field(default=0, init=False)
     _outbox: list[Frame] = field(default_factory=list, init=False)
-    _starting_until: float = field(default=0.0, init=False)
-    _beacon_at: float = field(default=0.0, init=False)
+    _first_sent_at: float | None = field(default=None, init=False)
+    """When the first beacon was on the bus: with nobody else there it waits in the controller."""
+    _answered_at: float = field(default=-REPEAT_S, init=False)
     _beacon_due: float | None = field(default=None, init=False)
     _taken_back_at: dict[int, float] = field(default_factory=dict, init=False)
 
@@ -111,7 +122,7 @@ class MasterJoin:
         self.epoch = self.random.randrange(EPOCHS)
         self.members.clear()
         self._taken_back_at.clear()
-        self._starting_until = now + STARTING_S
+        self._first_sent_at = None
         self._send_beacon(now)
 
     def resume(self, now: float) -> None:
@@ -126,10 +137,12 @@ class MasterJoin:
         beacon = read_beacon(frame, self.ids)
         if beacon is None:
             return []
-        fatal = now < self._starting_until
-        if not fatal and now - self._beacon_at >= REPEAT_S:
-            self._send_beacon(now)
-        return [OtherMaster(beacon.profile_hash, fatal)]
+        return [self._meet(beacon, now)]
+
+    def sent(self, now: float) -> None:
+        """Everything that was to be sent has left the controller."""
+        if self._first_sent_at is None:
+            self._first_sent_at = now
 
     def stranger(self, node_id: int, now: float) -> None:
         """Data came from an address that nobody has in this epoch: take it back, so that the part joins again."""
@@ -158,10 +171,31 @@ class MasterJoin:
         if self._beacon_due is not None and now >= self._beacon_due:
             self._send_beacon(now)
 
+    def _is_starting(self, now: float) -> bool:
+        return self._first_sent_at is None or now - self._first_sent_at < STARTING_S
+
+    def _meet(self, beacon: Beacon, now: float) -> OtherMaster:
+        """Another master is on the bus: end, or stay and tell it."""
+        if not self._is_starting(now):
+            # Not counted from the last beacon: when both were said at once, the other one may not have heard ours.
+            if now - self._answered_at >= REPEAT_S:
+                self._answered_at = now
+                self._send_beacon(now)
+            return OtherMaster(beacon.profile_hash, fatal=False)
+        if not beacon.flags & STARTING:
+            return OtherMaster(beacon.profile_hash, fatal=True)
+        was_first = self._first_sent_at is not None and now - self._first_sent_at >= HEARD_S
+        if was_first:
+            self._first_sent_at = now - STARTING_S  # that one hears nobody who is only starting
+        elif (beacon.epoch, beacon.profile_hash) <= (self.epoch, self.profile_hash):
+            return OtherMaster(beacon.profile_hash, fatal=True, at_once=True)
+        self._send_beacon(now)
+        return OtherMaster(beacon.profile_hash, fatal=False)
+
     def _send_beacon(self, now: float) -> None:
-        self._beacon_at = now
         self._beacon_due = now + BEACON_PERIOD_S
-        self._outbox.append(beacon_frame(Beacon(self.caps, self.epoch, self.profile_hash), self.ids))
+        flags = self.caps | (STARTING if self._is_starting(now) else 0)
+        self._outbox.append(beacon_frame(Beacon(flags, self.epoch, self.profile_hash), self.ids))
 
     def _admit(self, uid: bytes, caps: int, now: float) -> list[MasterEvent]:
         node_id = self._address(uid, now)
