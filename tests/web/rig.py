@@ -18,7 +18,7 @@ from msbot.web.access.users import MemoryUsers
 from msbot.web.api.models import ControlLine, Robot, Scalar
 from msbot.web.frames import FrameRing
 from msbot.web.live import Live
-from msbot.web.neighbours import LocalMaster, LocalMasters
+from msbot.web.local_masters import LocalMaster, LocalMasters
 from msbot.web.records import registry_records
 from msbot.web.service import Service
 from msbot.web.simulated.bench import Bench

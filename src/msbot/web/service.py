@@ -31,7 +31,7 @@ from msbot.web.api.models import (
     UserLine,
     Value,
 )
-from msbot.web.neighbours import LocalMaster, LocalMasters, StopForAll
+from msbot.web.local_masters import LocalMaster, LocalMasters, StopForAll
 from msbot.web.records import Records
 from msbot.web.views import Views
 

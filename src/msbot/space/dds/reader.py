@@ -10,14 +10,12 @@ from ctypes import byref, c_int32
 from msbot.errors import RemoteProtocolError
 from msbot.space.contract import Guid, Qos, Sample, Topic
 from msbot.space.dds import services
-from msbot.space.dds.counts import Counts
-from msbot.space.dds.library import DdsLibrary, Incompatible, Matched, Missed
-from msbot.space.dds.native_qos import COMPARED, POLICIES
-from msbot.space.dds.neighbours import Neighbours, obstacle
+from msbot.space.dds.crossing import Crossing
+from msbot.space.dds.library import DdsLibrary, Matched, Missed
+from msbot.space.dds.neighbours import Neighbours
 from msbot.space.dds.raw_type import BATCH, Serialiser
 from msbot.space.dds.waiter import Waiter
 from msbot.space.dds_topics import Convert
-from msbot.space.memory import MAX_TROUBLES
 from msbot.space.readers import MemoryReader, SelectiveReader
 
 SUBSCRIPTION_MATCHED = 1 << 12
@@ -47,33 +45,28 @@ class Peer:
         self.number = 0
 
 
-class Inlet:
+class Inlet(Crossing):
     """One reader in the library, under one of the topic's names."""
 
-    __slots__ = ("_accept", "_convert", "_library", "_neighbours", "_others", "_peers", "_serialiser", "condition",
-                 "counts", "domain", "entity", "name", "qos", "reader", "tokens", "type_name")  # fmt: skip
+    __slots__ = ("_accept", "_convert", "_peers", "condition", "reader", "tokens")
+
+    WRITES = False
+    DIFFERS = "a DDS peer offers something else"
+    LOST = "samples of DDS peers were lost"
+    REFUSED = "samples of DDS peers made no sense"
 
     def __init__(  # noqa: PLR0917 - made by DdsSpace only
         self, library: DdsLibrary, serialiser: Serialiser, entity: int, condition: int, name: str, type_name: str,
         qos: Qos, neighbours: Neighbours, reader: MemoryReader, convert: Convert | None, domain: int,
     ) -> None:  # fmt: skip
-        self.entity = entity
+        super().__init__(library, serialiser, entity, name, type_name, qos, neighbours, domain)
         self.condition = condition
         self.tokens = (0, 0)
         """Of its data and of its statuses at the waiter."""
-        self.name = name
-        self.type_name = type_name
-        self.qos = qos
         self.reader = reader
-        self.counts = Counts()
-        self.domain = domain
-        self._library = library
-        self._serialiser = serialiser
-        self._neighbours = neighbours
         self._accept = reader.accept
         self._convert = convert
         self._peers: dict[int, Peer] = {}
-        self._others: dict[str, int] = {}
 
     def take(self, most: int = BATCH) -> None:
         """Hand on what has arrived, a batch at most."""
@@ -92,30 +85,12 @@ class Inlet:
     def look(self) -> None:
         """Learn who writes and who cannot; what the waiter calls."""
         calls = self._library.calls
-        matched, incompatible, lost = Matched(), Incompatible(), Missed()
+        matched, lost = Matched(), Missed()
         if calls.dds_get_subscription_matched_status(self.entity, byref(matched)) >= 0 and matched.current_change < 0:
             self._part()
-        if calls.dds_get_requested_incompatible_qos_status(self.entity, byref(incompatible)) >= 0:
-            policy = POLICIES.get(incompatible.policy)
-            if incompatible.total and policy is not None and policy not in COMPARED:
-                self._others[policy] = incompatible.total
+        self._look_for_incompatible()
         if calls.dds_get_sample_lost_status(self.entity, byref(lost)) >= 0:
             self.counts.lost = lost.total
-
-    def troubles(self) -> tuple[str, ...]:
-        """Who in other programs should be heard and cannot."""
-        found: dict[str, None] = {}
-        for other in self._neighbours.on_topic(self.name):
-            reason = obstacle(self.type_name, self.qos, other, writes=False)
-            if reason is not None:
-                found[f"{self.name}: {reason}"] = None
-        for policy in self._others:
-            found[f"{self.name}: {policy}: a DDS peer offers something else"] = None
-        if self.counts.lost:
-            found[f"{self.name}: {self.counts.lost} samples of DDS peers were lost"] = None
-        if self.counts.refused:
-            found[f"{self.name}: {self.counts.refused} samples of DDS peers made no sense"] = None
-        return tuple(found)[:MAX_TROUBLES]
 
     def _take_converted(self, convert: Convert, body: bytes, peer: Peer) -> None:
         try:

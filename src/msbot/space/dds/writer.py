@@ -9,49 +9,42 @@ from ctypes import byref
 from msbot.errors import RemoteProtocolError
 from msbot.space.contract import Guid, Qos, Topic
 from msbot.space.dds import services
-from msbot.space.dds.counts import Counts
-from msbot.space.dds.library import TIMEOUT, DdsLibrary, Incompatible, Matched
-from msbot.space.dds.native_qos import COMPARED, POLICIES
-from msbot.space.dds.neighbours import Neighbours, obstacle
+from msbot.space.dds.crossing import Crossing
+from msbot.space.dds.library import TIMEOUT, DdsLibrary, Matched
+from msbot.space.dds.neighbours import Neighbours
 from msbot.space.dds.raw_type import Serialiser
 from msbot.space.dds_topics import Convert
-from msbot.space.memory import MAX_TROUBLES, MemoryWriter
+from msbot.space.memory import MemoryWriter
 
 PUBLICATION_MATCHED = 1 << 11
 OFFERED_INCOMPATIBLE = 1 << 3
 OFFERED_STATUSES = PUBLICATION_MATCHED | OFFERED_INCOMPATIBLE
 
 
-class Outlet:
+class Outlet(Crossing):
     """One writer in the library, under one of the topic's names."""
 
-    __slots__ = ("_backlog", "_library", "_neighbours", "_others", "_retry", "_serialiser", "counts", "domain",
-                 "entity", "has_readers", "is_kept", "name", "qos", "sample_type", "token", "type_name")  # fmt: skip
+    __slots__ = ("_backlog", "_retry", "has_readers", "is_kept", "sample_type", "token")
+
+    WRITES = True
+    DIFFERS = "a DDS peer asked for what is not offered"
+    LOST = "samples were lost: a DDS peer does not acknowledge in time"
+    REFUSED = "samples could not be written to DDS"
 
     def __init__(  # noqa: PLR0917 - made by DdsSpace only
         self, library: DdsLibrary, serialiser: Serialiser, entity: int, sample_type: int, name: str, type_name: str,
         qos: Qos, neighbours: Neighbours, retry: Callable[[Outlet], None], domain: int,
     ) -> None:  # fmt: skip
-        self.entity = entity
+        super().__init__(library, serialiser, entity, name, type_name, qos, neighbours, domain)
         self.sample_type = sample_type
-        self.name = name
-        self.type_name = type_name
-        self.qos = qos
-        """With the partitions it has in DDS."""
         self.has_readers = False
         """Whether somebody in another program reads it now."""
         self.is_kept = qos.transient_local
         """Whether samples are written even though nobody reads yet."""
-        self.counts = Counts()
-        self.domain = domain
         self.token = 0
         """At the waiter."""
-        self._library = library
-        self._serialiser = serialiser
-        self._neighbours = neighbours
         self._retry = retry
         self._backlog: deque[bytes] = deque()
-        self._others: dict[str, int] = {}
 
     @property
     def waiting(self) -> int:
@@ -77,31 +70,12 @@ class Outlet:
 
     def look(self) -> None:
         """Learn who reads and who cannot; what the waiter calls."""
-        calls = self._library.calls
-        matched, incompatible = Matched(), Incompatible()
-        if calls.dds_get_publication_matched_status(self.entity, byref(matched)) >= 0:
+        matched = Matched()
+        if self._library.calls.dds_get_publication_matched_status(self.entity, byref(matched)) >= 0:
             self.has_readers = matched.current > 0
             if not self.has_readers:
                 self._backlog.clear()  # nobody is left to wait for
-        if calls.dds_get_offered_incompatible_qos_status(self.entity, byref(incompatible)) >= 0:
-            policy = POLICIES.get(incompatible.policy)
-            if incompatible.total and policy is not None and policy not in COMPARED:
-                self._others[policy] = incompatible.total
-
-    def troubles(self) -> tuple[str, ...]:
-        """Who in other programs should hear it and cannot."""
-        found: dict[str, None] = {}
-        for other in self._neighbours.on_topic(self.name):
-            reason = obstacle(self.type_name, self.qos, other, writes=True)
-            if reason is not None:
-                found[f"{self.name}: {reason}"] = None
-        for policy in self._others:
-            found[f"{self.name}: {policy}: a DDS peer asked for what is not offered"] = None
-        if self.counts.lost:
-            found[f"{self.name}: {self.counts.lost} samples were lost: a DDS peer does not acknowledge in time"] = None
-        if self.counts.refused:
-            found[f"{self.name}: {self.counts.refused} samples could not be written to DDS"] = None
-        return tuple(found)[:MAX_TROUBLES]
+        self._look_for_incompatible()
 
     def close(self) -> None:
         """Nothing waits any more."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from html import escape
 from urllib.parse import urlsplit
 
 from fastapi import Request
@@ -10,7 +9,9 @@ from nicegui import ui
 
 from msbot.errors import MsbotError
 from msbot.web.api.models import RobotTile
+from msbot.web.html import Markup, render
 from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
 
 
@@ -41,17 +42,13 @@ def _tiles(page: Page, hostname: str) -> None:
         try:
             tiles = await page.service.robots()
         except MsbotError as error:
-            shown.set_content(escape(str(error)))
+            set_html(shown, Markup.escape(str(error)))
             return
         words = str(find.value or "").casefold().split()
         fitting = [tile for tile in tiles if all(word in _searched(page, tile) for word in words)]
         well = sum(_state_of(tile)[0] == "active" for tile in fitting)
         count.set_text(page.say("{well} of {all} robots are well", well=well, all=len(fitting)))
-        content = f'<div class="grid">{"".join(_tile(page, tile, hostname) for tile in fitting)}</div>'
-        if not fitting:
-            content = f"<p>{escape(page.say('No robot fits. Try part of its name, or clear the search.'))}</p>"
-        if shown.content != content:
-            shown.set_content(content)
+        set_html(shown, render("tiles", tiles=[_tile(page, tile, hostname) for tile in fitting], say=page.say))
 
     page.every_look(show)
     find.on_value_change(show)
@@ -91,25 +88,18 @@ def _searched(page: Page, tile: RobotTile) -> str:
     return f"{tile.name} {tile.serial_number} {tile.owner} {page.say(_state_of(tile)[1])}".casefold()
 
 
-def _tile(page: Page, tile: RobotTile, hostname: str) -> str:
+def _tile(page: Page, tile: RobotTile, hostname: str) -> Markup:
     state, word = _state_of(tile)
-    sign = {"active": "●", "late": "◐", "lost": "■", "empty": "○"}[state]
-    where = "/" if tile.here else _for_visitor(tile.address, hostname)
-    event = escape(tile.last_event)
-    if tile.last_event_age_s is not None:
-        event += f' <span class="soft">({_age(tile.last_event_age_s)})</span>'
-    inner = (
-        f'<div class="head"><div style="flex:1;min-width:0"><div class="title">{escape(tile.name)}</div>'
-        f'<div class="soft">{escape(tile.serial_number)}{" · " + escape(tile.owner) if tile.owner else ""}</div></div>'
-        f'<span class="state s-{state}"><span aria-hidden="true">{sign}</span>{escape(page.say(word))}</span></div>'
-        f'<div class="num" style="font-size:1.6rem;font-weight:700">{tile.active}/{tile.slots} '
-        f'<span class="soft" style="font-size:.9rem;font-weight:400">{escape(page.say("slots active"))}</span></div>'
-        f'<div class="reason">{event}</div>'
+    return render(
+        "tile",
+        tile=tile,
+        state=state,
+        word=word,
+        sign={"active": "●", "late": "◐", "lost": "■", "empty": "○"}[state],
+        where="/" if tile.here else _for_visitor(tile.address, hostname),
+        age="" if tile.last_event_age_s is None else _age(tile.last_event_age_s),
+        say=page.say,
     )
-    style = 'style="text-decoration:none;color:inherit"'
-    if where:
-        return f'<a class="slot is-{state}" href="{escape(where, quote=True)}" {style}>{inner}</a>'
-    return f'<div class="slot is-{state}">{inner}</div>'
 
 
 def _for_visitor(address: str, hostname: str) -> str:

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Mapping
 
 from msbot.web.api.models import RobotTile
-from msbot.web.neighbours import LocalMaster, LocalMasters
+from msbot.web.local_masters import LocalMaster, LocalMasters
 from msbot.web.pages.classroom import _for_visitor
 from msbot.web.service import with_neighbours
 
