@@ -510,6 +510,12 @@ static void reply_received(msbot_part *part, const uint8_t *payload, size_t size
     case 16:
         challenged(part, payload, now_us);
         break;
+    case 17: /* the robot seals its samples (authentication = "key+data"), which this part cannot */
+        part->heard_us = now_us;
+        if (claims(part)) {
+            enter(part, MSBOT_REFUSED, now_us);
+        }
+        break;
     default:
         configuration_received(part, payload, size, now_us);
     }

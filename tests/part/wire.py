@@ -247,7 +247,7 @@ class SmallMaster:
             case plug.ClaimMessage(part_number=number):
                 self.requests.append(("claim", number))
                 return self._verdict(number) if self.nonce is None else plug.Challenge(nonce=self.nonce)
-            case plug.Proof(proof=proof):
+            case plug.Proof(proof=proof) | plug.SealedProof(proof=proof):
                 self.requests.append(("proof", ""))
                 self.proofs.append(proof)
                 return self._verdict(next(iter(self.bindings)))

@@ -34,6 +34,16 @@ class ClientInfo:
         return self.shown_key or self.key
 
 
+class SampleGuard(Protocol):
+    """Opens the samples of one client, and seals those for it."""
+
+    def open(self, object_id: int, sample: bytes) -> bytes | None:
+        """What the client gave to its data writer with that id; None: it is not from the client, or not new."""
+
+    def seal(self, object_id: int, sample: bytes) -> bytes:
+        """What goes to the client's data reader with that id."""
+
+
 class Gate(Protocol):
     """Who may join, write and read."""
 
@@ -61,6 +71,9 @@ class Gate(Protocol):
 
     def may_read(self, client: ClientInfo, topic: str) -> bool:
         """Whether samples of the topic may go to this client."""
+
+    def guard_of(self, client: ClientInfo) -> SampleGuard | None:
+        """What the samples of this client's data writers and readers go through; None: they go as they are."""
 
 
 class OpenGate:
@@ -95,3 +108,7 @@ class OpenGate:
     def may_read(self, client: ClientInfo, topic: str) -> bool:  # noqa: ARG002 - the protocol's signature
         """Always True."""
         return True
+
+    def guard_of(self, client: ClientInfo) -> SampleGuard | None:  # noqa: ARG002 - the protocol's signature
+        """Always None."""
+        return None

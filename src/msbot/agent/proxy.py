@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import TYPE_CHECKING, Protocol
 
-from msbot.agent.gate import ClientInfo, Gate
+from msbot.agent.gate import ClientInfo, Gate, SampleGuard
 from msbot.agent.limits import AgentSettings
 from msbot.agent.object_tree import ObjectBudget, ObjectTree
 from msbot.agent.pending_requests import client_key_of, make_guid
@@ -23,7 +23,7 @@ from msbot.link import Peer
 from msbot.runtime.tally import Tally
 from msbot.space import Guid, Space
 from msbot.xrce import AgentSession, References, Status
-from msbot.xrce.messages import STREAM_RELIABLE, ObjectKind
+from msbot.xrce.messages import STREAM_RELIABLE, ObjectKind, kind_of
 from msbot.xrce.sessions import (
     AgentEvent,
     CreateRequested,
@@ -101,6 +101,7 @@ class Proxy:
         self._surroundings = surroundings
         self._settings = settings
         self._gate = surroundings.gate
+        self._guard: SampleGuard | None = None
         self._dead_after_s = dead_after_s
         self._probes = 0
         self._opened_at = self._gone_at = now
@@ -209,6 +210,7 @@ class Proxy:
 
     def recheck(self) -> None:
         """Ask the gate for every endpoint and attach or detach it."""
+        self._guard = self._gate.guard_of(self.info)
         for endpoint in list(self._endpoints.values()):
             endpoint.recheck()
 
@@ -314,7 +316,11 @@ class Proxy:
 
     def send_data(self, request_id: int, object_id: int, payload: bytes, stream_id: int) -> bool:
         """Book a DATA; False while the link or the stream has no room."""
-        if self.is_blocked or not self.session.send_data(request_id, object_id, payload, stream_id):
+        if self.is_blocked:
+            return False
+        if self._guard is not None and kind_of(object_id) == ObjectKind.DATAREADER:
+            payload = self._guard.seal(object_id, payload)
+        if not self.session.send_data(request_id, object_id, payload, stream_id):
             return False
         if not self.is_marked:
             self._surroundings.mark(self)
@@ -335,8 +341,12 @@ class Proxy:
         endpoint = self._endpoints.get(object_id)
         if endpoint is None:
             self.dropped.count("WRITE_DATA for an unknown object")
-        else:
+        elif self._guard is None or kind_of(object_id) != ObjectKind.DATAWRITER:
             endpoint.write(request_id, payload)
+        elif (sample := self._guard.open(object_id, payload)) is None:
+            self.dropped.count("sample without a good seal")
+        else:
+            endpoint.write(request_id, sample)
 
     def _handle(self, event: AgentEvent) -> None:
         session = self.session

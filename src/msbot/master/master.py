@@ -119,7 +119,7 @@ class Master:
             partial(Client, hub.connect(), key=INVENTORY_KEY, epoch_ns=epoch_ns, random=dice),
             self.inventory,
             explain=blueprint.options.explain,
-            keys=Keys(store, dice) if blueprint.options.authentication == "key" else None,
+            keys=_keys_of(blueprint, store, dice),
             stop=self._stop,
         )
 
@@ -253,6 +253,11 @@ class Master:
             self.say_stop("somebody at the robot", f"{reason}, said on {link.info.name}")
         elif signal is Signal.PEER_JOINED:
             self.access.peer_joined(link.info.name, peer, now)
+
+
+def _keys_of(blueprint: Blueprint, store: PartStore, dice: random_module.Random) -> Keys | None:
+    authentication = blueprint.options.authentication
+    return None if authentication == "open" else Keys(store, dice, sealed=authentication == "key+data")
 
 
 def profile_of(blueprint: Blueprint) -> Profile:

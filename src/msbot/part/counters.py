@@ -17,6 +17,8 @@ class PartCounters:
     """Samples for which stream or link had no room."""
     dropped: int = 0
     """Samples that came and could not be used."""
+    refused: int = 0
+    """Samples without a good seal, in a robot with `authentication = "key+data"`."""
     held: int = 0
     """Samples that came after STOP and were not used."""
     beats: int = 0

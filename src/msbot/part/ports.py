@@ -6,7 +6,7 @@ location transparency, thesis 2.2.7.3).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from msbot.errors import ConfigError, LinkFull
@@ -41,8 +41,15 @@ class BoundPort:
 class Ports:
     """The bound ports of one part over one client."""
 
-    def __init__(self, client: Client, participant: Entity, subscriber: Entity) -> None:
+    def __init__(
+        self,
+        client: Client,
+        participant: Entity,
+        subscriber: Entity,
+        seal: Callable[[int, bytes], bytes] = lambda _, sample: sample,
+    ) -> None:
         self._client = client
+        self._seal = seal
         self._participant = participant
         self._subscriber = subscriber
         self._publisher: Entity | None = None
@@ -113,7 +120,8 @@ class Ports:
         if message.type_name != bound.binding.topic_type:
             raise ConfigError(f"port {port!r} carries {bound.binding.topic_type}, not {message.type_name}")
         try:
-            self._client.write(bound.endpoint, message.encode(), stream_id=bound.stream_id)
+            sample = self._seal(bound.endpoint.object_id, message.encode())
+            self._client.write(bound.endpoint, sample, stream_id=bound.stream_id)
         except LinkFull:
             return False
         return True

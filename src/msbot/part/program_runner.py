@@ -22,7 +22,7 @@ from msbot.part.client.settings import ClientSettings
 from msbot.part.counters import PartCounters
 from msbot.part.handler_guard import Guard
 from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
-from msbot.part.join.keys import prove
+from msbot.part.join.keys import prove, prove_sealed
 from msbot.part.join.membership import Membership
 from msbot.part.join.plug import STOP_SETTING, ClaimMessage, ConfigurationMessage, Notice, NoticeKind
 from msbot.part.messages.message import Message
@@ -59,6 +59,21 @@ class Identity:
             session_key=session_key,
         )
 
+    def prove_sealed(self, nonce: bytes, session_key: int, session_nonce: int) -> tuple[bytes, bytes] | None:
+        """The same in a robot whose samples are sealed, and the secret for the seals."""
+        key = self.key()
+        if key is None:
+            return None
+        return prove_sealed(
+            key,
+            nonce,
+            self.uid,
+            part_number=self.part_number,
+            local_name=self.local_name,
+            session_key=session_key,
+            session_nonce=session_nonce,
+        )
+
 
 class ProgramRunner:
     """Runs one program, as often as `run` is awaited; what it counts and shows stays between the runs."""
@@ -86,6 +101,8 @@ class ProgramRunner:
         self._counters.beats = self.joining.beats
         self._counters.missed_beats = self.joining.missed_beats
         self._counters.handler_errors = self.guard.errors
+        if self._membership is not None:
+            self._counters.refused = self._membership.seals.refused
         return self._counters
 
     def is_bound(self, port: str) -> bool:
@@ -153,13 +170,14 @@ class ProgramRunner:
             claim,
             profile_once=link.info.shared_bus,
             prove=lambda nonce: identity.prove(nonce, key),
+            prove_sealed=lambda nonce: identity.prove_sealed(nonce, key, claim.session_nonce),
             changed=self._changed,
             configure=self._configure,
             noticed=self._noticed,
             on_topic=self._sample_received,
             obeyed_stop=lambda: self.safety.number,
         )
-        self._ports = Ports(membership.client, membership.participant, membership.subscriber)
+        self._ports = Ports(membership.client, membership.participant, membership.subscriber, membership.seals.seal)
         membership.start()
         loop = asyncio.get_running_loop()
         told = [loop.call_later(after_s, self._tell_of_silence, link.info.name) for after_s in SILENCE_S]

@@ -14,8 +14,10 @@ Topics that the blueprint declares free are open to all. Everything else is neit
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from functools import partial
 from typing import Protocol
 
+from msbot.part.join.seal import Seal
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.profile import PROFILE_TOPIC
@@ -69,6 +71,21 @@ class AskingClient(Protocol):
         """The peer in words."""
 
 
+class _Guard:
+    """Opens and seals the samples of one session for the agent; fits `msbot.agent.SampleGuard`."""
+
+    def __init__(self, seal: Seal, refused: Callable[[str], None]) -> None:
+        self.seal = seal.seal
+        self._seal = seal
+        self._refused = refused
+
+    def open(self, object_id: int, sample: bytes) -> bytes | None:
+        opened = self._seal.open(object_id, sample)
+        if opened is None:
+            self._refused(self._seal.reason)
+        return opened
+
+
 class Access:
     """Implements `msbot.agent.Gate` for one robot.
 
@@ -114,6 +131,11 @@ class Access:
     def is_settled(self, client: AskingClient) -> bool:
         """Whether the client is the robot's own or holds a slot: strangers cannot put it out."""
         return self._is_trusted(client) or self._inventory.configuration_of(client.key) is not None
+
+    def guard_of(self, client: AskingClient) -> _Guard | None:
+        """What opens and seals the samples of a part that has proved its key where they are sealed; else None."""
+        seal = self._inventory.seals.of(client.key)
+        return None if seal is None else _Guard(seal, partial(self._sample_refused, client.key))
 
     def is_latched(self, topic: str) -> bool:
         """Whether readers get the topic's last sample although they do not ask for it, as the thesis' parts do not."""
@@ -164,3 +186,6 @@ class Access:
         if configuration is None or topic in RESERVED_TOPICS:
             return False
         return any(binding.topic == topic and binding.publishes is publishes for binding in configuration.bindings)
+
+    def _sample_refused(self, key: int, reason: str) -> None:
+        self._inventory.sample_refused(key, reason, self._clock())

@@ -35,6 +35,7 @@ from msbot.pnp.model import (
     Standing,
     Verdict,
 )
+from msbot.pnp.session_seals import SessionSeals
 from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
 from msbot.pnp.slot_matching import Match, Matcher
 from msbot.pnp.state_changes import StateChanges
@@ -61,6 +62,8 @@ class Inventory:
         self.timing = timing
         self.dropped = Tally()
         """Messages without effect, by reason in words."""
+        self.seals = SessionSeals(self._seal_changed)
+        """The seals of the parts' samples, where they have any."""
         self._store = store
         self._matcher = Matcher(store)
         self._index = InventoryIndex(random, timing, keep_ended=keep_ended)
@@ -170,6 +173,7 @@ class Inventory:
             patience_s: how long a living client may take to answer a probe.
         """
         start = now if plugged_in_at is None else plugged_in_at
+        self.seals.drop(key)
         session = self._index.sessions.get(key)
         if session is None:
             session = PartSession(key, address, start, client_key=client_key, patience_s=patience_s)
@@ -185,6 +189,7 @@ class Inventory:
 
     def client_left(self, key: int, reason: str, now: float, *, politely: bool) -> None:
         """A session has ended: goodbye (`politely`), or seen to vanish; `reason` in words."""
+        self.seals.drop(key)
         session = self._index.sessions.pop(key, None)
         if session is None or session.record is None:
             return
@@ -203,6 +208,18 @@ class Inventory:
         if session is not None and session.record is not None and session.record.state is PartState.NEW:
             self._changes.move(session.record, PartState.CHECKING, now, "reads the robot's profile (step 1)")
             self._publish(now)
+
+    def sample_refused(self, key: int, reason: str, now: float) -> None:
+        """A sample of that session has no good seal: it is counted, and noted once for each part."""
+        self.dropped.count("sample without a good seal")
+        session = self._index.sessions.get(key)
+        record = None if session is None else session.record
+        if record is not None and record.state is not None:
+            record.refused_samples += 1
+            if record.refused_samples == 1:
+                words = f"a sample that says it is from this part was refused: {reason}"
+                self._changes.note(record, now, words, (("seal", reason),))
+                self._publish(now)
 
     # Parts
 
@@ -352,6 +369,10 @@ class Inventory:
         record.address, record.plugged_in_at, record.contest = session.address, session.plugged_in_at, None
         if record.state not in (PartState.NEW, PartState.CHECKING):
             self._changes.move(record, PartState.CHECKING, now, "opened its session again: both steps from the start")
+
+    def _seal_changed(self, key: int) -> None:
+        for tell in self._changes.rights_handlers:
+            tell(key)
 
     def _publish(self, now: float) -> None:
         for taken in self._assignment.fill(now):

@@ -52,6 +52,7 @@ class InventoryRecord:
         "reason",
         "refusal",
         "refused_claims",
+        "refused_samples",
         "since",
         "slot",
         "state",
@@ -77,6 +78,8 @@ class InventoryRecord:
         self.configuration: Configuration | None = None
         self.refusal: Refusal | None = None
         self.refused_claims = 0
+        self.refused_samples = 0
+        """Samples that showed its session and had no good seal."""
         self.contest: Contest | None = None
         self.heard_at = plugged_in_at
         """When it claimed or beat last."""
@@ -137,6 +140,7 @@ class InventoryRecord:
         """Go on with the history of the same part's earlier session."""
         self.history = deque((*old.history, *self.history), maxlen=HISTORY)
         self.refused_claims += old.refused_claims
+        self.refused_samples += old.refused_samples
         if self.slot is None:
             self.slot = old.slot
 
@@ -173,6 +177,8 @@ class InventoryRecord:
         lines = [f"{self._headline(now)}: {self.reason}"]
         if self.duplicates:
             lines.append(f"The same UID was shown, and refused, at {', '.join(self.duplicates)}.")
+        if self.refused_samples:
+            lines.append(f"Samples in its name without a good seal, refused: {self.refused_samples}.")
         for event in self.history:
             first, *rest = event.sentences()
             lines.append(f"{max(0.0, now - event.at):.3f} s ago: {first}")

@@ -69,6 +69,8 @@ class Answered:
     """What is claimed; None: nobody knows, there was no question."""
     refused: Match | None = None
     """Why the proof is not taken; None: it is good."""
+    secret: bytes = b""
+    """For the seals of samples, after a good proof where they are sealed."""
     is_repeated: bool = False
     """The same asker has shown this very proof before, and it was good: the answer may have been lost."""
 
@@ -79,9 +81,11 @@ class Keys:
     Args:
         store: knows the keys.
         random: source of the nonces; must be unguessable in a real robot.
+        sealed: samples are sealed, and only a part that can seal its own proves anything.
     """
 
-    def __init__(self, store: PartStore, random: Random) -> None:
+    def __init__(self, store: PartStore, random: Random, *, sealed: bool = False) -> None:
+        self.sealed = sealed
         self._store = store
         self._random = random
         self._questions: dict[bytes, _Question] = {}
@@ -112,7 +116,7 @@ class Keys:
         """Check a proof; the question is over, whatever it is worth.
 
         Args:
-            proof: 16 octets.
+            proof: 16 octets, 24 where samples are sealed.
             asker: who shows it, as in `ask`.
             session_key: the client key of its session.
             now: the present time.
@@ -121,7 +125,7 @@ class Keys:
         if question is None or now - question.asked_at > GOOD_FOR_S:
             claim = None if question is None else question.claim
             words = "nothing was asked" if question is None else f"it was asked {now - question.asked_at:.1f} s ago"
-            return Answered(claim, _match(Refusal.REPLAYED, words), self._proofs.get(proof) == asker)
+            return Answered(claim, _match(Refusal.REPLAYED, words), is_repeated=self._proofs.get(proof) == asker)
         claim = question.claim
         try:
             key = self._store.key_of(claim.uid)
@@ -129,13 +133,22 @@ class Keys:
             return Answered(claim, _match(Refusal.NOT_READY, str(error)))
         if key is None:
             return Answered(claim, _match(Refusal.NO_KEY, "it was removed in this moment"))
-        names = {"part_number": claim.part_number, "local_name": claim.local_name}
-        if keys.is_same(proof, keys.prove(key, question.nonce, claim.uid, **names, session_key=session_key)):
+        expected, secret = self._expected(key, question, session_key)
+        if keys.is_same(proof, expected):
             _keep(self._proofs, proof, asker, MOST_PROOFS)
-            return Answered(claim)
+            return Answered(claim, secret=secret)
         if proof in self._proofs:
             return Answered(claim, _match(Refusal.REPLAYED, "it was good once, for another question"))
         return Answered(claim, _match(Refusal.WRONG_KEY, "the proof does not fit the question"))
+
+    def _expected(self, key: bytes, question: _Question, session_key: int) -> tuple[bytes, bytes]:
+        claim = question.claim
+        names = {"part_number": claim.part_number, "local_name": claim.local_name}
+        if self.sealed:
+            return keys.prove_sealed(
+                key, question.nonce, claim.uid, **names, session_key=session_key, session_nonce=claim.nonce
+            )
+        return keys.prove(key, question.nonce, claim.uid, **names, session_key=session_key), b""
 
     def _new_question(self, asker: bytes, claim: Claim, now: float) -> bytes:
         nonce = self._random.randbytes(plug.NONCE_OCTETS)
@@ -151,7 +164,10 @@ class Keys:
         if waited < UNANSWERED_S:
             return None
         question.complained = True
-        return _match(Refusal.KEY_NEEDED, f"asked {waited:.1f} s ago, it claims again and proves nothing")
+        words = f"asked {waited:.1f} s ago, it claims again and proves nothing"
+        if self.sealed:
+            words += "; this robot seals its samples (key+data), and the part may not know how"
+        return _match(Refusal.KEY_NEEDED, words)
 
 
 def _keep(table: dict[bytes, _V], key: bytes, value: _V, most: int) -> None:

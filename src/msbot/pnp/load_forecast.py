@@ -16,6 +16,7 @@ from msbot.config import Binding, Blueprint, Library, PartType
 from msbot.link.can.protocol import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
 from msbot.part import HelloWorld
 from msbot.part.join.plug import Beat, BeatReply
+from msbot.part.join.seal import Seal
 from msbot.part.sample_parts import SAMPLE_PARTS
 from msbot.pnp.profile import Profile
 from msbot.xrce.messages import (
@@ -93,7 +94,10 @@ def forecast(
     """
     robot = blueprint.robot
     profile = Profile(robot.name, robot.version, robot.serial_number, robot.released, robot.manufacturer)
-    scribes = {slot.name: _Scribe(slot.name, node, framing) for node, slot in enumerate(blueprint.slots, 1)}
+    sealed = blueprint.options.authentication == "key+data"
+    scribes = {
+        slot.name: _Scribe(slot.name, node, framing, sealed=sealed) for node, slot in enumerate(blueprint.slots, 1)
+    }
     flows = [Flow(BEACON, "the master is here", "", BEACONS_HZ, beacon_cost(profile.profile_hash(), framing))]
     for scribe in scribes.values():
         flows += scribe.beats(1 / blueprint.timing.beat_period_s)
@@ -116,10 +120,11 @@ def forecast(
 class _Scribe:
     """Writes what one part and the master say to each other, as they would."""
 
-    def __init__(self, slot: str, node: int, framing: Framing) -> None:
+    def __init__(self, slot: str, node: int, framing: Framing, *, sealed: bool) -> None:
         self._slot = slot
         self._node = node
         self._framing = framing
+        self._seal = Seal(node.to_bytes(32, "big"), is_part=True) if sealed else None
         self._by_rule = framing.compress is not None
         self._random = Random(node)
         self._writers = 0
@@ -163,7 +168,7 @@ class _Scribe:
         return [
             encode_message(
                 Header(SESSION_DEFAULT, stream_id, number),
-                [WriteData(self._write_id(stream_id, number), object_id, payload(number))],
+                [WriteData(self._write_id(stream_id, number), object_id, self._sealed(object_id, payload(number)))],
                 pad_end=True,
             )
             for number in _numbers()
@@ -173,10 +178,15 @@ class _Scribe:
         request_id = read_request_id(object_id) if self._by_rule else FIRST_REQUEST + object_id
         return [
             encode_message(
-                Header(SESSION_DEFAULT, stream_id, number), [Data(request_id, object_id, payload)], pad_end=False
+                Header(SESSION_DEFAULT, stream_id, number),
+                [Data(request_id, object_id, self._sealed(object_id, payload))],
+                pad_end=False,
             )
             for number, payload in zip(_numbers(), payloads, strict=True)
         ]
+
+    def _sealed(self, channel: int, payload: bytes) -> bytes:
+        return payload if self._seal is None else self._seal.seal(channel, payload)
 
     def _write_id(self, stream_id: int, number: int) -> int:
         """Request id of a WRITE_DATA; without compression they are counted."""

@@ -10,6 +10,7 @@ import logging
 
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part.join import plug
+from msbot.part.join.seal import SEAL_OCTETS, TOO_SHORT
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
@@ -44,13 +45,16 @@ class RequestHandler:
             now: the present time.
             asker: GUID of the writer of the request, which no later session of that client has.
         """
-        request = self.read(body)
+        request = self.read(body, client_key, now)
         return None if request is None else self.encode(self.answer(request, client_key, now, asker), client_key)
 
-    def read(self, body: bytes) -> plug.Request | None:
-        """The request in these octets; None: it makes no sense, and is counted."""
+    def read(self, body: bytes, client_key: int, now: float) -> plug.Request | None:
+        """The request in these octets; None: it makes no sense, or its seal does not fit, and is counted."""
+        opened = self._opened(body, client_key, now)
+        if opened is None:
+            return None
         try:
-            return plug.decode_request(body)
+            return plug.decode_request(opened)
         except RemoteProtocolError as error:
             self.dropped.count(f"request: {error}")
             return None
@@ -65,7 +69,7 @@ class RequestHandler:
                 return None if configuration is None else self._configuration_message(configuration, client_key)
             case plug.ClaimMessage() as message:
                 return self._answer_to(claim_of(message), client_key, asker, now)
-            case plug.Proof(proof=proof):
+            case plug.Proof(proof=proof) | plug.SealedProof(proof=proof):
                 return self._take_proof(proof, client_key, asker, now)
 
     def encode(self, reply: plug.Reply | None, client_key: int) -> bytes | None:
@@ -73,10 +77,24 @@ class RequestHandler:
         if reply is None:
             return None
         try:
-            return reply.encode()
+            octets = reply.encode()
         except LocalProtocolError as error:
             self._cannot_be_said(error, client_key)
             return None
+        seal = self._inventory.seals.of(client_key)
+        if seal is None or not plug.is_sealed_reply(len(octets)):
+            return octets
+        return seal.seal(plug.channel_of_reply(len(octets)), octets)
+
+    def _opened(self, body: bytes, client_key: int, now: float) -> bytes | None:
+        if self._keys is None or not self._keys.sealed or not plug.is_sealed_request(len(body)):
+            return body
+        seal = self._inventory.seals.of(client_key)
+        opened = None if seal is None else seal.open(plug.channel_of_request(len(body) - SEAL_OCTETS), body)
+        if opened is None:
+            self.dropped.count("request without a good seal")
+            self._inventory.sample_refused(client_key, TOO_SHORT if seal is None else seal.reason, now)
+        return opened
 
     def _configuration_message(self, configuration: Configuration, client_key: int) -> plug.ConfigurationMessage | None:
         try:
@@ -110,7 +128,8 @@ class RequestHandler:
         asked = self._keys.ask(claim, asker, now)
         verdict = None if asked.refused is None else self._inventory.refuse(claim, client_key, asked.refused, now)
         if asked.nonce is not None:
-            return plug.Challenge(nonce=asked.nonce)
+            kind = plug.SealedChallenge if self._keys.sealed else plug.Challenge
+            return kind(nonce=asked.nonce)
         return None if verdict is None else self._tell(verdict)
 
     def _take_proof(self, proof: bytes, client_key: int, asker: bytes, now: float) -> plug.Reply | None:
@@ -119,6 +138,8 @@ class RequestHandler:
             return None
         answered = self._keys.answer(proof, asker, self._inventory.shown_key(client_key) or client_key, now)
         if answered.refused is None and answered.claim is not None:
+            if answered.secret:
+                self._inventory.seals.put(client_key, answered.secret)
             return self._tell(self._inventory.claim(answered.claim, client_key, now))
         standing = self._inventory.standing_of(client_key)
         if answered.is_repeated and standing is not None and standing.lease:

@@ -232,7 +232,7 @@ class InventoryService:
             if answer is not None:
                 self._say(self._compat, identity, answer)
             return
-        request = self.requests.read(body)
+        request = self.requests.read(body, client_key, now)
         reply = None if request is None else self.requests.answer(request, client_key, now, asker)
         self._remember(client_key, asker, reply)
         self._asking = None
@@ -331,8 +331,11 @@ class InventoryService:
         asker = self._askers.get(client_key)
         if asker is None:
             return False
+        octets = self.requests.encode(message, client_key)
+        if octets is None:
+            return False
         self.told_unasked += 1
-        return self._say(self._compact, asker + _NOBODYS_REQUEST, message.encode())
+        return self._say(self._compact, asker + _NOBODYS_REQUEST, octets)
 
     def _say(self, replier: Entity, identity: bytes, answer: bytes) -> bool:
         stream_id = STREAM_BEST_EFFORT if len(answer) <= LONGEST_BEST_EFFORT else STREAM_RELIABLE

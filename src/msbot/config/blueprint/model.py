@@ -126,10 +126,11 @@ class Options:
     free_topics: tuple[str, ...] = ()
     """Topics that every client may use without being a part."""
     authentication: str = "open"
-    """`open`: a part is let in by what it says (as in the thesis); `key`: it must prove that it knows its key."""
+    """`open`: a part is let in by what it says (as in the thesis); `key`: it must prove that it knows its key;
+    `key+data`: besides, each of its samples and of those for it is sealed."""
 
 
-AUTHENTICATIONS = ("open", "key")
+AUTHENTICATIONS = ("open", "key", "key+data")
 """How a robot may make sure that a part is the one it says it is."""
 
 

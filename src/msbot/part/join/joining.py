@@ -132,6 +132,8 @@ class SendProof:
     """Answer the inventory's challenge."""
 
     nonce: bytes
+    sealed: bool = False
+    """The robot seals its samples: the proof is another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,11 +227,11 @@ class Joining:
         else:
             self._take(E.PROFILE_DISAGREES, disagreement, now)
 
-    def challenged(self, nonce: bytes, now: float) -> None:
+    def challenged(self, nonce: bytes, now: float, *, sealed: bool = False) -> None:
         """The inventory wants a proof before it decides on the claim; the answer is due at once."""
         self._heard_at = now
         if self.state in _CLAIMS:
-            self._actions.append(SendProof(nonce))
+            self._actions.append(SendProof(nonce, sealed))
             self._retry_at = now + self._pace.retry_s
 
     def verdict_given(self, lease: int, beat_period_s: float, refusal: str, now: float) -> None:

@@ -11,14 +11,13 @@ Every text is preceded by its length, so that no two different claims make the s
 
 from __future__ import annotations
 
-import hashlib
 import hmac
 import os
 from pathlib import Path
 from struct import Struct
 
 from msbot.errors import ConfigError
-from msbot.part.join.plug import NONCE_OCTETS, PROOF_OCTETS, UID_OCTETS
+from msbot.part.join.plug import NONCE_OCTETS, PROOF_OCTETS, SEALED_PROOF_OCTETS, UID_OCTETS
 from msbot.part.join.uid import kept_file
 
 KEY_OCTETS = 16
@@ -29,6 +28,8 @@ KEY_VARIABLE = "MSBOT_KEY"
 
 _LABEL = b"MsBOT claim 1\0"
 """What the proof is for: one of something else never fits."""
+_SEALED_LABEL = b"MsBOT claim 2\0"
+_SECRET_LABEL = b"MsBOT data 1\0"
 _LENGTH = Struct(">H")
 _SESSION = Struct(">I")
 
@@ -44,11 +45,29 @@ def prove(key: bytes, nonce: bytes, uid: bytes, *, part_number: str, local_name:
         local_name: as in the claim.
         session_key: the client key of the XRCE session in which the claim was made.
     """
+    return _hmac(key, _LABEL, _claimed(nonce, uid, part_number, local_name, session_key))[:PROOF_OCTETS]
+
+
+def prove_sealed(
+    key: bytes, nonce: bytes, uid: bytes, *, part_number: str, local_name: str, session_key: int, session_nonce: int
+) -> tuple[bytes, bytes]:
+    """The answer to the challenge of a robot with sealed samples, 24 octets, and the secret for the seals.
+
+    Args are those of `prove`, and `session_nonce`, as in the claim: so both ends have drawn something of the secret.
+    """
+    claimed = _claimed(nonce, uid, part_number, local_name, session_key) + _SESSION.pack(session_nonce)
+    return _hmac(key, _SEALED_LABEL, claimed)[:SEALED_PROOF_OCTETS], _hmac(key, _SECRET_LABEL, claimed)
+
+
+def _claimed(nonce: bytes, uid: bytes, part_number: str, local_name: str, session_key: int) -> bytes:
     assert len(nonce) == NONCE_OCTETS
     assert len(uid) == UID_OCTETS
     texts = b"".join(_LENGTH.pack(len(octets)) + octets for octets in (part_number.encode(), local_name.encode()))
-    message = _LABEL + nonce + uid + texts + _SESSION.pack(session_key)
-    return hmac.digest(key, message, hashlib.sha256)[:PROOF_OCTETS]
+    return nonce + uid + texts + _SESSION.pack(session_key)
+
+
+def _hmac(key: bytes, label: bytes, message: bytes) -> bytes:
+    return hmac.digest(key, label + message, "sha256")
 
 
 def is_same(proof: bytes, expected: bytes) -> bool:

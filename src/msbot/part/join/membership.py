@@ -29,6 +29,7 @@ from msbot.part.join.joining import (
     SendProof,
 )
 from msbot.part.join.keys import KEY_VARIABLE
+from msbot.part.join.part_seals import PartSeals
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl
 
 INVENTORY = ServiceNames(
@@ -62,6 +63,7 @@ class Membership:
         *,
         profile_once: bool = False,
         prove: Callable[[bytes], bytes | None] = lambda _: None,
+        prove_sealed: Callable[[bytes], tuple[bytes, bytes] | None] = lambda _: None,
         changed: Callable[[Changed], None],
         configure: Callable[[plug.ConfigurationMessage], None],
         noticed: Callable[[plug.Notice], None] = lambda _: None,
@@ -78,6 +80,7 @@ class Membership:
             profile_once: read the profile only until step 1 is done, because it costs others on the link their time,
                 and the link itself tells when the robot is another one.
             prove: the answer to a challenge with that nonce; None = the part has no key.
+            prove_sealed: the same in a robot whose samples are sealed, and the secret for the seals.
             changed: hears every change of the state.
             configure: puts a configuration into use; called before the change to `active` is heard.
             noticed: hears what the inventory says unasked.
@@ -95,6 +98,9 @@ class Membership:
         self._changed = changed
         self._configure = configure
         self._prove = prove
+        self._prove_sealed = prove_sealed
+        self.seals = PartSeals()
+        """The seals of samples, in a robot that has them."""
         self._noticed = noticed
         self._on_topic = on_topic
         self._obeyed_stop = obeyed_stop
@@ -125,12 +131,15 @@ class Membership:
         self._drain()
 
     def _sample_received(self, object_id: int, request_id: int, payload: bytes) -> None:
+        opened = self.seals.open(object_id, payload)
+        if opened is None:
+            return
         # Thesis 4.3.1: the object id must be that of the profile's reader.
         if object_id != self._profile_reader.object_id:
-            self._on_topic(object_id, request_id, payload)
+            self._on_topic(object_id, request_id, opened)
             return
         try:
-            profile = plug.ProfileMessage.decode(payload)
+            profile = plug.ProfileMessage.decode(opened)
         except RemoteProtocolError as error:
             self._drop("profile", error)
             return
@@ -146,14 +155,18 @@ class Membership:
         elif state is ConnectionState.CLOSED:
             self.joining.end("ended", now)
         else:
+            self.seals.session_lost()
             self._read_replies(STREAM_RELIABLE)
             self.joining.agent_lost(reason, now)
         self._drain()
 
     def _reply_received(self, _object_id: int, _request_id: int, payload: bytes) -> None:
         now = self._turn.now()
+        opened = self.seals.open_reply(payload)
+        if opened is None:
+            return
         try:
-            reply = plug.decode_reply(payload)
+            reply = plug.decode_reply(opened)
         except RemoteProtocolError as error:
             self._drop("reply of the inventory", error)
             return
@@ -165,6 +178,8 @@ class Membership:
                 self.joining.verdict_given(reply.lease, period_s, _refusal_words(reply.reason), now)
             case plug.Challenge():
                 self.joining.challenged(reply.nonce, now)
+            case plug.SealedChallenge():
+                self.joining.challenged(reply.nonce, now, sealed=True)
             case plug.Notice():
                 self._noticed(reply)
             case plug.ConfigurationMessage():
@@ -190,7 +205,7 @@ class Membership:
                 case SendClaim():
                     self._send(self._claim, STREAM_RELIABLE)
                 case SendProof():
-                    self._send_proof(action.nonce)
+                    self._send_proof(action)
                 case SendBeat():
                     self._send_beat(action.lease)
                 case FetchConfiguration():
@@ -210,7 +225,7 @@ class Membership:
 
     def _send(self, request: bytes, stream_id: int) -> None:
         try:
-            self.client.write(self._requester, request, stream_id=stream_id)
+            self.client.write(self._requester, self.seals.seal_request(request), stream_id=stream_id)
         except (LinkFull, LocalProtocolError) as error:
             # No room, or the session is closing: `joining` asks again in time.
             _log.debug("not sent to the inventory: %s", error)
@@ -231,13 +246,19 @@ class Membership:
         # Step 1 is done after a profile that did not agree: whoever only ever read one has nothing to end.
         return NO_MORE if state is JoinState.CLAIMING and running == ENDLESS else running
 
-    def _send_proof(self, nonce: bytes) -> None:
-        proof = self._prove(nonce)
-        if proof is None:
+    def _send_proof(self, challenge: SendProof) -> None:
+        answer: plug.Proof | plug.SealedProof
+        if challenge.sealed and (sealed := self._prove_sealed(challenge.nonce)) is not None:
+            proof, secret = sealed
+            self.seals.proved(secret)
+            answer = plug.SealedProof(proof=proof)
+        elif not challenge.sealed and (plain := self._prove(challenge.nonce)) is not None:
+            answer = plug.Proof(proof=plain)
+        else:
             words = f"{plug.Refusal.KEY_NEEDED.words}: give it its key with --key or ${KEY_VARIABLE}"
             self.joining.verdict_given(0, 0.0, words, self._turn.now())
-        else:
-            self._send(plug.Proof(proof=proof).encode(), STREAM_RELIABLE)
+            return
+        self._send(answer.encode(), STREAM_RELIABLE)
 
     def _read_replies(self, stream_id: int) -> None:
         reading = self._requester.reading

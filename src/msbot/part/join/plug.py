@@ -12,10 +12,15 @@ from the part             answer of the inventory                  octets
 `Beat`                    `BeatReply`                              4, 4
 `StoppedBeat`             `BeatReply`                              6, 4
 `ConfigurationRequest`    `ConfigurationMessage`                   8, 20 or more
+`ClaimMessage`, key+data  `SealedChallenge`                        28 or more, 17
+`SealedProof`             `VerdictMessage`                         24, 12
 ========================  =======================================  ==============
 
 Besides, the inventory may speak unasked: a `VerdictMessage` (a part that stands by has got a slot), a `BeatReply`
 (the configuration has changed, or the lease is void) and a `Notice` (8 octets).
+
+In a robot with `authentication = "key+data"` all but claims, challenges and proofs have a seal of 10 octets behind them
+(`msbot.part.join.seal`).
 
 Claim, verdict and configuration as the inventory handles them are values of `msbot.pnp`; here they are messages.
 """
@@ -25,6 +30,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Annotated
 
+from msbot.part.join.seal import CONFIGURATIONS, SHORT_SAYINGS
 from msbot.part.messages.message import Message
 from msbot.part.messages.wire_types import AtMost, Octets, uint8, uint16, uint32
 
@@ -45,6 +51,8 @@ TEXT_OCTETS = 254
 
 NONCE_OCTETS = 16
 PROOF_OCTETS = 16
+SEALED_PROOF_OCTETS = 24
+"""Another length than any sealed request has."""
 
 STOP_SETTING = ".stop"
 """Name of the setting that tells a part that comes in while STOP holds: its value is the number of that STOP. The part
@@ -102,6 +110,20 @@ class Proof(Message):
     """The answer of a part to a challenge, see `msbot.part.join.keys`."""
 
     proof: Annotated[bytes, Octets(PROOF_OCTETS)]
+
+
+class SealedChallenge(Message):
+    """The same in a robot whose samples are sealed: who cannot seal must not join."""
+
+    nonce: Annotated[bytes, Octets(NONCE_OCTETS)]
+    version: uint8 = 1
+    """How samples are sealed."""
+
+
+class SealedProof(Message):
+    """The answer of a part that can seal its samples, see `msbot.part.join.keys`."""
+
+    proof: Annotated[bytes, Octets(SEALED_PROOF_OCTETS)]
 
 
 class VerdictMessage(Message):
@@ -259,9 +281,11 @@ _STOPPED_BEAT_OCTETS = 6
 _CONFIGURATION_REQUEST_OCTETS = 8
 _NOTICE_OCTETS = 8
 _VERDICT_OCTETS = 12
+_SEALED_CHALLENGE_OCTETS = 17
 
+SHORTEST_CLAIM_OCTETS = 28
 
-Request = Beat | StoppedBeat | ConfigurationRequest | Proof | ClaimMessage
+Request = Beat | StoppedBeat | ConfigurationRequest | Proof | SealedProof | ClaimMessage
 """What a part asks of the inventory."""
 
 
@@ -269,7 +293,7 @@ def decode_request(payload: bytes) -> Request:
     """What a part asks of the inventory, told apart by length.
 
     Raises:
-        RemoteProtocolError: it is none of the five.
+        RemoteProtocolError: it is none of these.
     """
     if len(payload) == _BEAT_OCTETS:
         return Beat.decode(payload)
@@ -279,10 +303,12 @@ def decode_request(payload: bytes) -> Request:
         return ConfigurationRequest.decode(payload)
     if len(payload) == PROOF_OCTETS:
         return Proof.decode(payload)
+    if len(payload) == SEALED_PROOF_OCTETS:
+        return SealedProof.decode(payload)
     return ClaimMessage.decode(payload)
 
 
-Reply = BeatReply | Notice | VerdictMessage | Challenge | ConfigurationMessage
+Reply = BeatReply | Notice | VerdictMessage | Challenge | SealedChallenge | ConfigurationMessage
 """What the inventory says to a part."""
 
 
@@ -290,7 +316,7 @@ def decode_reply(payload: bytes) -> Reply:
     """What the inventory says, told apart by length.
 
     Raises:
-        RemoteProtocolError: it is none of the five.
+        RemoteProtocolError: it is none of these.
     """
     if len(payload) == _BEAT_OCTETS:
         return BeatReply.decode(payload)
@@ -298,9 +324,36 @@ def decode_reply(payload: bytes) -> Reply:
         return Notice.decode(payload)
     if len(payload) == NONCE_OCTETS:
         return Challenge.decode(payload)
+    if len(payload) == _SEALED_CHALLENGE_OCTETS:
+        return SealedChallenge.decode(payload)
     if len(payload) == _VERDICT_OCTETS:
         return VerdictMessage.decode(payload)
     return ConfigurationMessage.decode(payload)
+
+
+def is_sealed_request(octets: int) -> bool:
+    """Whether a request of that length has a seal where samples are sealed: all but claims and their proofs."""
+    return octets < SHORTEST_CLAIM_OCTETS and octets != SEALED_PROOF_OCTETS
+
+
+def is_sealed_reply(octets: int) -> bool:
+    """The same for what the inventory says: all but the challenge."""
+    return octets != _SEALED_CHALLENGE_OCTETS
+
+
+def is_refusal(payload: bytes) -> bool:
+    """Whether a reply is a verdict without a lease, which has no seal before there is a lease."""
+    return len(payload) == _VERDICT_OCTETS and not any(payload[:4])
+
+
+def channel_of_request(octets: int) -> int:
+    """The channel of the seal of a request that has that length without it."""
+    return CONFIGURATIONS if octets == _CONFIGURATION_REQUEST_OCTETS else SHORT_SAYINGS
+
+
+def channel_of_reply(octets: int) -> int:
+    """The channel of the seal of a reply that has that length without it."""
+    return CONFIGURATIONS if octets > _VERDICT_OCTETS else SHORT_SAYINGS
 
 
 def safe_setting(port: str, field: str) -> str:

@@ -50,7 +50,13 @@ robots = Table(
     Column("profile_period_s", Double, nullable=False, comment="the profile is repeated that often, seconds"),
     Column("explain", Boolean, nullable=False, comment="whether a refused part is told why"),
     Column("free_topics", JSON, nullable=False, comment="list of topics that everybody may use"),
-    Column("authentication", Text, nullable=False, server_default="open", comment="open or key: how parts are known"),
+    Column(
+        "authentication",
+        Text,
+        nullable=False,
+        server_default="open",
+        comment="open, key or key+data: how parts are known",
+    ),
     Column(
         "in_dds", JSON, nullable=False, server_default="{}", comment="topics that are in DDS for others, too, and how"
     ),

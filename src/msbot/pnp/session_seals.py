@@ -1,0 +1,32 @@
+"""The seals of the parts of one robot, by session: where `authentication = "key+data"` holds. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from msbot.part.join.seal import Seal
+
+
+class SessionSeals:
+    """Which seal belongs to which session (see `msbot.part.join.seal`).
+
+    Args:
+        changed: called with the key of every session that has another seal now.
+    """
+
+    def __init__(self, changed: Callable[[int], None]) -> None:
+        self._changed = changed
+        self._seals: dict[int, Seal] = {}
+
+    def of(self, client_key: int) -> Seal | None:
+        """The seal of that session; None: its samples have none."""
+        return self._seals.get(client_key)
+
+    def put(self, client_key: int, secret: bytes) -> None:
+        """A session has proved its key, which left that secret."""
+        self._seals[client_key] = Seal(secret, is_part=False)
+        self._changed(client_key)
+
+    def drop(self, client_key: int) -> None:
+        """A session has ended, or begun anew."""
+        self._seals.pop(client_key, None)
