@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from msbot.errors import LocalProtocolError
 from msbot.pnp import FAST_TIMING, THESIS_TIMING, PartState
-from msbot.pnp.life import TRANSITIONS, Life, check_transition, diagram
+from msbot.pnp.life import TRANSITIONS, Life, check_transition
 
 DOCS = Path(__file__).parents[2] / "docs" / "explain" / "plug_and_play.md"
 
@@ -89,6 +89,14 @@ def test_a_change_outside_the_table_is_a_fault() -> None:
         check_transition(None, PartState.ACTIVE)
     with pytest.raises(LocalProtocolError, match="from left to active"):
         check_transition(PartState.LEFT, PartState.ACTIVE)
+
+
+def diagram() -> str:
+    """The table as a Mermaid state diagram; the page's picture is this text."""
+    lines = ["stateDiagram-v2"]
+    for (before, after), cause in TRANSITIONS.items():
+        lines.append(f"    {'[*]' if before is None else before.value} --> {after.value}: {cause}")
+    return "\n".join(lines)
 
 
 def test_the_docs_show_the_table() -> None:

@@ -10,7 +10,7 @@ import pytest
 from starlette.requests import HTTPConnection
 
 import msbot.web
-from msbot.web.language import COOKIE, language_named, language_of, languages
+from msbot.web.language import COOKIE, language_of, languages
 
 
 def texts_of_the_pages() -> set[str]:
@@ -45,13 +45,13 @@ def test_there_is_more_than_one_language() -> None:
 
 @pytest.mark.parametrize("code", [language.code for language in OTHERS])
 def test_every_text_of_the_pages_is_translated(code: str) -> None:
-    missing = texts_of_the_pages() - set(language_named(code).texts)
+    missing = texts_of_the_pages() - set(languages()[code].texts)
     assert missing == set()
 
 
 @pytest.mark.parametrize("code", [language.code for language in OTHERS])
 def test_translations_have_the_same_values(code: str) -> None:
-    for english, text in language_named(code).texts.items():
+    for english, text in languages()[code].texts.items():
         assert set(re.findall(r"{\w+}", text)) == set(re.findall(r"{\w+}", english)), english
 
 
@@ -74,6 +74,6 @@ def test_the_language_follows_choice_then_browser_then_english(accept: str, chos
 
 
 def test_what_is_not_translated_shows_in_english() -> None:
-    german = language_named("de")
+    german = languages()["de"]
     assert german.say("not in the catalogue {n}", n=3) == "not in the catalogue 3"
     assert german.say("Unplug {name}", name="BB") == "BB ausstecken"

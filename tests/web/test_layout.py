@@ -12,7 +12,7 @@ from nicegui import ui
 from msbot.errors import NotThere, RegistryError
 from msbot.operations.rights import Right, Role
 from msbot.web.api.models import Done
-from msbot.web.language import language_named
+from msbot.web.language import languages
 from msbot.web.pages import layout
 from msbot.web.pages.layout import Page
 from tests.web.rig import Rig, show
@@ -34,7 +34,7 @@ def screen(monkeypatch: pytest.MonkeyPatch) -> Screen:
 
 
 def open_page(rig: Rig, role: Role = Role.TEACHER) -> Page:
-    return Page(rig.service, rig.session(role), language_named("en"))
+    return Page(rig.service, rig.session(role), languages()["en"])
 
 
 def test_what_has_vanished_is_looked_at_no_more_and_the_rest_goes_on(tmp_path: Path) -> None:

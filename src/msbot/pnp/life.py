@@ -62,14 +62,6 @@ def check_transition(before: PartState | None, after: PartState) -> None:
         raise LocalProtocolError(f"a part cannot go from {was} to {after.value}")
 
 
-def diagram() -> str:
-    """The table as a Mermaid state diagram; the docs' picture is this text."""
-    lines = ["stateDiagram-v2"]
-    for (before, after), cause in TRANSITIONS.items():
-        lines.append(f"    {'[*]' if before is None else before.value} --> {after.value}: {cause}")
-    return "\n".join(lines)
-
-
 class Life:
     """The life status of one part and its beats; pure counting, no clock.
 

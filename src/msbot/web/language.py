@@ -48,11 +48,6 @@ def languages() -> Mapping[str, Language]:
     return known
 
 
-def language_named(code: str) -> Language:
-    """The language with that code, or English."""
-    return languages().get(code, languages()[ENGLISH])
-
-
 def language_of(request: HTTPConnection) -> Language:
     """The language of a request: what the person has chosen, else what the browser prefers, else English."""
     chosen = request.cookies.get(COOKIE, "")

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.web.api.models import PartLine, PortLine, Scalar, SlotCard
-from msbot.web.language import language_named
+from msbot.web.language import languages
 from msbot.web.svg.drawings import (
     STATE_ICONS,
     beat_ring,
@@ -20,7 +20,7 @@ from msbot.web.svg.drawings import (
 )
 from tests.web.pictures import HARMFUL, names, read, scalars, words
 
-SAY = language_named("en").say
+SAY = languages()["en"].say
 TYPES = (
     "Switch", "Light", "Level", "Angle", "Colour", "Temperature", "Distance", "Speed", "Gas", "Text", "HelloWorld",
     "SomethingNew",

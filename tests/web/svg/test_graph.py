@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.web.api.models import TopicLine, WirePort
-from msbot.web.language import language_named
+from msbot.web.language import languages
 from msbot.web.svg.graph import wiring_svg
 from msbot.web.svg.plots import STATE_COLOURS
 from tests.web.pictures import HARMFUL, names, read, words
 
-SAY = language_named("en").say
+SAY = languages()["en"].say
 ends = st.builds(lambda slot, port: f"{slot}.{port}", names, names)
 
 

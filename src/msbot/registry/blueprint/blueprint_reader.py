@@ -26,7 +26,6 @@ from msbot.errors import RegistryError
 from msbot.registry.database.tables import bindings, library, robots, settings, slots
 from msbot.registry.running.configurations import ORIGINS
 
-Notes = Mapping[tuple[str, str], str]
 """(slot, parameter) or (topic, "") -> who made it so by hand."""
 
 

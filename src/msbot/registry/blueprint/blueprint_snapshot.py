@@ -68,11 +68,6 @@ def write(connection: Connection, robot_id: int, content: Content) -> None:
     bump_versions(connection, robot_id, changed)
 
 
-def _of_blueprint(robot: Mapping[str, object], known: Mapping[str, object] | None) -> dict[str, object]:
-    names = robot.keys() - set(_NOT_OF_BLUEPRINT)
-    return {name: value for name, value in robot.items() if name in names and (known is None or name in known)}
-
-
 def slots_of(before: Content, after: Content) -> tuple[str, ...]:
     """The slots whose part type, wires or settings differ."""
     old, new = _by_slot(before), _by_slot(after)

@@ -1,4 +1,4 @@
-"""What the parts in slots get to know: bindings, the settings that hold, safe values; of one slot or of all at once."""
+"""What the parts in slots get to know: bindings, the settings that hold, safe values; of all slots at once."""
 
 from __future__ import annotations
 
@@ -16,22 +16,15 @@ ORIGINS = ("library", "blueprint", "hand")
 """Where the value of a setting can come from; the later one holds."""
 
 
-def find_configuration(connection: Connection, robot_id: int, slot: str) -> Configuration | None:
-    """The configuration of a slot, from one moment."""
-    return read_configurations(connection, robot_id, slot).get(slot)
-
-
-def read_configurations(connection: Connection, robot_id: int, slot: str | None = None) -> dict[str, Configuration]:
-    """The configurations of all slots of a robot, also of those that are not in its blueprint; or of one."""
+def read_configurations(connection: Connection, robot_id: int) -> dict[str, Configuration]:
+    """The configurations of all slots of a robot, also of those that are not in its blueprint."""
     query = (
         select(slots.c.id, slots.c.name, slots.c.configuration_version, library.c.ports)
         .outerjoin(library, slots.c.part_number == library.c.number)
         .where(slots.c.robot_id == robot_id)
     )
-    rows = connection.execute(query if slot is None else query.where(slots.c.name == slot)).all()
-    one = rows[0].id if slot is not None and rows else None
-    of_bindings = _bindings(connection, robot_id, one)
-    of_settings = _settings(connection, robot_id, one)
+    of_bindings = _bindings(connection, robot_id)
+    of_settings = _settings(connection, robot_id)
     return {
         row.name: Configuration(
             version=row.configuration_version,
@@ -39,27 +32,25 @@ def read_configurations(connection: Connection, robot_id: int, slot: str | None 
             bindings=tuple(of_bindings[row.id]),
             settings=_as_text(of_settings[row.id] | _safe_values(row.ports or [], of_bindings[row.id])),
         )
-        for row in rows
+        for row in connection.execute(query)
     }
 
 
-def _bindings(connection: Connection, robot_id: int, slot_id: int | None) -> defaultdict[int, list[SlotBinding]]:
+def _bindings(connection: Connection, robot_id: int) -> defaultdict[int, list[SlotBinding]]:
     query = select(bindings).where(bindings.c.robot_id == robot_id, bindings.c.in_use).order_by(bindings.c.id)
-    if slot_id is not None:
-        query = query.where(bindings.c.slot_id == slot_id)
     found: defaultdict[int, list[SlotBinding]] = defaultdict(list)
     for row in connection.execute(query):
         found[row.slot_id].append(SlotBinding(row.port, row.topic, row.type_name, row.publishes, row.reliable))
     return found
 
 
-def _settings(connection: Connection, robot_id: int, slot_id: int | None) -> defaultdict[int, dict[str, Scalar]]:
+def _settings(connection: Connection, robot_id: int) -> defaultdict[int, dict[str, Scalar]]:
     """The values that hold: by hand before blueprint before library."""
-    query = select(settings.c.slot_id, settings.c.name, settings.c.origin, settings.c.value)
-    if slot_id is None:
-        query = query.join(slots, settings.c.slot_id == slots.c.id).where(slots.c.robot_id == robot_id)
-    else:
-        query = query.where(settings.c.slot_id == slot_id)
+    query = (
+        select(settings.c.slot_id, settings.c.name, settings.c.origin, settings.c.value)
+        .join(slots, settings.c.slot_id == slots.c.id)
+        .where(slots.c.robot_id == robot_id)
+    )
     found: defaultdict[int, dict[str, Scalar]] = defaultdict(dict)
     for row in sorted(connection.execute(query), key=lambda row: ORIGINS.index(row.origin)):
         found[row.slot_id][row.name] = row.value

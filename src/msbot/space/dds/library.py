@@ -32,9 +32,7 @@ SUBSCRIPTIONS = 0x7FFF0000 + 4
 """Built-in topics that tell of discovered writers and readers."""
 
 TIMEOUT = -10
-BAD_PARAMETER = -3
 PRECONDITION_NOT_MET = -4
-OUT_OF_RESOURCES = -5
 
 FOR_EVER = 0x7FFFFFFFFFFFFFFF
 """A duration in nanoseconds that never ends."""
