@@ -117,7 +117,7 @@ def test_columns_have_comments(clean_server_database: str) -> None:
     engine = make_engine(parse_address(clean_server_database), busy_timeout_s=1, read_only=True)
     query = "SELECT count(*) FROM pg_description JOIN pg_class ON objoid = oid WHERE relname = 'edits' AND objsubid > 0"
     with engine.connect() as connection:
-        assert connection.execute(text(query)).scalar() == 10
+        assert connection.execute(text(query)).scalar() == 11
     engine.dispose()
 
 

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from starlette.requests import HTTPConnection
 
+import msbot
 import msbot.web
+from msbot.runtime.sentence import counted, said
 from msbot.web.language import COOKIE, language_of, languages
 
 
@@ -23,6 +25,8 @@ def texts_of_the_pages() -> set[str]:
             called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
             if called == "say" and node.args:
                 found |= _strings(node.args[0])
+            elif called == "count" and len(node.args) > 2:
+                found |= {text for form in node.args[1:3] for text in _strings(form)}
             elif called == "Way":
                 found |= _strings(node.args[2])
             elif called in ("PageHelp", "TourStep"):
@@ -36,6 +40,41 @@ def _strings(node: ast.AST) -> set[str]:
     return {leaf.value for leaf in ast.walk(node) if isinstance(leaf, ast.Constant) and isinstance(leaf.value, str)}
 
 
+def sentences_of_the_robot() -> set[str]:
+    """Every form that rooms make sentences of, and the words of states, refusals, roles and rights."""
+    found = {word.value for word in PartState} | {refusal.words for refusal in Refusal}
+    found |= {refusal.name.lower().replace("_", " ") for refusal in Refusal}
+    found |= {words for role in Role for words in (role.word, role.one)} | {right.value for right in Right}
+    for path in Path(str(msbot.__path__[0])).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+            if isinstance(node, ast.Call) and called in ("said", "counted"):
+                forms = node.args[:1] if called == "said" else node.args[1:]
+                found |= {text for form in forms for text in _forms(form)}
+    return {form for form in found if re.search("[A-Za-z]{2}", re.sub("{[^}]*}", "", form))}
+
+
+def _forms(node: ast.AST) -> set[str]:
+    """The text that stands there, or the two that are chosen from."""
+    if isinstance(node, ast.IfExp):
+        return _forms(node.body) | _forms(node.orelse)
+    return {node.value} if isinstance(node, ast.Constant) and isinstance(node.value, str) else set()
+
+
+def texts_of_the_library() -> set[str]:
+    """What the library says of its part types, as far as it holds words."""
+    library = load_library()
+    found = {message.description for message in library.messages.values()}
+    for entry in library:
+        found |= {entry.name, entry.description, entry.resolution, entry.connector, entry.specification}
+        found |= {port.description for port in entry.ports} | {pin.description for pin in entry.pins}
+        found |= {one.description for one in entry.parameters}
+        if entry.simulator is not None:
+            found |= {one.words for one in entry.simulator.controls}
+    return {text for text in found if re.search("[a-z]{3}", text)} - OF_ANY_LANGUAGE
+
+
+OF_ANY_LANGUAGE = {"800 kbit/s", "9600 bit/s", "8 bit", "10 bit", "16 bit", "24 bit"}
 OTHERS = [language for code, language in languages().items() if code != "en"]
 
 
@@ -50,9 +89,24 @@ def test_every_text_of_the_pages_is_translated(code: str) -> None:
 
 
 @pytest.mark.parametrize("code", [language.code for language in OTHERS])
+def test_every_sentence_of_the_robot_is_translated(code: str) -> None:
+    found = sentences_of_the_robot()
+    assert "heard again after {silence:.1f} s" in found, "the forms are found at all"
+    assert found - set(languages()[code].texts) == set()
+
+
+@pytest.mark.parametrize("code", [language.code for language in OTHERS])
+def test_the_whole_library_is_translated(code: str) -> None:
+    found = texts_of_the_library()
+    assert "Servo, 180 degrees" in found
+    assert found - set(languages()[code].texts) == set()
+
+
+@pytest.mark.parametrize("code", [language.code for language in OTHERS])
 def test_translations_have_the_same_values(code: str) -> None:
     for english, text in languages()[code].texts.items():
-        assert set(re.findall(r"{\w+}", text)) == set(re.findall(r"{\w+}", english)), english
+        # A value may be said twice, or left out where the language needs no more words; none may be made up.
+        assert set(re.findall(r"{(\w+)", text)) <= set(re.findall(r"{(\w+)", english)), english
 
 
 def connection(accept: str = "", chosen: str = "") -> HTTPConnection:
@@ -77,3 +131,28 @@ def test_what_is_not_translated_shows_in_english() -> None:
     german = languages()["de"]
     assert german.say("not in the catalogue {n}", n=3) == "not in the catalogue 3"
     assert german.say("Unplug {name}", name="BB") == "BB ausstecken"
+
+
+def test_a_sentence_is_said_with_its_values() -> None:
+    german = languages()["de"]
+    sentence = said("{old} is {state} ({reason})", old="AA", state=said("lost"),
+                    reason=said("no beat for {seconds:.1f} s", seconds=5.04))  # fmt: skip
+    assert german.say(sentence) == "AA ist verloren (kein Herzschlag seit 5,0 s)"
+    assert languages()["en"].say(sentence) == sentence == "AA is lost (no beat for 5.0 s)"
+
+
+@pytest.mark.parametrize(
+    ("number", "words"), [(1, "1 Person kann"), (0, "0 Personen können"), (7, "7 Personen können")]
+)
+def test_a_number_of_things_has_its_own_form(number: int, words: str) -> None:
+    told = counted(number, "{count} person can sign in", "{count} people can sign in")
+    assert languages()["de"].say(told) == f"{words} sich anmelden"
+
+
+@pytest.mark.parametrize(
+    ("value", "form", "words"),
+    [(49.9, "", "49,9"), (0.25, ".1f", "0,2"), (1234567.0, ",.1f", "1.234.567,0"), (3, "g", "3")]
+)  # fmt: skip
+def test_numbers_are_written_the_german_way(value: float, form: str, words: str) -> None:
+    assert languages()["de"].number(value, form) == words
+    assert languages()["en"].number(value, form) == format(value, form)

@@ -18,6 +18,7 @@ from msbot.agent.proxy import Proxy
 from msbot.agent.timers import TimerHeap
 from msbot.errors import LinkDown, LinkFull
 from msbot.link import Peer
+from msbot.runtime.sentence import said
 
 EndSession = Callable[[Proxy, str], None]
 
@@ -179,5 +180,8 @@ class Flusher:
         if when is not None:
             self.watch_life(proxy, when)
             return
-        silence = f"silent for {now - proxy.last_heard:.1f} s, and did not answer"
-        self._end_session(proxy, silence if proxy.gone is None else f"{proxy.gone}, and did not come back")
+        if proxy.gone is None:
+            why = said("silent for {seconds:.1f} s, and did not answer", seconds=now - proxy.last_heard)
+        else:
+            why = said("{gone}, and did not come back", gone=proxy.gone)
+        self._end_session(proxy, why)

@@ -18,6 +18,7 @@ from msbot.agent.rivals import PATIENCE_ON_A_BUS_S, PATIENCE_S, Rivals
 from msbot.agent.session_budget import SessionBudget
 from msbot.errors import RemoteProtocolError
 from msbot.link import Peer
+from msbot.runtime.sentence import said
 from msbot.xrce import Status
 from msbot.xrce.messages import (
     COOKIE,
@@ -93,7 +94,7 @@ class Handshake:
     def _log_in(self, port: ServedLink, peer: Peer, request: CreateClient, now: float) -> Status:
         owner = port.clients.get(peer)
         if owner is not None and owner.info.client_key != request.client_key:
-            self._end_session(owner, "another client logged in from its address")
+            self._end_session(owner, said("another client logged in from its address"))
         status = _check(request)
         if status is not Status.OK:
             return status
@@ -111,7 +112,7 @@ class Handshake:
             known.log_in_again(info, min(request.mtu, link.info.mtu), now)
         else:
             if known is not None:
-                self._end_session(known, "replaced by a new session of the same key")
+                self._end_session(known, said("replaced by a new session of the same key"))
             elif others:
                 self._rivals.make_room(request.client_key)
             origin = link.origin(peer)
@@ -141,13 +142,13 @@ class Handshake:
         """End what must go before another session is opened from there; False when nothing may."""
         stranger = self._budget.who_makes_room(origin)
         if stranger is not None:
-            self._end_session(stranger, "made room for a newcomer: too many clients that hold no place")
+            self._end_session(stranger, said("made room for a newcomer: too many clients that hold no place"))
         if len(self._clients) < self._settings.max_clients:
             return True
         forgotten = self._budget.who_is_forgotten(self._clients, now)
         if forgotten is None:
             return False
-        self._end_session(forgotten, "made room for a newcomer: too many clients")
+        self._end_session(forgotten, said("made room for a newcomer: too many clients"))
         return True
 
 

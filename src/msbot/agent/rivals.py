@@ -17,6 +17,7 @@ from functools import partial
 from msbot.agent.client_table import ClientTable
 from msbot.agent.gate import Gate
 from msbot.agent.proxy import Proxy
+from msbot.runtime.sentence import said
 
 logger = logging.getLogger(__name__)
 
@@ -59,7 +60,7 @@ class Rivals:
         if len(beside) >= MOST_BESIDE:
             (origin, _), *_ = Counter(self._origins[proxy] for proxy in beside).most_common(1)
             oldest = next(proxy for proxy in beside if self._origins[proxy] == origin)
-            self._end_session(oldest, "made room for another newcomer with its key")
+            self._end_session(oldest, said("made room for another newcomer with its key"))
 
     def begin(self, newcomer: Proxy, others: tuple[Proxy, ...], origin: Hashable, now: float) -> None:
         """A session was opened beside others of its key: find out which of them live."""
@@ -88,11 +89,14 @@ class Rivals:
     def _look(self, others: tuple[Proxy, ...], since: float) -> None:
         for other in others:
             if not other.is_over and other.last_heard <= since and not self._gate.is_settled(other.info):
-                self._end_session(other, "silent when its key came from another address")
+                self._end_session(other, said("silent when its key came from another address"))
 
     def _give_up(self, newcomer: Proxy) -> None:
         self._origins.pop(newcomer, None)
         if newcomer.is_over or self._gate.is_settled(newcomer.info):
             return
         if len(self._clients.sharing(newcomer.info.client_key)) > 1:
-            self._end_session(newcomer, f"held for {HELD_S:g} s beside another session of its key, and has no place")
+            self._end_session(
+                newcomer,
+                said("held for {seconds:g} s beside another session of its key, and has no place", seconds=HELD_S),
+            )

@@ -26,6 +26,7 @@ from msbot.agent.session_budget import SessionBudget
 from msbot.agent.statistics import ClientView, TopicTable
 from msbot.errors import BusTaken, LinkDown
 from msbot.link import Link, Peer, Signal, Tap
+from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 from msbot.space import Space
 from msbot.xrce import AgentSession, AgentSessionSettings, References
@@ -234,7 +235,7 @@ class Agent:
         proxy.receive(packet, now)
         if proxy.is_over:
             self._flusher.send(proxy, now)
-            self._end_session(proxy, "session deleted")
+            self._end_session(proxy, said("session deleted"))
 
     def _keyed(self, client_key: int, port: ServedLink, peer: Peer) -> Proxy | None:
         """The client whose key a header shows: at its own address, or from anywhere unless the gate keeps sessions."""
@@ -251,7 +252,7 @@ class Agent:
         for answer in proxy.session.packets_to_send(now):
             self._flusher.send_one(port, answer, peer)
         if proxy.is_over:
-            self._end_session(proxy, "session deleted")
+            self._end_session(proxy, said("session deleted"))
 
     def _signal_received(self, port: ServedLink, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
         if signal is Signal.LINK_UP:
@@ -333,7 +334,7 @@ class Agent:
             if port.opened and not isinstance(error, BusTaken):
                 logger.warning("link %s has ended: %s", port.link.info.name, error)
         for proxy in list(port.members):
-            self._end_session(proxy, f"link {port.link.info.name} has ended")
+            self._end_session(proxy, said("link {link} has ended", link=port.link.info.name))
         del self._tasks[port]
         if not self._tasks or (failure is not None and (isinstance(failure, BusTaken) or not port.opened)):
             self._failure = failure

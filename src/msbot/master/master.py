@@ -24,6 +24,7 @@ from msbot.part import Client
 from msbot.pnp import Access, Inventory, Keys, LifeTiming, PartStore, Profile
 from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
 from msbot.pnp.services import InventoryService, MasterService
+from msbot.runtime.sentence import said
 from msbot.space import MemorySpace, Space
 
 MASTER_KEY = 0x4D734D01
@@ -174,7 +175,7 @@ class Master:
             ConfigError: nobody said STOP.
         """
         if not self._stop.holds:
-            raise ConfigError("nobody said STOP: there is nothing to end")
+            raise ConfigError(said("nobody said STOP: there is nothing to end"))
         told = self._inventory.go_all(by)
         self._stop_said()
         return told

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from msbot.errors import ConfigError
+from msbot.runtime.sentence import said
 
 LONGEST_WINDOW_S = 3600.0
 
@@ -24,7 +25,13 @@ class AdoptionWindow:
             ConfigError: the time is out of range.
         """
         if not 1.0 <= seconds <= LONGEST_WINDOW_S:
-            raise ConfigError(f"an adoption window of {seconds:g} s: it must be 1 to {LONGEST_WINDOW_S:g} s")
+            raise ConfigError(
+                said(
+                    "an adoption window of {seconds:g} s: it must be 1 to {longest_window_s:g} s",
+                    seconds=seconds,
+                    longest_window_s=LONGEST_WINDOW_S,
+                )
+            )
         self._until, self.slot, self.who = now + seconds, slot, who
 
     def close(self) -> None:

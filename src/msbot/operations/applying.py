@@ -9,6 +9,7 @@ from msbot.config import Blueprint, Library, open_blueprint
 from msbot.errors import ConfigError
 from msbot.operations.outcome import Outcome
 from msbot.operations.running_robot import RunningRobot
+from msbot.runtime.sentence import said
 from msbot.runtime.worker import Workshop
 
 
@@ -40,12 +41,18 @@ class BlueprintChange:
         registry, robot = running.database()
         types = library or running.library
         if types is None:
-            raise ConfigError("this robot was started without its library: it cannot take another blueprint")
+            raise ConfigError(said("this robot was started without its library: it cannot take another blueprint"))
         profile = blueprint.robot
         if (profile.name, profile.serial_number) != (robot.name, robot.serial_number):
             raise ConfigError(
-                f"this is the blueprint of {profile.name} {profile.serial_number}, and the robot that runs is "
-                f"{robot.name} {robot.serial_number}: start another master for the other one"
+                said(
+                    "this is the blueprint of {profile} {serial_number}, and the robot that runs is {robot} "
+                    "{other_number}: start another master for the other one",
+                    profile=profile.name,
+                    serial_number=profile.serial_number,
+                    robot=robot.name,
+                    other_number=robot.serial_number,
+                )
             )
         _, edit = await registry.storage.in_time(registry.robots.change_blueprint, blueprint, types, who)
         running.library = types
@@ -53,8 +60,9 @@ class BlueprintChange:
         inventory.reload(running.now())
         running.configure(slot.name for slot in blueprint.slots)
         if edit is None:
-            return Outcome("the blueprint changes nothing")
+            return Outcome(said("the blueprint changes nothing"))
         words = edit.words
         if (before.timing, before.robot, before.options) != (blueprint.timing, blueprint.robot, blueprint.options):
-            words += "; profile, timing and options hold from the master's next start on"
+            later = said("profile, timing and options hold from the master's next start on")
+            words = said("{words}; {later}", words=words, later=later)
         return Outcome(words, edit.id)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from msbot.errors import ConfigError
 from msbot.operations.table import Argument, ArgumentKind, Operation
+from msbot.runtime.sentence import said
 
 
 def read_arguments(operation: Operation, given: object) -> dict[str, object]:
@@ -19,10 +20,17 @@ def read_arguments(operation: Operation, given: object) -> dict[str, object]:
         ConfigError: one is missing, unknown, or not what it must be.
     """
     if not isinstance(given, Mapping):
-        raise ConfigError(f"{operation.name}: the arguments must be an object")
+        raise ConfigError(said("{operation}: the arguments must be an object", operation=operation.name))
     names = [argument.name for argument in operation.arguments]
     if unknown := sorted(str(name) for name in given.keys() - set(names)):
-        raise ConfigError(f"{operation.name} knows no {', '.join(unknown)}; it takes {', '.join(names) or 'nothing'}")
+        raise ConfigError(
+            said(
+                "{operation} knows no {unknown}; it takes {names}",
+                operation=operation.name,
+                unknown=", ".join(unknown),
+                names=", ".join(names) or "nothing",
+            )
+        )
     return {
         argument.passed_as: _read(operation.name, argument, given.get(argument.name))
         for argument in operation.arguments
@@ -32,19 +40,37 @@ def read_arguments(operation: Operation, given: object) -> dict[str, object]:
 def _read(do: str, argument: Argument, value: object) -> object:
     if value is None:
         if argument.is_needed:
-            raise ConfigError(f"{do}: {argument.name} is missing")
+            raise ConfigError(said("{do}: {argument} is missing", do=do, argument=argument.name))
         return argument.default
     found = _of_kind(argument.kind, value)
     if found is None:
-        raise ConfigError(f"{do}: {argument.name} must be {argument.kind.value}")
+        raise ConfigError(
+            said("{do}: {argument} must be {kind}", do=do, argument=argument.name, kind=argument.kind.value)
+        )
     texts = [found] if isinstance(found, str) else found if isinstance(found, list) else []
     if any(len(text) > argument.longest for text in texts):
-        raise ConfigError(f"{do}: {argument.name} is too long; it may have {argument.longest} characters")
+        raise ConfigError(
+            said(
+                "{do}: {argument} is too long; it may have {longest} characters",
+                do=do,
+                argument=argument.name,
+                longest=argument.longest,
+            )
+        )
     if isinstance(found, int | float) and not isinstance(found, bool):
         is_low = argument.least is not None and not found >= argument.least
         is_high = argument.most is not None and not found <= argument.most
         if is_low or is_high:
-            raise ConfigError(f"{do}: {argument.name} is {found:g}; it must be {argument.least:g} to {argument.most:g}")
+            raise ConfigError(
+                said(
+                    "{do}: {argument} is {found:g}; it must be {least:g} to {most:g}",
+                    do=do,
+                    argument=argument.name,
+                    found=found,
+                    least=argument.least,
+                    most=argument.most,
+                )
+            )
     return found
 
 

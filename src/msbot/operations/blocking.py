@@ -10,6 +10,7 @@ from msbot.operations.part_names import uid_of
 from msbot.operations.running_robot import RunningRobot
 from msbot.operations.stored_robot import StoredRobot
 from msbot.registry.edits import blocks
+from msbot.runtime.sentence import said
 
 
 class Blocking:
@@ -24,30 +25,41 @@ class Blocking:
         kind, key, words = self._block_key(part)
         edit = await self._running.change(who, partial(blocks.block, kind=kind, key=key, reason=reason))
         self._inventory.blocks_changed(self._running.now())
-        return outcome_of(edit, f"{words} is blocked{': ' if reason else ''}{reason}")
+        return outcome_of(
+            edit,
+            said("{part} is blocked: {reason}", part=words, reason=reason)
+            if reason
+            else said("{part} is blocked", part=words),
+        )
 
     async def unblock(self, part: str, who: str) -> Outcome:
         """Let a part, or all parts of a number, in again; they come back by themselves."""
         kind, key, words = self._block_key(part)
         uid, number = (bytes.fromhex(key), "") if kind == "uid" else (b"", key)
         if self._inventory.blocked(uid, number) is None:
-            raise ConfigError(f"{words} is not blocked")
+            raise ConfigError(said("{part} is not blocked", part=words))
         edit = await self._running.change(who, partial(blocks.unblock, kind=kind, key=key))
-        return outcome_of(edit, f"{words} may come in again")
+        return outcome_of(edit, said("{part} may come in again", part=words))
 
     def _block_key(self, word: str) -> tuple[str, str, str]:
         """(kind, key, words) of what a person means to block."""
         library = self._running.library
         seen = {info.part_number for info in self._inventory.view(self._running.now())}
         if word in seen or (library is not None and library.get(word) is not None):
-            return "number", word, f"part number {word}"
+            return "number", word, said("part number {word}", word=word)
         if (uid := uid_of(word)) is not None:
-            return "uid", uid.hex(), f"the part with UID {uid.hex()}"
+            return "uid", uid.hex(), said("the part with UID {uid}", uid=uid.hex())
         found = self._inventory.find(word, self._running.now())
         info = found[0] if len(found) == 1 else self._running.part(word)  # also one that is gone
         if info.uid:
-            return "uid", info.uid.hex(), f"{info.part} (UID {info.uid.hex()})"
-        raise ConfigError(f"{info.part} has no UID by which it could be blocked: block its number, {info.part_number}")
+            return "uid", info.uid.hex(), said("{part} (UID {uid})", part=info.part, uid=info.uid.hex())
+        raise ConfigError(
+            said(
+                "{part} has no UID by which it could be blocked: block its number, {part_number}",
+                part=info.part,
+                part_number=info.part_number,
+            )
+        )
 
 
 class StoredBlocking:
@@ -66,7 +78,7 @@ class StoredBlocking:
         kind, key = self._block_key(part)
         uid, number = (bytes.fromhex(key), "") if kind == "uid" else (b"", key)
         if self._stored.store.blocked(uid, number) is None:
-            raise ConfigError(f"{part} is not blocked")
+            raise ConfigError(said("{part} is not blocked", part=part))
         return outcome_of(await self._stored.change(who, partial(blocks.unblock, kind=kind, key=key)))
 
     def _block_key(self, word: str) -> tuple[str, str]:

@@ -20,6 +20,7 @@ from msbot.part import Message
 from msbot.part.messages.message import fields_of
 from msbot.pnp import HeldPort, StopStatus
 from msbot.registry import EditKind
+from msbot.runtime.sentence import said
 from msbot.sim.message_classes import message_class
 from msbot.space import Qos, Topic, Writer
 
@@ -58,32 +59,38 @@ class ByHand:
     def publish(self, port: str, values: Sequence[str], seconds: float, who: str) -> Outcome:
         """Drive a port with these values, and hold it for so many seconds."""
         if self._running.master.stop.stopped:
-            raise ConfigError(f"STOP is in force: {port} stays in its safe state until GO")
+            raise ConfigError(said("STOP is in force: {port} stays in its safe state until GO", port=port))
         end = endpoint_of(self._running, port)
         holder = self._running.holder(end.slot)
         if holder is None or not holder.state.is_registered:
-            raise ConfigError(f"slot {end.slot} has no part now: there is nothing to drive")
+            raise ConfigError(said("slot {slot} has no part now: there is nothing to drive", slot=end.slot))
         declared = self._port(end.slot, end.port, holder.part_number)
         message = _message(declared, end.slot, values)
         hold = self._holds.get((end.slot, end.port))
         if hold is None or hold.ending:
             hold = self._take(declared, end.slot, message, who)
-            self._running.note(EditKind.HAND, f"{who} drives {end.slot}.{end.port} by hand", who)
+            self._running.note(
+                EditKind.HAND, said("{who} drives {slot}.{port} by hand", who=who, slot=end.slot, port=end.port), who
+            )
         hold.message, hold.who = message, who
         hold.until = self._running.now() + seconds
         self._say(hold)
         shown = ", ".join(f"{name} {getattr(message, name)}" for name in declared.message.fields)  # type: ignore[union-attr]
-        return Outcome(f"{end.slot}.{end.port}: {shown}, for {seconds:g} s")
+        return Outcome(
+            said(
+                "{slot}.{port}: {shown}, for {seconds:g} s", slot=end.slot, port=end.port, shown=shown, seconds=seconds
+            )
+        )
 
     def let_go(self, port: str, who: str) -> Outcome:
         """Hold a port no more: it gets its safe value, then what its wire says."""
         end = endpoint_of(self._running, port)
         hold = self._holds.get((end.slot, end.port))
         if hold is None or hold.ending:
-            raise ConfigError(f"nobody drives {port} by hand")
+            raise ConfigError(said("nobody drives {port} by hand", port=port))
         hold.who = who
         self._end(hold)
-        return Outcome(f"{port} gets its safe value and follows its wire again")
+        return Outcome(said("{port} gets its safe value and follows its wire again", port=port))
 
     def held(self) -> Mapping[tuple[str, str], str]:
         """Who drives which port: `(slot, port)` -> name."""
@@ -106,12 +113,27 @@ class ByHand:
         library = self._running.library
         part_type = None if library is None else library.find(number)
         if part_type is None:
-            raise ConfigError(f"the library does not know {number}: nobody can say what {slot}.{name} takes")
+            raise ConfigError(
+                said(
+                    "the library does not know {number}: nobody can say what {slot}.{name} takes",
+                    number=number,
+                    slot=slot,
+                    name=name,
+                )
+            )
         declared = part_type.port(name)
         drivable = [one.name for one in part_type.ports if one.direction is Direction.SUBSCRIBE and one.message]
         if declared is None or declared.name not in drivable:
             known = ", ".join(f"{slot}.{one}" for one in drivable) or "it has none"
-            raise ConfigError(f"{slot}.{name} is no port that can be driven; those of {number}: {known}")
+            raise ConfigError(
+                said(
+                    "{slot}.{name} is no port that can be driven; those of {number}: {known}",
+                    slot=slot,
+                    name=name,
+                    number=number,
+                    known=known,
+                )
+            )
         return declared
 
     def _take(self, declared: Port, slot: str, message: Message, who: str) -> _Hold:
@@ -161,7 +183,7 @@ class ByHand:
             self._running.configure([where[0]])
         except RegistryError as error:
             _log.warning("%s.%s follows its wire again when its part comes back: %s", *where, error)
-        self._running.note(EditKind.HAND, f"{'.'.join(where)} is driven by hand no more", hold.who)
+        self._running.note(EditKind.HAND, said("{where} is driven by hand no more", where=".".join(where)), hold.who)
 
     def _drop(self, hold: _Hold) -> None:
         if hold.timer is not None:
@@ -186,11 +208,26 @@ def _message(declared: Port, slot: str, values: Sequence[str]) -> Message:
         name, equals, value = text.partition("=")
         if not equals or name not in fields:
             if place >= len(fields):
-                raise ConfigError(f"{where} takes {len(fields)} values, not {len(values)}: {shown}")
+                raise ConfigError(
+                    said(
+                        "{where} takes {count} values, not {count2}: {shown}",
+                        where=where,
+                        count=len(fields),
+                        count2=len(values),
+                        shown=shown,
+                    )
+                )
             name, value = list(fields)[place], text
         given[name] = value
     if missing := [name for name in fields if name not in given]:
-        raise ConfigError(f"{where} needs a value for {', '.join(missing)}; it takes {shown}")
+        raise ConfigError(
+            said(
+                "{where} needs a value for {missing}; it takes {shown}",
+                where=where,
+                missing=", ".join(missing),
+                shown=shown,
+            )
+        )
     return message_class(declared.message)(**{name: _value(where, name, fields[name], given[name]) for name in fields})
 
 
@@ -209,7 +246,9 @@ def _value(where: str, name: str, kind: FieldKind, text: str) -> Scalar:
             value = int(text, 0) if kind.is_whole else float(text)
     except (KeyError, ValueError):
         needed = "on or off" if kind is FieldKind.BOOL else "a whole number" if kind.is_whole else "a number"
-        raise ConfigError(f"{where}: {name} must be {needed}, not {text!r}") from None
+        raise ConfigError(
+            said("{where}: {name} must be {needed}, not {text!r}", where=where, name=name, needed=needed, text=text)
+        ) from None
     if fault := kind.fault(value):
         raise ConfigError(f"{where}: {name} {fault}")
     return value

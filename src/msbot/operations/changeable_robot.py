@@ -10,6 +10,7 @@ from msbot.errors import ConfigError
 from msbot.operations.part_names import one_slot
 from msbot.registry import EditRecord, Registry, RobotRecord
 from msbot.registry.edits.editing import Making
+from msbot.runtime.sentence import said
 
 _T = TypeVar("_T")
 
@@ -54,5 +55,5 @@ def endpoint_of(robot: ChangeableRobot, text: str) -> SlotPort:
     """
     slot, _, port = text.rpartition(".")
     if not slot or not port:
-        raise ConfigError(f"{text!r} is no port: write SLOT.port, for example AA.out")
+        raise ConfigError(said("{text!r} is no port: write SLOT.port, for example AA.out", text=text))
     return SlotPort(slot_of(robot, slot), port)

@@ -30,6 +30,7 @@ from msbot.operations.table import OPERATIONS, Kept
 from msbot.operations.undoing import StoredUndoing, Undoing
 from msbot.operations.wires import Wires
 from msbot.registry import Registry, RobotRecord
+from msbot.runtime.sentence import said
 
 
 class Operations:
@@ -66,7 +67,13 @@ class Operations:
         """
         row = OPERATIONS.get(operation)
         if row is None:
-            raise ConfigError(f"there is no operation {operation!r}; there are {', '.join(OPERATIONS)}")
+            raise ConfigError(
+                said(
+                    "there is no operation {operation!r}; there are {operations}",
+                    operation=operation,
+                    operations=", ".join(OPERATIONS),
+                )
+            )
         asker = user_of_computer(who) if isinstance(who, str) else who
         asker.require(row.right)
         given = read_arguments(row, arguments)
@@ -74,7 +81,12 @@ class Operations:
             await self.undoing.check_own(asker, row.right_for_others, given)
         method = self._methods.get(operation)
         if method is None:
-            raise ConfigError(f"{operation} needs the robot's master, and it does not run: start it, `msbot master`")
+            raise ConfigError(
+                said(
+                    "{operation} needs the robot's master, and it does not run: start it, `msbot master`",
+                    operation=operation,
+                )
+            )
         if not row.is_question:
             self.asked += 1
             given["who"] = asker.name
@@ -137,11 +149,13 @@ async def perform(operations: Operations, request: Mapping[str, object]) -> dict
     do, who, arguments = request.get("do"), request.get("who"), request.get("args", {})
     try:
         if not isinstance(do, str) or do not in OPERATIONS:
-            raise ConfigError(f"there is no operation {do!r}; there are {', '.join(OPERATIONS)}")
+            raise ConfigError(
+                said("there is no operation {do!r}; there are {operations}", do=do, operations=", ".join(OPERATIONS))
+            )
         if not isinstance(who, str) or not who:
-            raise ConfigError(f"{do}: it is not said who asks for it")
+            raise ConfigError(said("{do}: it is not said who asks for it", do=do))
         if not isinstance(arguments, dict):
-            raise ConfigError(f"{do}: the arguments must be an object")
+            raise ConfigError(said("{do}: the arguments must be an object", do=do))
         return (await operations.do(do, who=who, **arguments)).as_json()
     except MsbotError as error:
         return {"error": str(error)}

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 
 from msbot.errors import ConfigError, NotThere
 from msbot.pnp import PartInfo
+from msbot.runtime.sentence import said
 
 UID_DIGITS = 16
 
@@ -32,12 +33,26 @@ def one_part(
         return wanted[0]
     if wanted:
         names = "; ".join(describe(info) for info in wanted)
-        raise ConfigError(f"{len(wanted)} parts are known as {word!r}: name one by its UID or address: {names}")
+        raise ConfigError(
+            said(
+                "{count} parts are known as {word!r}: name one by its UID or address: {names}",
+                count=len(wanted),
+                word=word,
+                names=names,
+            )
+        )
     if found:
         gone = found[-1]
-        raise ConfigError(f"{gone.part} is not plugged in: {gone.state.value}, {gone.reason}")
+        raise ConfigError(
+            said(
+                "{gone} is not plugged in: {state}, {reason}",
+                gone=gone.part,
+                state=said(gone.state.value),
+                reason=gone.reason,
+            )
+        )
     names = ", ".join(dict.fromkeys(info.part for info in all_parts if not info.state.is_over))
-    raise NotThere(f"no part is known as {word!r}; there are {names or 'none yet'}")
+    raise NotThere(said("no part is known as {word!r}; there are {names}", word=word, names=names or said("none yet")))
 
 
 def one_slot(name: str, names: Iterable[str]) -> str:
@@ -53,15 +68,26 @@ def one_slot(name: str, names: Iterable[str]) -> str:
     if len(alike) == 1:
         return alike[0]
     close = get_close_matches(name, known)
-    hint = f"did you mean {' or '.join(close)}?" if close else f"there are {', '.join(known) or 'none'}"
-    raise NotThere(f"the robot has no slot {name!r}; {hint}")
+    hint = (
+        said("did you mean {close}?", close=" or ".join(close))
+        if close
+        else said("there are {known}", known=", ".join(known) or said("none"))
+    )
+    raise NotThere(said("the robot has no slot {name!r}; {hint}", name=name, hint=hint))
 
 
 def describe(info: PartInfo) -> str:
     """A part in a few words that tell it from others."""
-    uid = f"UID {info.uid.hex()}" if info.uid else "no UID"
-    where = f"in slot {info.slot}" if info.slot else info.state.value
-    return f"{info.part} ({info.part_number or 'not claimed yet'}, {uid}, {where}, at {info.address})"
+    uid = said("UID {uid}", uid=info.uid.hex()) if info.uid else said("no UID")
+    where = said("in slot {slot}", slot=info.slot) if info.slot else said(info.state.value)
+    return said(
+        "{part} ({number}, {uid}, {where}, at {address})",
+        part=info.part,
+        number=info.part_number or said("not claimed yet"),
+        uid=uid,
+        where=where,
+        address=info.address,
+    )
 
 
 def uid_of(word: str) -> bytes | None:

@@ -16,6 +16,7 @@ from msbot.pnp import Claim, Match, PartEvent, PartInfo, PartState, Refusal, Tak
 from msbot.registry import EditKind, EditRecord
 from msbot.registry.edits import part_places as places
 from msbot.registry.edits.editing import Making
+from msbot.runtime.sentence import said
 
 ITSELF = "msbot"
 """Who does what nobody asked for: a spare that takes over."""
@@ -53,15 +54,25 @@ class Placement:
         target = self._empty_slot_for(info) if slot is None else slot_of(self._running, slot)
         holder = self._running.holder(target)
         if holder is not None and holder.client_key == info.client_key:
-            raise ConfigError(f"{info.part} is in slot {target} already")
+            raise ConfigError(said("{part} is in slot {target} already", part=info.part, target=target))
         if holder is not None:
             raise ConfigError(
-                f"slot {target} is held by {describe(holder)}: to change the two, `msbot swap {target} --to {part}`"
+                said(
+                    "slot {target} is held by {describe}: to change the two, `msbot swap {target} --to {part}`",
+                    target=target,
+                    describe=describe(holder),
+                    part=part,
+                )
             )
         self._check_fits(info, target)
-        words = f"{info.part} ({info.part_number}) is adopted into slot {target}"
+        words = said(
+            "{part} ({part_number}) is adopted into slot {target}",
+            part=info.part,
+            part_number=info.part_number,
+            target=target,
+        )
         edit = await self._store(who, partial(places.put, uid=info.uid, slot=target, words=words))
-        self._move({info.client_key: target}, f"{who} adopted it into slot {target}")
+        self._move({info.client_key: target}, said("{who} adopted it into slot {target}", who=who, target=target))
         return outcome_of(edit, words)
 
     async def swap(self, slot: str, part: str, who: str) -> Outcome:
@@ -72,20 +83,28 @@ class Placement:
             return await self.adopt(part, target, who)
         info = self._running.part(part, prefer=lambda one: one.client_key != holder.client_key)
         if info.client_key == holder.client_key:
-            raise ConfigError(f"{info.part} is in slot {target} already: name the part that shall take its place")
+            raise ConfigError(
+                said(
+                    "{part} is in slot {target} already: name the part that shall take its place",
+                    part=info.part,
+                    target=target,
+                )
+            )
         self._check_movable(info)
         self._check_fits(info, target)
         old_slot = info.slot if info.state.is_registered else None
         moves: dict[int, str | None] = {info.client_key: target}
-        words = f"{info.part} takes slot {target} in place of {holder.part}, which "
+        names: dict[str, object] = {"part": info.part, "slot": target, "holder": holder.part}
         if old_slot is None:
-            words += "stands by"
+            words = said("{part} takes slot {slot} in place of {holder}, which stands by", **names)
         else:
             self._check_fits(holder, old_slot)
             moves[holder.client_key] = old_slot
-            words += f"goes to slot {old_slot}"
+            words = said(
+                "{part} takes slot {slot} in place of {holder}, which goes to slot {old}", old=old_slot, **names
+            )
         edit = await self._store(who, partial(places.swap, uid=info.uid, slot=target, other=holder.uid))
-        self._move(moves, f"{who} swapped slot {target} to {info.part}")
+        self._move(moves, said("{who} swapped slot {target} to {part}", who=who, target=target, part=info.part))
         return outcome_of(edit, words)
 
     async def release(self, slot: str, who: str) -> Outcome:
@@ -93,12 +112,12 @@ class Placement:
         target = slot_of(self._running, slot)
         holder = self._running.holder(target)
         if holder is None:
-            raise ConfigError(f"slot {target} is empty: there is nothing to release")
-        words = f"{holder.part} is released from slot {target}"
+            raise ConfigError(said("slot {target} is empty: there is nothing to release", target=target))
+        words = said("{holder} is released from slot {target}", holder=holder.part, target=target)
         edit = None
         if holder.uid:
             edit = await self._store(who, partial(places.put, uid=holder.uid, slot=None, words=words))
-        self._move({holder.client_key: None}, f"{who} released slot {target}")
+        self._move({holder.client_key: None}, said("{who} released slot {target}", who=who, target=target))
         return outcome_of(edit, words)
 
     @property
@@ -116,20 +135,39 @@ class Placement:
         target = None if slot is None else slot_of(self._running, slot)
         if target is not None and (holder := self._running.holder(target)) is not None:
             raise ConfigError(
-                f"slot {target} is held by {describe(holder)}: release it first, `msbot release {target}`"
+                said(
+                    "slot {target} is held by {describe}: release it first, `msbot release {target}`",
+                    target=target,
+                    describe=describe(holder),
+                )
             )
         self._window.open(seconds, target, who, self._running.now())
-        where = "" if target is None else f" for slot {target}"
-        self._running.note(EditKind.WINDOW, f"{who} opened the adoption window for {seconds:g} s{where}", who)
+        where = "" if target is None else said(" for slot {target}", target=target)
+        self._running.note(
+            EditKind.WINDOW,
+            said("{who} opened the adoption window for {seconds:g} s{where}", who=who, seconds=seconds, where=where),
+            who,
+        )
         if target is None:
-            return Outcome(f"for {seconds:g} s parts of any kind can be adopted: `msbot adopt PART --slot SLOT`")
-        return Outcome(f"the next newcomer within {seconds:g} s gets slot {target}: plug it in now")
+            return Outcome(
+                said(
+                    "for {seconds:g} s parts of any kind can be adopted: `msbot adopt PART --slot SLOT`",
+                    seconds=seconds,
+                )
+            )
+        return Outcome(
+            said(
+                "the next newcomer within {seconds:g} s gets slot {target}: plug it in now",
+                seconds=seconds,
+                target=target,
+            )
+        )
 
     def close_window(self, who: str) -> Outcome:
         """Let no strangers in any more; does nothing when the window is closed."""
         self._window.close()
         _log.info("the adoption window is closed by %s", who)
-        return Outcome("the adoption window is closed")
+        return Outcome(said("the adoption window is closed"))
 
     # Undoing
 
@@ -143,7 +181,11 @@ class Placement:
             holder = None if slot is None else self._running.holder(slot)
             if holder is not None and holder.uid != uid and self._running.here(uid) is None:
                 raise ConfigError(
-                    f"the part that had slot {slot} before (UID {uid.hex()}) is not plugged in: plug it in, then undo"
+                    said(
+                        "the part that had slot {slot} before (UID {uid}) is not plugged in: plug it in, then undo",
+                        slot=slot,
+                        uid=uid.hex(),
+                    )
                 )
 
     def follow(self, edit: EditRecord, who: str) -> None:
@@ -154,7 +196,7 @@ class Placement:
             if (info := self._running.here(uid)) is not None and info.state not in _NOT_YET
         }
         if moves:
-            self._move(moves, f"{who} undid a change")
+            self._move(moves, said("{who} undid a change", who=who))
 
     # What happens by itself
 
@@ -171,12 +213,22 @@ class Placement:
             return
         slot, who = self._newcomers.pop(event.uid)
         if event.to_state is PartState.ACTIVE:
-            words = f"{event.part} ({event.part_number}) is adopted into slot {slot}, as the next newcomer"
+            words = said(
+                "{event} ({part_number}) is adopted into slot {slot}, as the next newcomer",
+                event=event.part,
+                part_number=event.part_number,
+                slot=slot,
+            )
             self._soon(event.uid, slot, who, words, by_hand=True)
 
     def _taken_over(self, taken: TakeOver) -> None:
         if taken.claim.uid:
-            words = f"the spare {taken.part} has taken over slot {taken.slot} from {taken.lost_part}"
+            words = said(
+                "the spare {taken} has taken over slot {slot} from {lost_part}",
+                taken=taken.part,
+                slot=taken.slot,
+                lost_part=taken.lost_part,
+            )
             self._soon(taken.claim.uid, taken.slot, ITSELF, words, by_hand=False)
 
     def _soon(self, uid: bytes, slot: str, who: str, words: str, *, by_hand: bool) -> None:
@@ -212,22 +264,34 @@ class Placement:
         if reason := _NOT_YET.get(info.state):
             raise ConfigError(f"{info.part} {reason}")
         if info.state is PartState.REFUSED and info.refusal not in _ADOPTABLE:
-            mend = f": `msbot unblock {info.uid.hex()}`" if info.refusal is Refusal.BLOCKED else ""
-            raise ConfigError(f"{info.part} cannot be let in: {info.reason}{mend}")
+            mend = said(": `msbot unblock {info}`", info=info.uid.hex()) if info.refusal is Refusal.BLOCKED else ""
+            raise ConfigError(
+                said("{part} cannot be let in: {reason}{mend}", part=info.part, reason=info.reason, mend=mend)
+            )
         if info.uid and not info.state.is_registered:
             everybody = self._inventory.view(self._running.now())
             twin = next((one for one in everybody if one.uid == info.uid and one.state.is_registered), None)
             if twin is not None:
                 raise ConfigError(
-                    f"{info.part} shows the UID of {describe(twin)}: one of the two is a copy, pull it out"
+                    said(
+                        "{part} shows the UID of {describe}: one of the two is a copy, pull it out",
+                        part=info.part,
+                        describe=describe(twin),
+                    )
                 )
 
     def _check_fits(self, info: PartInfo, slot: str) -> None:
         if self._inventory.slots.fits(info.part_number, slot) or self.window_s > 0:
             return
         raise ConfigError(
-            f"{info.part} is a part {info.part_number}, and slot {slot} takes {self._inventory.slots.number_of(slot)}: "
-            "to let it in all the same, open the adoption window first, `msbot adopt --window 60`"
+            said(
+                "{part} is a part {part_number}, and slot {slot} takes {slot2}: to let it in all the same, open the "
+                "adoption window first, `msbot adopt --window 60`",
+                part=info.part,
+                part_number=info.part_number,
+                slot=slot,
+                slot2=self._inventory.slots.number_of(slot),
+            )
         )
 
     def _empty_slot_for(self, info: PartInfo) -> str:
@@ -235,5 +299,11 @@ class Placement:
         if len(fitting) == 1:
             return fitting[0]
         if not fitting:
-            raise ConfigError(f"every slot is taken: `msbot swap SLOT --to {info.part}` puts it in another's place")
-        raise ConfigError(f"{info.part} could go into {', '.join(fitting)}: say which one with --slot")
+            raise ConfigError(
+                said("every slot is taken: `msbot swap SLOT --to {part}` puts it in another's place", part=info.part)
+            )
+        raise ConfigError(
+            said(
+                "{part} could go into {fitting}: say which one with --slot", part=info.part, fitting=", ".join(fitting)
+            )
+        )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 
 from msbot.errors import ConfigError
+from msbot.runtime.sentence import said
 
 
 class Role(IntEnum):
@@ -25,7 +26,7 @@ class Role(IntEnum):
     @property
     def one(self) -> str:
         """The same in a sentence: `a teacher`, `an administrator`."""
-        return f"{'an' if self.word[0] in 'aeiou' else 'a'} {self.word}"
+        return said(f"{'an' if self.word[0] in 'aeiou' else 'a'} {self.word}")
 
 
 def role_named(word: str) -> Role:
@@ -37,7 +38,9 @@ def role_named(word: str) -> Role:
     for role in Role:
         if role.word == word:
             return role
-    raise ConfigError(f"there is no role {word!r}: choose {', '.join(role.word for role in Role)}")
+    raise ConfigError(
+        said("there is no role {word!r}: choose {roles}", word=word, roles=", ".join(role.word for role in Role))
+    )
 
 
 class Right(Enum):

@@ -13,6 +13,7 @@ from msbot.operations.part_names import one_part, uid_of
 from msbot.pnp import PartInfo
 from msbot.registry import EditKind, EditRecord, Registry, RobotRecord
 from msbot.registry.edits.editing import Making
+from msbot.runtime.sentence import said
 
 _T = TypeVar("_T")
 
@@ -80,7 +81,7 @@ class RunningRobot:
             ConfigError: there is none.
         """
         if self.registry is None or self.robot is None:
-            raise ConfigError("this robot runs without a database: what is to last cannot be changed")
+            raise ConfigError(said("this robot runs without a database: what is to last cannot be changed"))
         return self.registry, self.robot
 
     async def read(self, read: Callable[[Registry, RobotRecord], _T]) -> _T:

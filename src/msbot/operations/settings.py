@@ -9,6 +9,7 @@ from msbot.operations.changeable_robot import ChangeableRobot, slot_of
 from msbot.operations.outcome import Outcome, outcome_of
 from msbot.registry import ValueRecord
 from msbot.registry.edits import slot_values
+from msbot.runtime.sentence import said
 
 
 class SlotSettings:
@@ -47,7 +48,14 @@ class SlotSettings:
         target = slot_of(self._robot, slot)
         found = await self._find(target, name)
         if found.origin != "hand":
-            raise ConfigError(f"{name} of {target} is not set by hand: its value is the {found.origin}'s")
+            raise ConfigError(
+                said(
+                    "{name} of {target} is not set by hand: its value is the {origin}'s",
+                    name=name,
+                    target=target,
+                    origin=said(found.origin),
+                )
+            )
         return outcome_of(
             await self._robot.change(who, partial(slot_values.set_value, slot=target, name=name, value=None))
         )
@@ -55,7 +63,14 @@ class SlotSettings:
     async def _find(self, slot: str, name: str) -> ValueRecord:
         known = {value.name: value for value in await self.read(slot)}
         if name not in known:
-            raise ConfigError(f"slot {slot} has no parameter {name!r}; it has {', '.join(known) or 'none'}")
+            raise ConfigError(
+                said(
+                    "slot {slot} has no parameter {name!r}; it has {known}",
+                    slot=slot,
+                    name=name,
+                    known=", ".join(known) or said("none"),
+                )
+            )
         return known[name]
 
 

@@ -9,6 +9,7 @@ from msbot.operations.outcome import Outcome
 from msbot.operations.part_names import describe
 from msbot.operations.running_robot import RunningRobot
 from msbot.pnp import PartInfo
+from msbot.runtime.sentence import said
 
 _log = logging.getLogger(__name__)
 
@@ -24,9 +25,11 @@ class Showing:
         """Have a part show itself: blink, beep, whatever it can."""
         info = self._running.part(part, prefer=lambda one: one.state.is_registered)
         if not self._running.master.inventory_service.identify(info.client_key):
-            raise ConfigError(f"{info.part} cannot be told to show itself: its program speaks the thesis' layout only")
+            raise ConfigError(
+                said("{part} cannot be told to show itself: its program speaks the thesis' layout only", part=info.part)
+            )
         _log.info("%s has %s show itself", who, describe(info))
-        return Outcome(f"{info.part} shows itself")
+        return Outcome(said("{part} shows itself", part=info.part))
 
     def why(self, part: str) -> Outcome:
         """In sentences: how a part stands and which rules led there; none when no part is known by that word."""
@@ -39,7 +42,7 @@ class Showing:
         info = self._running.part(part, prefer=lambda one: not one.state.is_registered)
         self._ignored.add(_identity(info))
         _log.info("%s ignores %s", who, describe(info))
-        return Outcome(f"{info.part} is not shown among the arrivals any more")
+        return Outcome(said("{part} is not shown among the arrivals any more", part=info.part))
 
     def is_ignored(self, info: PartInfo) -> bool:
         """Whether somebody asked not to be shown this part among the arrivals."""

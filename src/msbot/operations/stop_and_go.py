@@ -7,6 +7,7 @@ from msbot.operations.outcome import Outcome
 from msbot.operations.running_robot import RunningRobot
 from msbot.pnp import StopStatus
 from msbot.registry import EditKind
+from msbot.runtime.sentence import counted, said
 
 
 class Stopping:
@@ -24,8 +25,11 @@ class Stopping:
     def stop(self, reason: str, who: str) -> Outcome:
         """Say STOP to all parts, first of all; what is to be written comes after."""
         told = self._running.master.say_stop(who, reason).told
-        why = f": {reason}" if reason else ""
-        return Outcome(f"STOP: {_parts(told)} told to go to the safe state{why}")
+        words = counted(
+            told, "STOP: {count} part is told to go to the safe state",
+            "STOP: {count} parts are told to go to the safe state",
+        )  # fmt: skip
+        return Outcome(said("{words}: {reason}", words=words, reason=reason) if reason else words)
 
     def go(self, who: str) -> Outcome:
         """Let the parts work again.
@@ -34,7 +38,9 @@ class Stopping:
             ConfigError: nobody said STOP.
         """
         told = self._running.master.say_go(who)
-        return Outcome(f"STOP is over: {told} part{'' if told == 1 else 's'} may work again")
+        return Outcome(
+            counted(told, "STOP is over: {count} part may work again", "STOP is over: {count} parts may work again")
+        )
 
     def stop_report(self) -> Outcome:
         """STOP as it stands, as JSON: who said it, which parts have confirmed it in how many ms, which have not."""
@@ -42,11 +48,9 @@ class Stopping:
 
     def _said(self, status: StopStatus) -> None:
         if status.stopped:
-            why = f": {status.reason}" if status.reason else ""
-            self._running.note(EditKind.STOP, f"STOP by {status.by}{why}", status.by)
+            words = said("STOP by {name}", name=status.by)
+            if status.reason:
+                words = said("{words}: {reason}", words=words, reason=status.reason)
+            self._running.note(EditKind.STOP, words, status.by)
         else:
-            self._running.note(EditKind.GO, f"{status.by} ended STOP", status.by)
-
-
-def _parts(count: int) -> str:
-    return f"{count} part is" if count == 1 else f"{count} parts are"
+            self._running.note(EditKind.GO, said("{by} ended STOP", by=status.by), status.by)

@@ -10,6 +10,7 @@ from msbot.operations.outcome import Outcome, outcome_of
 from msbot.operations.stored_robot import StoredRobot
 from msbot.registry import PartRecord
 from msbot.registry.edits import part_places as places
+from msbot.runtime.sentence import said
 
 
 class StoredPlacement:
@@ -21,7 +22,7 @@ class StoredPlacement:
     async def adopt(self, part: str, slot: str | None, who: str) -> Outcome:
         """Let a part belong in a slot; it gets the slot when it comes."""
         if slot is None:
-            raise ConfigError("no master runs, so it is not known which slots are empty: name one with --slot")
+            raise ConfigError(said("no master runs, so it is not known which slots are empty: name one with --slot"))
         record, target = self._stored.part(part), slot_of(self._stored, slot)
         self._check_fits(record, target)
         return outcome_of(await self._stored.change(who, partial(places.put, uid=record.uid, slot=target)))
@@ -32,7 +33,7 @@ class StoredPlacement:
         self._check_fits(record, target)
         there = self._parts_of(target)
         if any(one.uid == record.uid for one in there):
-            raise ConfigError(f"{record.name} belongs in slot {target} already")
+            raise ConfigError(said("{name} belongs in slot {target} already", name=record.name, target=target))
         other = max(there, key=lambda one: one.changed_ns).uid if there else b""
         return outcome_of(
             await self._stored.change(who, partial(places.swap, uid=record.uid, slot=target, other=other))
@@ -43,9 +44,9 @@ class StoredPlacement:
         target = slot_of(self._stored, slot)
         there = self._parts_of(target)
         if not there:
-            raise ConfigError(f"no part belongs in slot {target}: there is nothing to release")
+            raise ConfigError(said("no part belongs in slot {target}: there is nothing to release", target=target))
         newest = max(there, key=lambda one: one.changed_ns)
-        words = f"{newest.name} is released from slot {target}"
+        words = said("{newest} is released from slot {target}", newest=newest.name, target=target)
         return outcome_of(await self._stored.change(who, partial(places.put, uid=newest.uid, slot=None, words=words)))
 
     def _parts_of(self, slot: str) -> list[PartRecord]:
@@ -55,6 +56,12 @@ class StoredPlacement:
         matcher = self._stored.matcher
         if not matcher.fits(record.part_number, slot):
             raise ConfigError(
-                f"{record.name} is a part {record.part_number}, and slot {slot} takes "
-                f"{matcher.number_of(slot)}: strangers can be adopted while the master runs only"
+                said(
+                    "{name} is a part {part_number}, and slot {slot} takes {slot2}: strangers can be adopted while the "
+                    "master runs only",
+                    name=record.name,
+                    part_number=record.part_number,
+                    slot=slot,
+                    slot2=matcher.number_of(slot),
+                )
             )

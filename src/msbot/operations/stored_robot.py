@@ -10,6 +10,7 @@ from msbot.operations.part_names import uid_of
 from msbot.pnp import Matcher
 from msbot.registry import EditRecord, PartRecord, Registry, RobotRecord
 from msbot.registry.edits.editing import Making
+from msbot.runtime.sentence import said
 
 _T = TypeVar("_T")
 
@@ -60,8 +61,22 @@ class StoredRobot:
         if len(found) == 1:
             return found[0]
         if found:
-            names = "; ".join(f"{one.name} ({one.part_number}, UID {one.uid.hex()})" for one in found)
-            raise ConfigError(f"{len(found)} parts are known as {word!r}: name one by its UID: {names}")
+            names = "; ".join(
+                said("{name} ({part_number}, UID {one})", name=one.name, part_number=one.part_number, one=one.uid.hex())
+                for one in found
+            )
+            raise ConfigError(
+                said(
+                    "{count} parts are known as {word!r}: name one by its UID: {names}",
+                    count=len(found),
+                    word=word,
+                    names=names,
+                )
+            )
         raise ConfigError(
-            f"no part is known as {word!r}; seen so far: {', '.join(one.name for one in records) or 'none'}"
+            said(
+                "no part is known as {word!r}; seen so far: {records}",
+                word=word,
+                records=", ".join(one.name for one in records) or said("none"),
+            )
         )

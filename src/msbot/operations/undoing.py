@@ -13,6 +13,7 @@ from msbot.operations.rights import Asker, Right
 from msbot.operations.running_robot import RunningRobot
 from msbot.registry import EditRecord
 from msbot.registry.edits.undo import undo
+from msbot.runtime.sentence import said
 
 NEAR_EDITS = 50
 """Among so many there is nearly always one that can be undone."""
@@ -52,7 +53,7 @@ class StoredUndoing:
         number = arguments["edit"]
         found = next((one for one in await self.read(200) if one.can_be_undone and number in (None, one.id)), None)
         if found is None:
-            raise ConfigError("there is no such change that could be undone")
+            raise ConfigError(said("there is no such change that could be undone"))
         if found.who != asker.name or found.kind != "value":
             asker.require(right)
 

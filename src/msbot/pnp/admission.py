@@ -23,6 +23,7 @@ from msbot.pnp.life_watch import LifeWatch
 from msbot.pnp.model import MAX_TEXT, Claim, Configuration, Evidence, PartState, PartStore, Verdict, identity_of
 from msbot.pnp.slot_matching import NO_UID, Match, Matcher
 from msbot.pnp.state_changes import StateChanges
+from msbot.runtime.sentence import said
 
 PENDING = Verdict()
 """Not decided: nothing is answered."""
@@ -123,7 +124,9 @@ class Admission:
         else:
             record.life.refresh(now)
         if record.state is PartState.LATE:
-            self._changes.move(record, PartState.ACTIVE, now, f"heard again after {silence:.1f} s")
+            self._changes.move(
+                record, PartState.ACTIVE, now, said("heard again after {silence:.1f} s", silence=silence)
+            )
 
     def _again(self, record: InventoryRecord, claim: Claim, now: float) -> Verdict:
         """A registered part claims once more: an answer was lost, it started anew, or it knows no beats (compat)."""
@@ -137,7 +140,7 @@ class Admission:
     def _other_part(self, session: PartSession, record: InventoryRecord, now: float) -> InventoryRecord:
         """The session speaks for another part than before."""
         if record.state is not None and not record.state.is_over:
-            self._changes.retire(record, PartState.LEFT, now, "its session claims for another part now")
+            self._changes.retire(record, PartState.LEFT, now, said("its session claims for another part now"))
         self._index.detach(record)
         return self._changes.appear(session, now)
 
@@ -151,24 +154,33 @@ class Admission:
         if contest is None or contest.rival is not rival:
             contest = record.contest = Contest(rival, session.opened_at if is_probed else now)
             if record.state is not PartState.CHECKING:
-                reason = f"shows the UID of {rival.name}: is that one still alive?"
+                reason = said("shows the UID of {rival}: is that one still alive?", rival=rival.name)
                 self._changes.move(record, PartState.CHECKING, now, reason)
-        facts: Evidence = (("same UID", f"{rival.name} holds slot {rival.slot} from {rival.address}"),)
+        holds = said(
+            "{rival} holds slot {slot} from {address}", rival=rival.name, slot=rival.slot, address=rival.address
+        )
+        facts: Evidence = ((said("same UID"), holds),)
         heard_at = rival.heard_at
         if is_probed:
             heard_at = max(heard_at, self._watch.last_heard(rival.client_key) or heard_at)
         waited, heard = now - contest.began_at, heard_at - contest.began_at
         if heard > 0:
             rival.note_duplicate(record.address)
-            reason = f"{Refusal.DUPLICATE.words}: {rival.name} in slot {rival.slot}, from {rival.address}"
-            facts += (("old session", f"gave a sign of life {heard:.2f} s after the claim"),)
+            reason = said(
+                "{duplicate}: {rival} in slot {slot}, from {address}",
+                duplicate=said(Refusal.DUPLICATE.words),
+                rival=rival.name,
+                slot=rival.slot,
+                address=rival.address,
+            )
+            facts += ((said("old session"), said("gave a sign of life {heard:.2f} s after the claim", heard=heard)),)
             return self._turn_away(record, Match(PartState.REFUSED, reason, facts, refusal=Refusal.DUPLICATE), now)
         if waited < (session.patience_s if is_probed else self._watch.timing.late_s):
             if is_probed:
                 self._due[record] = (contest.began_at + session.patience_s, claim)
             return PENDING
-        facts += (("old session", f"silent for {waited:.2f} s since the claim"),)
-        reason = f"restarted: the same UID came back from {record.address}"
+        facts += ((said("old session"), said("silent for {waited:.2f} s since the claim", waited=waited)),)
+        reason = said("restarted: the same UID came back from {address}", address=record.address)
         self._changes.retire(rival, PartState.LOST, now, reason, facts)
         self._index.detach(rival)
         if is_probed:
@@ -186,9 +198,9 @@ class Admission:
             configuration = self._store.configuration(slot)
             self._store.remember(claim.uid, slot, claim)
         except RegistryError as error:
-            reason = f"{Refusal.NOT_READY.words}: {error}"
+            reason = said("{refusal}: {error}", refusal=said(Refusal.NOT_READY.words), error=str(error))
             refused = Match(
-                PartState.REFUSED, reason, (*match.evidence, ("registry", str(error))), None, Refusal.NOT_READY
+                PartState.REFUSED, reason, (*match.evidence, (said("registry"), str(error))), None, Refusal.NOT_READY
             )
             return self._turn_away(record, refused, now)
         return self._register(record, configuration, match, now)
@@ -200,8 +212,8 @@ class Admission:
         found = self._matcher.free_slot(slot)
         if found is None:
             return match
-        reason = f"adopted: a person has said that the next newcomer belongs into slot {slot}"
-        return Match(PartState.ACTIVE, reason, (*match.evidence, ("a person decided", reason)), found)
+        reason = said("adopted: a person has said that the next newcomer belongs into slot {slot}", slot=slot)
+        return Match(PartState.ACTIVE, reason, (*match.evidence, (said("a person decided"), reason)), found)
 
     def _register(self, record: InventoryRecord, configuration: Configuration, match: Match, now: float) -> Verdict:
         self._check(record, now)
@@ -224,7 +236,7 @@ class Admission:
 
     def _check(self, record: InventoryRecord, now: float) -> None:
         if record.state is not PartState.CHECKING:
-            self._changes.move(record, PartState.CHECKING, now, "claims its place (step 2)")
+            self._changes.move(record, PartState.CHECKING, now, said("claims its place (step 2)"))
 
 
 def _verdict(record: InventoryRecord) -> Verdict:

@@ -18,6 +18,7 @@ from msbot.part import HelloWorld, Message
 from msbot.part.join.plug import INVENTORY_SERVICE, ProfileMessage, decode_reply, decode_request
 from msbot.part.messages.message import fields_of
 from msbot.pnp import thesis_programs as compat
+from msbot.runtime.sentence import Sentence, said
 from msbot.xrce import explain
 from msbot.xrce.messages import (
     SESSION_NONE,
@@ -154,8 +155,9 @@ class _Session:
         except RemoteProtocolError:
             return  # the words of the protocol say why
         values = message_words(message, self._units(cls.type_name))
-        words = (known.slot or known.topic, "hears" if hears else "says", known.port, values)
-        self.sentences.append(" ".join(filter(None, words)))
+        port = f"{known.port} " if known.port else ""
+        form = "{slot} hears {port}{values}" if hears else "{slot} says {port}{values}"
+        self.sentences.append(said(form, slot=known.slot or known.topic, port=port, values=values))
 
     def _topic(self, definition: WriterDef | ReaderDef) -> tuple[str, str]:
         if definition.topic_name is not None:
@@ -210,29 +212,36 @@ def _defined(sample: WriteData | Data, known: KnownObject) -> Definition:
     return ReaderDef(None, known.topic, known.type_name, reliable=True, transient_local=False)
 
 
-def message_words(message: Message, units: Mapping[str, str]) -> str:
+def message_words(message: Message, units: Mapping[str, str]) -> Sentence:
     """The fields of a message with their units, `x 1 m, y -2.5 m`; of a single one no more than its value, `49.9 %`."""
     fields = fields_of(type(message))
-    words = []
+    forms: list[str] = []
+    values: dict[str, object] = {}
     for field in fields:
-        name = field.name if len(fields) > 1 else ""
-        value = value_words(getattr(message, field.name))
-        words.append(" ".join(filter(None, (name, value, units.get(field.name, "")))))
-    return ", ".join(words)
+        spec, values[field.name] = _shown(getattr(message, field.name))
+        words = (field.name if len(fields) > 1 else "", f"{{{field.name}{spec}}}", units.get(field.name, ""))
+        forms.append(" ".join(filter(None, words)))
+    return Sentence(", ".join(forms), values)
+
+
+def _shown(value: object) -> tuple[str, object]:
+    """How to write a value, and the value: 49.9, not 49.900001525878906, when it came in 32 bits."""
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return "", value
+        came_in_32_bits = abs(value) < LARGEST_FLOAT32 and unpack("<f", pack("<f", value))[0] == value
+        return ":.7g" if came_in_32_bits else ":.15g", value
+    if isinstance(value, bool):
+        return "", said("on") if value else said("off")
+    if isinstance(value, list):
+        return "", f"[{', '.join(map(value_words, value))}]"
+    return "", str(value)
 
 
 def value_words(value: object) -> str:
-    """A value as its type means it: 49.9, not 49.900001525878906, when it came in 32 bits."""
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            return str(value)
-        came_in_32_bits = abs(value) < LARGEST_FLOAT32 and unpack("<f", pack("<f", value))[0] == value
-        return f"{value:.7g}" if came_in_32_bits else f"{value:.15g}"
-    if isinstance(value, bool):
-        return "on" if value else "off"
-    if isinstance(value, list):
-        return f"[{', '.join(map(value_words, value))}]"
-    return str(value)
+    """A value as its type means it."""
+    spec, shown = _shown(value)
+    return f"{{{spec}}}".format(shown)
 
 
 def _words(payload: bytes, decode: Callable[[bytes], object]) -> str:

@@ -39,6 +39,7 @@ from msbot.pnp.session_seals import SessionSeals
 from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
 from msbot.pnp.slot_matching import Match, Matcher
 from msbot.pnp.state_changes import StateChanges
+from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 
 
@@ -121,8 +122,8 @@ class Inventory:
         lines = [line for record in self._index.find(part) for line in record.sentences(now)]
         if lines:
             return lines
-        names = ", ".join(dict.fromkeys(record.name for record in self._index.records)) or "none yet"
-        return [f"No part is known as {part!r}. Parts seen: {names}."]
+        names = ", ".join(dict.fromkeys(record.name for record in self._index.records)) or said("none yet")
+        return [said("No part is known as {part!r}. Parts seen: {names}.", part=part, names=names)]
 
     def configuration_of(self, client_key: int) -> Configuration | None:
         """The configuration of the registered part behind a session, or None: what it may use."""
@@ -197,7 +198,7 @@ class Inventory:
         if record.state is not None and not record.state.is_over:
             lost = not politely and (record.holds_slot or record.state is PartState.STANDBY)
             self._changes.retire(
-                record, PartState.LOST if lost else PartState.LEFT, now, reason, (("session ended", reason),)
+                record, PartState.LOST if lost else PartState.LEFT, now, reason, ((said("session ended"), reason),)
             )
         self._index.detach(record)
         self._publish(now)
@@ -206,7 +207,7 @@ class Inventory:
         """A client has asked to read the profile: step 1 has begun."""
         session = self._index.sessions.get(key)
         if session is not None and session.record is not None and session.record.state is PartState.NEW:
-            self._changes.move(session.record, PartState.CHECKING, now, "reads the robot's profile (step 1)")
+            self._changes.move(session.record, PartState.CHECKING, now, said("reads the robot's profile (step 1)"))
             self._publish(now)
 
     def sample_refused(self, key: int, reason: str, now: float) -> None:
@@ -300,14 +301,16 @@ class Inventory:
             session = self._index.sessions.get(key)
             record = None if session is None else session.record
             if record is None or record.state not in PLACEABLE:
-                state = "not there" if record is None or record.state is None else record.state.value
-                raise LocalProtocolError(f"the part of client {key:08X} is {state} and cannot be moved")
+                state = said("not there") if record is None or record.state is None else record.state.value
+                raise LocalProtocolError(
+                    said("the part of client {key:08X} is {state} and cannot be moved", key=key, state=state)
+                )
             if slot is not None and not self._matcher.has(slot):
-                raise LocalProtocolError(f"there is no slot {slot}")
+                raise LocalProtocolError(said("there is no slot {slot}", slot=slot))
             records[record] = slot
         twin = self._assignment.twin(records)
         if twin is not None:
-            raise LocalProtocolError(f"the UID of {twin.name} would be in two slots")
+            raise LocalProtocolError(said("the UID of {twin} would be in two slots", twin=twin.name))
         self._assignment.rearrange(records, now, reason)
         self._publish(now)
 
@@ -347,7 +350,9 @@ class Inventory:
         self._matcher.reload(frozenset(self._index.holders))
         for slot, record in list(self._index.holders.items()):
             if not self._matcher.has(slot):
-                self._changes.retire(record, PartState.LOST, now, f"the robot has no slot {slot} any more")
+                self._changes.retire(
+                    record, PartState.LOST, now, said("the robot has no slot {slot} any more", slot=slot)
+                )
         self._publish(now)
 
     # Time
@@ -368,7 +373,9 @@ class Inventory:
         self._index.void_lease(record)
         record.address, record.plugged_in_at, record.contest = session.address, session.plugged_in_at, None
         if record.state not in (PartState.NEW, PartState.CHECKING):
-            self._changes.move(record, PartState.CHECKING, now, "opened its session again: both steps from the start")
+            self._changes.move(
+                record, PartState.CHECKING, now, said("opened its session again: both steps from the start")
+            )
 
     def _seal_changed(self, key: int) -> None:
         for tell in self._changes.rights_handlers:

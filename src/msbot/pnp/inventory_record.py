@@ -7,6 +7,7 @@ from collections import deque
 from msbot.part.join.plug import Refusal
 from msbot.pnp.life import Life, check_transition
 from msbot.pnp.model import Claim, Configuration, Evidence, LifeTiming, PartEvent, PartInfo, PartState
+from msbot.runtime.sentence import said
 
 HISTORY = 32
 """Changes kept per part for `Inventory.why`; the journal keeps all."""
@@ -174,25 +175,25 @@ class InventoryRecord:
 
     def sentences(self, now: float) -> list[str]:
         """How the part stands and the chain of changes that led there, oldest first."""
-        lines = [f"{self._headline(now)}: {self.reason}"]
+        lines: list[str] = [said("{words}: {reason}", words=self._headline(now), reason=self.reason)]
         if self.duplicates:
-            lines.append(f"The same UID was shown, and refused, at {', '.join(self.duplicates)}.")
+            addresses = ", ".join(self.duplicates)
+            lines.append(said("The same UID was shown, and refused, at {addresses}.", addresses=addresses))
         if self.refused_samples:
-            lines.append(f"Samples in its name without a good seal, refused: {self.refused_samples}.")
+            lines.append(said("Samples in its name without a good seal, refused: {count}.", count=self.refused_samples))
         for event in self.history:
             first, *rest = event.sentences()
-            lines.append(f"{max(0.0, now - event.at):.3f} s ago: {first}")
+            lines.append(said("{age:.3f} s ago: {first}", age=max(0.0, now - event.at), first=first))
             lines.extend(rest)
         return lines
 
     def _headline(self, now: float) -> str:
-        state = (self.state or PartState.NEW).value
-        words = [self.name]
-        if self.claim is not None:
-            words.append(f"({self.claim.part_number})")
-        words.append(f"is {state} since {max(0.0, now - self.since):.1f} s")
-        if self.holds_slot:
-            words.append(
-                f"in slot {self.slot}, life {self.life.status}, last beat {self.life.silence_s(now):.1f} s ago"
-            )
-        return " ".join(words)
+        name = self.name if self.claim is None else f"{self.name} ({self.claim.part_number})"
+        state, age = said((self.state or PartState.NEW).value), max(0.0, now - self.since)
+        words = said("{name} is {state} since {age:.1f} s", name=name, state=state, age=age)
+        if not self.holds_slot:
+            return words
+        return said(
+            "{words} in slot {slot}, life {life}, last beat {silence:.1f} s ago",
+            words=words, slot=self.slot, life=self.life.status, silence=self.life.silence_s(now),
+        )  # fmt: skip

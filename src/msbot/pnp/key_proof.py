@@ -29,6 +29,7 @@ from msbot.part.join import keys, plug
 from msbot.part.join.plug import Refusal
 from msbot.pnp.model import Claim, Evidence, PartState, PartStore
 from msbot.pnp.slot_matching import NO_UID, Match
+from msbot.runtime.sentence import said
 
 GOOD_FOR_S = 10.0
 """A question that old is not taken an answer to."""
@@ -96,15 +97,15 @@ class Keys:
     def ask(self, claim: Claim, asker: bytes, now: float) -> Asked:
         """Answer a claim with a question, or refuse it at once."""
         if claim.layout == "compat":
-            return _refused(claim, Refusal.KEY_NEEDED, "the programs of the thesis know no keys")
+            return _refused(claim, Refusal.KEY_NEEDED, said("the programs of the thesis know no keys"))
         if claim.uid in (b"", NO_UID):
-            return _refused(claim, Refusal.NO_KEY, "the part has no UID, so it can have no key")
+            return _refused(claim, Refusal.NO_KEY, said("the part has no UID, so it can have no key"))
         try:
             key = self._store.key_of(claim.uid)
         except RegistryError as error:
             return _refused(claim, Refusal.NOT_READY, str(error))
         if key is None:
-            words = f"none is on file for UID {claim.uid.hex()}: `msbot key new` makes one"
+            words = said("none is on file for UID {uid}: `msbot key new` makes one", uid=claim.uid.hex())
             return _refused(claim, Refusal.NO_KEY, words)
         question = self._questions.get(asker)
         if question is None or question.claim != claim or now - question.asked_at > GOOD_FOR_S:
@@ -124,7 +125,9 @@ class Keys:
         question = self._questions.pop(asker, None)
         if question is None or now - question.asked_at > GOOD_FOR_S:
             claim = None if question is None else question.claim
-            words = "nothing was asked" if question is None else f"it was asked {now - question.asked_at:.1f} s ago"
+            words = said("nothing was asked")
+            if question is not None:
+                words = said("it was asked {seconds:.1f} s ago", seconds=now - question.asked_at)
             return Answered(claim, _match(Refusal.REPLAYED, words), is_repeated=self._proofs.get(proof) == asker)
         claim = question.claim
         try:
@@ -132,14 +135,14 @@ class Keys:
         except RegistryError as error:
             return Answered(claim, _match(Refusal.NOT_READY, str(error)))
         if key is None:
-            return Answered(claim, _match(Refusal.NO_KEY, "it was removed in this moment"))
+            return Answered(claim, _match(Refusal.NO_KEY, said("it was removed in this moment")))
         expected, secret = self._expected(key, question, session_key)
         if keys.is_same(proof, expected):
             _keep(self._proofs, proof, asker, MOST_PROOFS)
             return Answered(claim, secret=secret)
         if proof in self._proofs:
-            return Answered(claim, _match(Refusal.REPLAYED, "it was good once, for another question"))
-        return Answered(claim, _match(Refusal.WRONG_KEY, "the proof does not fit the question"))
+            return Answered(claim, _match(Refusal.REPLAYED, said("it was good once, for another question")))
+        return Answered(claim, _match(Refusal.WRONG_KEY, said("the proof does not fit the question")))
 
     def _expected(self, key: bytes, question: _Question, session_key: int) -> tuple[bytes, bytes]:
         claim = question.claim
@@ -164,9 +167,10 @@ class Keys:
         if waited < UNANSWERED_S:
             return None
         question.complained = True
-        words = f"asked {waited:.1f} s ago, it claims again and proves nothing"
+        words = said("asked {waited:.1f} s ago, it claims again and proves nothing", waited=waited)
         if self.sealed:
-            words += "; this robot seals its samples (key+data), and the part may not know how"
+            sealed = said("this robot seals its samples (key+data), and the part may not know how")
+            words = said("{words}; {sealed}", words=words, sealed=sealed)
         return _match(Refusal.KEY_NEEDED, words)
 
 
@@ -177,10 +181,21 @@ def _keep(table: dict[bytes, _V], key: bytes, value: _V, most: int) -> None:
 
 
 def _match(refusal: Refusal, words: str) -> Match:
-    return Match(PartState.REFUSED, f"{refusal.words} ({words})", (("key", words),), refusal=refusal)
+    return Match(
+        PartState.REFUSED,
+        said("{refusal} ({words})", refusal=said(refusal.words), words=words),
+        ((said("key"), words),),
+        refusal=refusal,
+    )
 
 
 def _refused(claim: Claim, refusal: Refusal, words: str) -> Asked:
     match = _match(refusal, words)
-    evidence: Evidence = (("claim", f"part number {claim.part_number}, layout {claim.layout}"), *match.evidence)
+    evidence: Evidence = (
+        (
+            said("claim"),
+            said("part number {part_number}, layout {layout}", part_number=claim.part_number, layout=claim.layout),
+        ),
+        *match.evidence,
+    )
     return Asked(None, Match(match.outcome, match.reason, evidence, refusal=refusal))

@@ -13,6 +13,7 @@ from msbot.pnp.inventory_index import InventoryIndex
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import LifeTiming, PartState
 from msbot.pnp.state_changes import StateChanges
+from msbot.runtime.sentence import said
 
 STANDBY_SILENCE_S = 6.0
 """A part that stands by and claims no more for that long, or for the longest detection time, is gone."""
@@ -76,7 +77,12 @@ class LifeWatch:
             if record.state is PartState.ACTIVE and record.life.is_late(now):
                 self._late(record, now)
             elif record.state is PartState.STANDBY and now - record.heard_at > patience:
-                self._changes.retire(record, PartState.LOST, now, f"claimed no more for {now - record.heard_at:.1f} s")
+                self._changes.retire(
+                    record,
+                    PartState.LOST,
+                    now,
+                    said("claimed no more for {seconds:.1f} s", seconds=now - record.heard_at),
+                )
 
     def _tick(self, now: float) -> None:
         for record in list(self._index.holders.values()):
@@ -85,9 +91,11 @@ class LifeWatch:
                 continue
             if record.state is PartState.ACTIVE:
                 self._late(record, now)
-            silence = f"no beat for {record.life.silence_s(now):.1f} s"
-            rule = f"{self.timing.life} ticks of {self.timing.tick_s:g} s without a beat"
-            self._changes.retire(record, PartState.LOST, now, f"{silence}: life status 0", ((rule, silence),))
+            silence = said("no beat for {seconds:.1f} s", seconds=record.life.silence_s(now))
+            rule = said("{life} ticks of {tick_s:g} s without a beat", life=self.timing.life, tick_s=self.timing.tick_s)
+            self._changes.retire(
+                record, PartState.LOST, now, said("{silence}: life status 0", silence=silence), ((rule, silence),)
+            )
 
     def _listen(self, record: InventoryRecord, now: float) -> None:
         """Take any packet of a thesis program as a sign of life."""
@@ -103,9 +111,13 @@ class LifeWatch:
         record.heard_at = at
         record.life.refresh(at)
         if record.state is PartState.LATE:
-            self._changes.move(record, PartState.ACTIVE, now, f"heard again after {at - known_at:.1f} s")
+            self._changes.move(
+                record, PartState.ACTIVE, now, said("heard again after {silence:.1f} s", silence=at - known_at)
+            )
 
     def _late(self, record: InventoryRecord, now: float) -> None:
-        silence = f"no beat for {record.life.silence_s(now):.1f} s"
-        rule = f"a beat every {self.timing.beat_s:g} s, late after {self.timing.late_s:g} s"
+        silence = said("no beat for {seconds:.1f} s", seconds=record.life.silence_s(now))
+        rule = said(
+            "a beat every {beat_s:g} s, late after {late_s:g} s", beat_s=self.timing.beat_s, late_s=self.timing.late_s
+        )
         self._changes.move(record, PartState.LATE, now, silence, ((rule, silence),))

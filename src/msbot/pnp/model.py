@@ -15,6 +15,7 @@ from msbot.config import PartType, Slot
 from msbot.errors import ConfigError
 from msbot.part.join.plug import Refusal
 from msbot.pnp.emergency_stop import StopRecord
+from msbot.runtime.sentence import said
 
 MAX_TEXT = 254
 """Longest part number or local name in characters: the thesis' `char[255]` with its NUL."""
@@ -65,15 +66,26 @@ class LifeTiming:
 
     def __post_init__(self) -> None:
         if not 0.02 <= self.beat_s <= 65.0:
-            raise ConfigError(f"beat period {self.beat_s} s: must be 0.02 to 65 s")
+            raise ConfigError(said("beat period {beat_s} s: must be 0.02 to 65 s", beat_s=self.beat_s))
         if not 1 <= self.life <= 255:
-            raise ConfigError(f"life status {self.life}: must be 1 to 255")
+            raise ConfigError(said("life status {life}: must be 1 to 255", life=self.life))
         if self.late_after_beats <= 1.0:
-            raise ConfigError(f"late after {self.late_after_beats} beat periods: must be more than 1")
+            raise ConfigError(
+                said(
+                    "late after {late_after_beats} beat periods: must be more than 1",
+                    late_after_beats=self.late_after_beats,
+                )
+            )
         if self.shortest_detection_s < self.late_s:
             raise ConfigError(
-                f"life {self.life} x tick {self.tick_s} s: a part could be delisted {self.shortest_detection_s} s "
-                f"after a beat, but its next beat may take {self.late_s} s; use a longer tick or a higher life"
+                said(
+                    "life {life} x tick {tick_s} s: a part could be delisted {shortest_detection_s} s after "
+                    "a beat, but its next beat may take {late_s} s; use a longer tick or a higher life",
+                    life=self.life,
+                    tick_s=self.tick_s,
+                    shortest_detection_s=self.shortest_detection_s,
+                    late_s=self.late_s,
+                )
             )
 
     @property
@@ -194,10 +206,13 @@ class PartEvent:
 
     def sentences(self) -> list[str]:
         """The event in plain words: one sentence, then one indented line for each piece of evidence."""
-        before = "" if self.from_state is None else f"{self.from_state.value} -> "
-        where = f" in slot {self.slot}" if self.slot else ""
-        lines = [f"{self.part}: {before}{self.to_state.value}{where}: {self.reason}"]
-        lines.extend(f"  - {rule}: {outcome}" for rule, outcome in self.evidence)
+        change: str = said(self.to_state.value)
+        if self.from_state is not None:
+            change = said("{before} -> {after}", before=said(self.from_state.value), after=change)
+        if self.slot:
+            change = said("{change} in slot {slot}", change=change, slot=self.slot)
+        lines: list[str] = [said("{part}: {change}: {reason}", part=self.part, change=change, reason=self.reason)]
+        lines.extend(said("  - {rule}: {outcome}", rule=rule, outcome=outcome) for rule, outcome in self.evidence)
         return lines
 
 

@@ -16,6 +16,7 @@ from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import Claim, Evidence, PartState, PartStore
 from msbot.pnp.slot_matching import Matcher
 from msbot.pnp.state_changes import StateChanges
+from msbot.runtime.sentence import said
 
 FRESH_S = 3.0
 """A part that stands by and has claimed within that time is surely there."""
@@ -70,7 +71,7 @@ class SlotAssignment:
                 continue
             slot = match.slot.name
             old = freed.get(slot)
-            reason = match.reason if old is None else f"takes over slot {slot}: {_fate(old)}"
+            reason = match.reason if old is None else said("takes over slot {slot}: {fate}", slot=slot, fate=_fate(old))
             if not self._seat(record, slot, now, reason, match.evidence):
                 continue
             if old is not None:
@@ -111,14 +112,14 @@ class SlotAssignment:
                 continue
             self._remember(record, slot)
             if record.state is PartState.REFUSED:
-                self._changes.move(record, PartState.CHECKING, now, "a person lets it in")
-            self._changes.seat(record, configurations[slot], now, reason, (("a person decided", reason),))
+                self._changes.move(record, PartState.CHECKING, now, said("a person lets it in"))
+            self._changes.seat(record, configurations[slot], now, reason, ((said("a person decided"), reason),))
 
     def block(self, record: InventoryRecord, why: str, now: float) -> None:
         """Delist a part that a person has blocked."""
-        reason = f"blocked: {why}"
+        reason = said("blocked: {why}", why=why)
         self._changes.vacate(record)
-        self._changes.turn_away(record, Refusal.BLOCKED, now, reason, (("blocked", reason),))
+        self._changes.turn_away(record, Refusal.BLOCKED, now, reason, ((said("blocked"), reason),))
 
     def _standing_by(self, freed: Mapping[str, InventoryRecord], now: float) -> Iterator[InventoryRecord]:
         """Parts that could take over, the best first: who was there before, who is named for it, who waits longest."""
@@ -152,11 +153,11 @@ class SlotAssignment:
         slot = str(record.slot)
         self._changes.vacate(record)
         self._index.barred[record] = slot
-        words = f"was in slot {slot}: {reason}"
-        self._changes.turn_away(record, Refusal.NO_SLOT, now, words, (("a person decided", reason),))
+        words = said("was in slot {slot}: {reason}", slot=slot, reason=reason)
+        self._changes.turn_away(record, Refusal.NO_SLOT, now, words, ((said("a person decided"), reason),))
 
 
 def _fate(old: InventoryRecord) -> str:
     """What became of a part that had a slot, in words."""
     state = old.state or PartState.LOST
-    return f"{old.name} is {state.value} ({old.reason})"
+    return said("{old} is {state} ({reason})", old=old.name, state=said(state.value), reason=old.reason)

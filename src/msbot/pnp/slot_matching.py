@@ -21,6 +21,7 @@ from msbot.config import PartType, Slot
 from msbot.errors import RegistryError
 from msbot.part.join.plug import Refusal
 from msbot.pnp.model import MAX_TEXT, Claim, Evidence, PartState, PartStore
+from msbot.runtime.sentence import said
 
 UID_BYTES = 8
 NO_UID = bytes(UID_BYTES)
@@ -127,39 +128,49 @@ class Matcher:
         """
         fault = _fault_of(claim)
         if fault is not None:
-            return _refused(Refusal.BAD_CLAIM, fault, (("readable", fault),))
+            return _refused(Refusal.BAD_CLAIM, fault, ((said("readable"), fault),))
         try:
             return self._match(claim, barred)
         except RegistryError as error:
-            return _refused(Refusal.NOT_READY, f"{Refusal.NOT_READY.words}: {error}", (("registry", str(error)),))
+            return _refused(
+                Refusal.NOT_READY,
+                said("{refusal}: {error}", refusal=said(Refusal.NOT_READY.words), error=str(error)),
+                ((said("registry"), str(error)),),
+            )
 
     def _match(self, claim: Claim, barred: str) -> Match:
         number, uid = claim.part_number, claim.uid
-        evidence: list[tuple[str, str]] = [("claim", _describe(claim))]
+        evidence: list[tuple[str, str]] = [(said("claim"), _describe(claim))]
         blocked = self._store.blocked(uid, number)
         if blocked is not None:
-            return _refuse(evidence, Refusal.BLOCKED, f"blocked: {blocked}")
+            return _refuse(evidence, Refusal.BLOCKED, said("blocked: {blocked}", blocked=blocked))
         placed = self._placed(uid, barred, evidence)
         if placed is not None:
-            return _found(evidence, placed, f"a person has put this part into slot {placed.name}")
+            return _found(evidence, placed, said("a person has put this part into slot {placed}", placed=placed.name))
         part_type = self._store.part_type(number)
         if part_type is None:
-            return _refuse(evidence, Refusal.UNKNOWN_PART, f"part number {number} is not in the library")
-        evidence.append(("library", f"{number} is a {part_type.name}".rstrip()))
+            return _refuse(
+                evidence, Refusal.UNKNOWN_PART, said("part number {number} is not in the library", number=number)
+            )
+        evidence.append((said("library"), said("{number} is a {type}", number=number, type=said(part_type.name))))
         if part_type.number != number and (blocked := self._store.blocked(uid, part_type.number)) is not None:
-            return _refuse(evidence, Refusal.BLOCKED, f"blocked: {blocked}")
-        evidence.append(("blocked", "no"))
+            return _refuse(evidence, Refusal.BLOCKED, said("blocked: {blocked}", blocked=blocked))
+        evidence.append((said("blocked"), said("no")))
         tiers = self._tiers(part_type)
         if not tiers:
             return _refuse(
                 evidence,
                 Refusal.WRONG_ROBOT,
-                f"{number} ({part_type.name}) is known, but this robot has no slot for it",
+                said(
+                    "{number} ({part_type}) is known, but this robot has no slot for it",
+                    number=number,
+                    part_type=said(part_type.name),
+                ),
             )
-        evidence.append(("slots", _list_slots(self._by_number, tiers)))
+        evidence.append((said("slots"), _list_slots(self._by_number, tiers)))
         old = self._old_slot(uid, tiers, barred, evidence)
         if old is not None:
-            return _found(evidence, old, f"same UID as before: back in its slot {old.name}")
+            return _found(evidence, old, said("same UID as before: back in its slot {old}", old=old.name))
         return self._among_free(claim, tiers, barred, evidence)
 
     def _tiers(self, part_type: PartType) -> list[str]:
@@ -174,24 +185,36 @@ class Matcher:
             return None
         slot = self.free_slot(name)
         if slot is None:
-            state = "is held by another part" if name in self._by_name else "the robot does not have any more"
-            evidence.append(("put there by a person", f"into slot {name}, which {state}"))
+            state = (
+                said("is held by another part") if name in self._by_name else said("the robot does not have any more")
+            )
+            evidence.append(
+                (said("put there by a person"), said("into slot {name}, which {state}", name=name, state=state))
+            )
         return slot
 
     def _old_slot(self, uid: bytes, tiers: list[str], barred: str, evidence: list[tuple[str, str]]) -> Slot | None:
         name = self._store.remembered_slot(uid) if uid else None
         if name is None:
-            evidence.append(("same UID as before", "never seen here" if uid else "the part has no UID"))
+            evidence.append(
+                (said("same UID as before"), said("never seen here") if uid else said("the part has no UID"))
+            )
             return None
         slot = self._by_name.get(name)
         if slot is None or slot.part_number not in tiers:
-            evidence.append(("same UID as before", f"was in slot {name}, which does not take this number now"))
+            evidence.append(
+                (said("same UID as before"), said("was in slot {name}, which does not take this number now", name=name))
+            )
             return None
         if name == barred:
-            evidence.append(("same UID as before", f"was in slot {name}, and a person took it out of there"))
+            evidence.append(
+                (said("same UID as before"), said("was in slot {name}, and a person took it out of there", name=name))
+            )
             return None
         if name not in self._free.get(slot.part_number, {}):
-            evidence.append(("same UID as before", f"was in slot {name}, which is held by another part"))
+            evidence.append(
+                (said("same UID as before"), said("was in slot {name}, which is held by another part", name=name))
+            )
             return None
         return slot
 
@@ -199,46 +222,66 @@ class Matcher:
         free = next((self._free[number] for number in tiers if self._free.get(number)), None)
         if free is not None and barred in free:
             free = {name: slot for name, slot in free.items() if name != barred}
-            evidence.append((f"slot {barred}", "a person took this part out of it"))
+            evidence.append((said("slot {barred}", barred=barred), said("a person took this part out of it")))
         if not free:
-            wait = f"a person took it out of slot {barred}, and no other is free: adopt it, or plug it in anew"
-            return _stand_by(evidence, wait if barred else "every fitting slot is taken")
+            wait = said(
+                "a person took it out of slot {barred}, and no other is free: adopt it, or plug it in anew",
+                barred=barred,
+            )
+            return _stand_by(evidence, wait if barred else said("every fitting slot is taken"))
         if len(free) == 1:
             slot = next(iter(free.values()))
-            return _found(evidence, slot, f"slot {slot.name} is the one free slot that fits")
+            return _found(evidence, slot, said("slot {slot} is the one free slot that fits", slot=slot.name))
         number = next(iter(free.values())).part_number
         wanted = self._wanted.get((number, claim.local_name))
         if wanted is not None and wanted.name in free:
-            return _found(evidence, wanted, f"{len(free)} free slots fit; local name {claim.local_name!r} decides")
+            return _found(
+                evidence,
+                wanted,
+                said(
+                    "{count} free slots fit; local name {local_name!r} decides",
+                    count=len(free),
+                    local_name=claim.local_name,
+                ),
+            )
         return _stand_by(
             evidence,
-            f"{len(free)} free slots fit and local name {claim.local_name!r} names none of them: a person must say",
+            said(
+                "{count} free slots fit and local name {local_name!r} names none of them: a person must say",
+                count=len(free),
+                local_name=claim.local_name,
+            ),
         )
 
 
 def _fault_of(claim: Claim) -> str | None:
     """What is wrong with a claim in itself, or None."""
     if not claim.part_number:
-        return "the claim has no part number"
+        return said("the claim has no part number")
     if len(claim.part_number) > MAX_TEXT or len(claim.local_name) > MAX_TEXT:
-        return f"a text of the claim is longer than {MAX_TEXT} characters"
+        return said("a text of the claim is longer than {max_text} characters", max_text=MAX_TEXT)
     if not (claim.part_number + claim.local_name).isprintable():
-        return "a text of the claim holds control characters"
+        return said("a text of the claim holds control characters")
     if len(claim.uid) not in (0, UID_BYTES):
-        return f"the UID has {len(claim.uid)} octets instead of {UID_BYTES}"
+        return said("the UID has {count} octets instead of {uid_bytes}", count=len(claim.uid), uid_bytes=UID_BYTES)
     return None
 
 
 def _describe(claim: Claim) -> str:
-    uid = f"UID {claim.uid.hex()}" if claim.uid else "no UID"
-    return f"part number {claim.part_number}, local name {claim.local_name!r}, {uid}"
+    uid = said("UID {claim}", claim=claim.uid.hex()) if claim.uid else said("no UID")
+    return said(
+        "part number {part_number}, local name {local_name!r}, {uid}",
+        part_number=claim.part_number,
+        local_name=claim.local_name,
+        uid=uid,
+    )
 
 
 def _list_slots(by_number: dict[str, dict[str, Slot]], tiers: list[str], limit: int = 8) -> str:
     names = [name for number in tiers for name, _ in zip(by_number[number], range(limit), strict=False)]
     count = sum(len(by_number[number]) for number in tiers)
-    more = f" and {count - limit} more" if count > limit else ""
-    return ", ".join(names[:limit]) + more
+    some = ", ".join(names[:limit])
+    return said("{some} and {count} more", some=some, count=count - limit) if count > limit else some
 
 
 def _refused(refusal: Refusal, reason: str, evidence: Evidence) -> Match:
@@ -246,12 +289,12 @@ def _refused(refusal: Refusal, reason: str, evidence: Evidence) -> Match:
 
 
 def _refuse(evidence: list[tuple[str, str]], refusal: Refusal, reason: str) -> Match:
-    return _refused(refusal, reason, (*evidence, (refusal.name.lower().replace("_", " "), reason)))
+    return _refused(refusal, reason, (*evidence, (said(refusal.name.lower().replace("_", " ")), reason)))
 
 
 def _found(evidence: list[tuple[str, str]], slot: Slot, reason: str) -> Match:
-    return Match(PartState.ACTIVE, reason, (*evidence, ("slot", reason)), slot=slot)
+    return Match(PartState.ACTIVE, reason, (*evidence, (said("slot"), reason)), slot=slot)
 
 
 def _stand_by(evidence: list[tuple[str, str]], reason: str) -> Match:
-    return Match(PartState.STANDBY, reason, (*evidence, ("slot", reason)), refusal=Refusal.NO_SLOT)
+    return Match(PartState.STANDBY, reason, (*evidence, (said("slot"), reason)), refusal=Refusal.NO_SLOT)

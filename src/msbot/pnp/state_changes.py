@@ -13,6 +13,7 @@ from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import Configuration, Evidence, PartEvent, PartState, PartStore
 from msbot.pnp.partners import Partners
 from msbot.pnp.slot_matching import Matcher
+from msbot.runtime.sentence import said
 
 
 class StateChanges:
@@ -43,7 +44,7 @@ class StateChanges:
     def appear(self, session: PartSession, now: float) -> InventoryRecord:
         """A part is there: nothing is known but its session."""
         record = self._index.open_record(session)
-        self.move(record, PartState.NEW, now, f"a session was opened from {session.address}")
+        self.move(record, PartState.NEW, now, said("a session was opened from {address}", address=session.address))
         return record
 
     def move(self, record: InventoryRecord, to: PartState, now: float, reason: str, evidence: Evidence = ()) -> None:

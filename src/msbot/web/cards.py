@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from msbot.config import Binding, Blueprint, Library, PartType, Slot
 from msbot.master import Master
 from msbot.pnp import PartInfo, StopStatus
+from msbot.runtime.sentence import said
 from msbot.web.api.models import PartLine, PortLine, Scalar, SlotCard, StopConfirmed, StopState
 from msbot.web.live import Live, TopicWatch
 from msbot.web.simulated.bench import Bench
@@ -88,7 +89,7 @@ class SlotCards:
             category="" if part_type is None else part_type.category.value,
             description=slot.description,
             state="empty" if info is None else info.state.value,
-            reason="nothing is plugged in" if info is None else info.reason,
+            reason=said("nothing is plugged in") if info is None else info.reason,
             part=None if info is None else part_line(info, is_ignored=self._ignored(info)),
             ports=[self._port(end, slot, part_type, look) for end in look.ends.get(slot.name, ())],
             next_beat_s=beat_s - info.beat_age_s
@@ -102,8 +103,8 @@ class SlotCards:
         binding, now = end.binding, look.now
         watch = self.live.topic(binding.topic)
         port = None if part_type is None else part_type.port(end.port)
-        said = look.by_hand.get((slot.name, end.port))
-        held = "" if end.publishes else "by hand" if said is not None else _held(look, slot.name, binding)
+        told = look.by_hand.get((slot.name, end.port))
+        held = "" if end.publishes else "by hand" if told is not None else _held(look, slot.name, binding)
         return PortLine(
             port=end.port,
             topic=binding.topic,
@@ -113,8 +114,8 @@ class SlotCards:
             rate_hz=0.0 if watch is None else round(watch.rate_hz(now), 2),
             count=0 if watch is None else watch.count,
             age_s=None if watch is None or watch.at is None else now - watch.at,
-            fields=dict(said) if said is not None else {} if watch is None else self.live.fields(watch),
-            stale=said is None and watch is not None and self._is_stale(watch, binding, look),
+            fields=dict(told) if told is not None else {} if watch is None else self.live.fields(watch),
+            stale=told is None and watch is not None and self._is_stale(watch, binding, look),
             held=held,
             safe=dict(port.safe) if held in ("stopped", "partner lost") and port is not None and port.safe else {},
         )

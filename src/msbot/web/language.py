@@ -1,7 +1,9 @@
-"""The words of the pages in several languages: a catalogue that anybody can extend by one file.
+"""The words of the pages in several languages: a catalogue that anybody can extend by a folder.
 
 The key of a text is the English text itself, so English needs no catalogue, and what is not translated yet shows in
-English. `languages/de.toml` holds German; a new language is one more file there (code, name, and the texts).
+English. `languages/de` holds German; a new language is one more folder there. What the robot says
+(`msbot.runtime.sentence`) is looked up by its form, with the names of its values in braces; what a library says of its
+parts, by the text.
 """
 
 from __future__ import annotations
@@ -11,11 +13,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
+from string import Formatter
+from typing import Any
 
 from starlette.requests import HTTPConnection
 
+from msbot.runtime.sentence import Sentence
+
 COOKIE = "msbot_language"
 ENGLISH = "en"
+CATALOGUES = ("pages", "robot", "library")
+"""The files of a language: words of the pages, sentences of the robot, texts of the part library."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,23 +36,66 @@ class Language:
     """In its own words: `English`, `Deutsch`."""
     texts: Mapping[str, str] = field(default_factory=dict)
     """English text -> text in this language."""
+    decimal: str = "."
+    """What stands between the whole part of a number and its fraction."""
+    thousands: str = ","
+    """What stands between groups of three digits."""
 
-    def say(self, text: str, **values: object) -> str:
-        """The text in this language; `{name}` is replaced by the value of that name."""
-        words = self.texts.get(text, text)
-        return words.format(**values) if values else words
+    def say(self, text: str, /, **values: object) -> str:
+        """The text in this language; `{name}` is replaced by the value of that name.
+
+        What is a `Sentence` brings its values along, which are said in this language, too.
+        """
+        if isinstance(text, Sentence):
+            return self._put_in(self.texts.get(text.form, text.form), text.values)
+        return self._put_in(self.texts.get(text, text), values)
+
+    def count(self, number: int, one: str, many: str, /, **values: object) -> str:
+        """A text about a number of things: `one` for a single one, else `many`; both may hold `{count}`."""
+        return self.say(one if number == 1 else many, count=number, **values)
+
+    def number(self, value: float, form: str = "") -> str:
+        """A number as it is written here, with `form` as in `format`: 49,9 for 49.9 in German."""
+        return self.digits(format(value, form))
+
+    def digits(self, text: str) -> str:
+        """A number that is written the English way, as it is written here."""
+        if self.decimal == "." and self.thousands == ",":
+            return text
+        return text.translate({ord("."): self.decimal, ord(","): self.thousands})
+
+    def _put_in(self, form: str, values: Mapping[str, object]) -> str:
+        return _Formatter(self).vformat(form, (), values) if values else form
+
+
+class _Formatter(Formatter):
+    """Puts values into a text: numbers with the language's signs, sentences in the language."""
+
+    def __init__(self, language: Language) -> None:
+        self._language = language
+
+    def format_field(self, value: Any, format_spec: str) -> Any:  # noqa: ANN401 - as the class it extends
+        """A value in this language."""
+        if isinstance(value, Sentence):
+            return format(self._language.say(value), format_spec)
+        words = format(value, format_spec)
+        return self._language.digits(words) if isinstance(value, float) or "," in format_spec else words
+
+
+PLAIN = Language(ENGLISH, "English")
+"""English: what there is without a catalogue."""
 
 
 @cache
 def languages() -> Mapping[str, Language]:
     """All languages by code, English first."""
-    known = {ENGLISH: Language(ENGLISH, "English")}
-    folder = files("msbot.web") / "languages"
-    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
-        if entry.name.endswith(".toml"):
-            content = tomllib.loads(entry.read_text("utf-8"))
-            code = entry.name.removesuffix(".toml")
-            known[code] = Language(code, content["name"], content["texts"])
+    known = {ENGLISH: PLAIN}
+    for folder in sorted((files("msbot.web") / "languages").iterdir(), key=lambda entry: entry.name):
+        if folder.is_dir():
+            files_of = [tomllib.loads((folder / f"{name}.toml").read_text("utf-8")) for name in CATALOGUES]
+            texts = {english: text for content in files_of for english, text in content["texts"].items()}
+            about = files_of[0]
+            known[folder.name] = Language(folder.name, about["name"], texts, about["decimal"], about["thousands"])
     return known
 
 

@@ -21,6 +21,7 @@ from msbot.registry.edits import users as people
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.runtime.daemon_threads import DaemonThreads
+from msbot.runtime.sentence import said
 from msbot.runtime.worker import Workshop
 from msbot.web.access.users import User
 from msbot.web.api.models import JournalLine, Robot, RobotTile
@@ -105,8 +106,8 @@ def registry_records(
         has_administrator = any(user.role == Role.ADMINISTRATOR.word for user in known)  # the demo has none
         hold = partial(held.hold, address, content, needs_administrator=has_administrator)
         await asyncio.get_running_loop().run_in_executor(aside, hold)
-        registry.edits.note(robot, EditKind.RESTORE, "a backup is put in force when the master starts anew", who)
-        return "The backup is checked and kept: it is put in force when the master starts anew."
+        registry.edits.note(robot, EditKind.RESTORE, said("a backup is put in force when the master starts anew"), who)
+        return said("The backup is checked and kept: it is put in force when the master starts anew.")
 
     async def people_edits(limit: int) -> Sequence[EditRecord]:
         return await registry.storage.in_time(registry.edits.latest, None, limit)
@@ -132,7 +133,7 @@ def no_records(robot: Callable[[], Robot]) -> Records:
     """The records of a robot without a database: all that needs one says so."""
 
     async def refuse(*_: object) -> NoReturn:
-        raise RegistryError("this robot runs without a database: start it with --db")
+        raise RegistryError(said("this robot runs without a database: start it with --db"))
 
     async def no_edits(_limit: int) -> Sequence[EditRecord]:
         return []

@@ -15,6 +15,7 @@ from msbot.operations.dispatch import RunningOperations
 from msbot.operations.outcome import Outcome
 from msbot.operations.rights import Asker, Right, role_named
 from msbot.registry import EditRecord
+from msbot.runtime.sentence import counted, said
 from msbot.web.access.accounts import Accounts, NotAllowed
 from msbot.web.access.class_list import Newcomer
 from msbot.web.access.sessions import Session
@@ -152,7 +153,9 @@ class Service:
     async def stop_all(self, session: Session) -> StopForAll:
         """STOP to every robot whose master runs on this computer."""
         self._need(session, Right.STOP)
-        return await self._neighbours.stop_all(session.name, f"{session.name} stopped all robots of the class")
+        return await self._neighbours.stop_all(
+            session.name, said("{session} stopped all robots of the class", session=session.name)
+        )
 
     async def blueprint(self) -> str:
         """The present blueprint as `robot.toml`."""
@@ -181,14 +184,14 @@ class Service:
         self._need(session, Right.OPERATE)
         self.views.simulated(slot)
         self.views.bench.operate(slot, control, value)
-        return Done(words=f"{slot}: {control} is {value}")
+        return Done(words=said("{slot}: {control} is {value}", slot=slot, control=control, value=value))
 
     def plug(self, session: Session, slot: str, *, plugged: bool) -> Done:
         """Plug a simulated part in, or pull it out."""
         self._need(session, Right.OPERATE)
         self.views.simulated(slot)
         (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)
-        return Done(words=f"{slot} is {'plugged in' if plugged else 'unplugged'}")
+        return Done(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))
 
     def may_undo(self, session: Session, edit: EditLine) -> bool:
         """Whether to offer it: students take back their own settings only."""
@@ -214,13 +217,13 @@ class Service:
         """Let a person sign in."""
         self._need(session, Right.ADMINISTER)
         await self.accounts.add_user(name, role_named(role), password, who=session.name)
-        return Done(words=f"{name} can sign in as {role}")
+        return Done(words=said("{name} can sign in as {role}", name=name, role=said(role)))
 
     async def add_people(self, session: Session, people: Sequence[Newcomer]) -> Done:
         """Let a whole class sign in: all of them, or nobody."""
         self._need(session, Right.ADMINISTER)
         await self.accounts.add_people(people, who=session.name)
-        return Done(words=f"{len(people)} people can sign in")
+        return Done(words=counted(len(people), "{count} person can sign in", "{count} people can sign in"))
 
     async def people_edits(self, session: Session, limit: int) -> list[EditLine]:
         """What was changed about people and keys, newest first."""
@@ -231,7 +234,7 @@ class Service:
         """Give a user another role."""
         self._need(session, Right.ADMINISTER)
         await self.accounts.change_role(name, role, who=session.name)
-        return Done(words=f"{name} is {role_named(role).one} now")
+        return Done(words=said("{name} is {role} now", name=name, role=role_named(role).one))
 
     async def change_password(self, session: Session, name: str, password: str, old: str | None) -> Done:
         """Give a user another password; everybody may change their own, and has to say the old one.
@@ -242,15 +245,15 @@ class Service:
         is_own = name == session.name
         self._need(session, Right.SEE if is_own else Right.ADMINISTER)
         if session.is_program:
-            raise NotAllowed("a program with an API token may not change passwords: sign in on the page")
+            raise NotAllowed(said("a program with an API token may not change passwords: sign in on the page"))
         await self.accounts.change_password(name, password, who=session.name, old=(old or "") if is_own else None)
-        return Done(words=f"{name} has a new password; sessions and API tokens of {name} have ended")
+        return Done(words=said("{name} has a new password; sessions and API tokens of {name} have ended", name=name))
 
     async def remove_user(self, session: Session, name: str) -> Done:
         """Let a person in no more."""
         self._need(session, Right.ADMINISTER)
         await self.accounts.remove_user(name, who=session.name)
-        return Done(words=f"{name} is removed")
+        return Done(words=said("{name} is removed", name=name))
 
     async def new_token(self, session: Session, name: str, purpose: str) -> str:
         """Make an API token for oneself; an administrator makes them for others, too."""
@@ -261,7 +264,7 @@ class Service:
         """Make an API token worthless."""
         self._need(session, Right.SEE if name == session.name else Right.ADMINISTER)
         await self.accounts.remove_token(name, purpose, who=session.name)
-        return Done(words=f"the token for {purpose} is removed")
+        return Done(words=said("the token for {purpose} is removed", purpose=purpose))
 
     async def backup(self, session: Session) -> bytes:
         """The whole database in one file."""
@@ -290,7 +293,13 @@ def _edit_line(edit: EditRecord) -> EditLine:
 def _check_size(toml: str) -> None:
     size = len(toml.encode("utf-8", "surrogatepass"))
     if size > MAX_BLUEPRINT:
-        raise ConfigError(f"a blueprint has at most {MAX_BLUEPRINT // 1024} kB; this one has {size // 1024 + 1} kB")
+        raise ConfigError(
+            said(
+                "a blueprint has at most {max_blueprint} kB; this one has {size} kB",
+                max_blueprint=MAX_BLUEPRINT // 1024,
+                size=size // 1024 + 1,
+            )
+        )
 
 
 def done_of(outcome: Outcome) -> Done:

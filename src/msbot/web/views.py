@@ -8,6 +8,7 @@ from msbot.config import Blueprint, Direction, Library
 from msbot.errors import NotThere
 from msbot.master import Master
 from msbot.pnp import PartInfo
+from msbot.runtime.sentence import said
 from msbot.web.api.models import (
     BusFigures,
     ControlLine,
@@ -118,7 +119,7 @@ class Views:
         blueprint = self._blueprint()
         if blueprint.slot(name) is None:
             known = ", ".join(slot.name for slot in blueprint.slots) or "none"
-            raise NotThere(f"there is no slot {name!r}; there are {known}")
+            raise NotThere(said("there is no slot {name!r}; there are {known}", name=name, known=known))
 
     def parts(self) -> list[PartLine]:
         """All parts that are there or were there lately."""
@@ -164,7 +165,9 @@ class Views:
         """
         if slot not in self.bench.slots():
             known = ", ".join(self.bench.slots()) or "none"
-            raise NotThere(f"no part of slot {slot!r} is simulated here; those that are: {known}")
+            raise NotThere(
+                said("no part of slot {slot!r} is simulated here; those that are: {known}", slot=slot, known=known)
+            )
         controls: list[ControlLine] = list(self.bench.controls(slot))
         return Simulated(
             slot=slot,

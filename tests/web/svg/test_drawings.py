@@ -20,7 +20,7 @@ from msbot.web.svg.drawings import (
 )
 from tests.web.pictures import HARMFUL, names, read, scalars, words
 
-SAY = languages()["en"].say
+ENGLISH = languages()["en"]
 TYPES = (
     "Switch", "Light", "Level", "Angle", "Colour", "Temperature", "Distance", "Speed", "Gas", "Text", "HelloWorld",
     "SomethingNew",
@@ -97,13 +97,13 @@ def test_the_signs_of_states_differ() -> None:
 
 
 def test_the_ring_tells_life_and_time_to_the_next_beat() -> None:
-    half = read(beat_ring(card(part=line(3), next_beat_s=0.5), 1.0, 3, SAY))
+    half = read(beat_ring(card(part=line(3), next_beat_s=0.5), 1.0, 3, ENGLISH))
     assert half[0].get("aria-label") == "life status 3, next beat in 0.5 s"
     assert words(half).split()[-1] == "3"
-    overdue = read(beat_ring(card(part=line(1), next_beat_s=-2.0), 1.0, 1, SAY))
+    overdue = read(beat_ring(card(part=line(1), next_beat_s=-2.0), 1.0, 1, ENGLISH))
     assert overdue[0].get("aria-label") == "life status 1, beat overdue for 2.0 s"
     for empty in (card(), card(part=line(0))):
-        assert words(read(beat_ring(empty, 1.0, 0, SAY))).split()[-1] == "–"
+        assert words(read(beat_ring(empty, 1.0, 0, ENGLISH))).split()[-1] == "–"
 
 
 def test_of_an_actuator_what_it_was_told_is_drawn_of_a_sensor_what_it_tells() -> None:

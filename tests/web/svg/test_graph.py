@@ -11,7 +11,7 @@ from msbot.web.svg.graph import wiring_svg
 from msbot.web.svg.plots import STATE_COLOURS
 from tests.web.pictures import HARMFUL, names, read, words
 
-SAY = languages()["en"].say
+ENGLISH = languages()["en"]
 ends = st.builds(lambda slot, port: f"{slot}.{port}", names, names)
 
 
@@ -37,7 +37,7 @@ def ports_of(*lines: TopicLine) -> list[WirePort]:
 
 def test_every_end_is_joined_to_its_topic_and_slots_lead_to_their_drawer() -> None:
     lines = [topic("speed", ["knob.turn"], ["fan.power", "lamp.power"], 10.0)]
-    root = read(wiring_svg(lines, ports_of(*lines), {"knob": "active", "fan": "lost"}, SAY))
+    root = read(wiring_svg(lines, ports_of(*lines), {"knob": "active", "fan": "lost"}, ENGLISH))
     links = [link.get("href") for link in root.findall(".//{*}a")]
     assert links == ["/?slot=knob", "/?slot=fan", "/?slot=lamp"]
     colours = [box.get("stroke") for box in root.findall(".//{*}a/{*}rect")]
@@ -52,19 +52,19 @@ def test_every_end_is_joined_to_its_topic_and_slots_lead_to_their_drawer() -> No
 
 def test_flowing_wires_differ_from_silent_ones_in_more_than_colour() -> None:
     both = [[topic("t", ["a.x"], ["b.y"], rate)] for rate in (2.0, 0.0)]
-    busy, silent = (wiring_svg(lines, ports_of(*lines), {}, SAY) for lines in both)
+    busy, silent = (wiring_svg(lines, ports_of(*lines), {}, ENGLISH) for lines in both)
     assert "stroke-dasharray" not in busy
     assert "stroke-dasharray" in silent
 
 
 def test_a_slot_that_hears_itself_stands_on_both_sides() -> None:
     line = topic("t", ["a.x"], ["a.y"])
-    assert len(read(wiring_svg([line], ports_of(line), {}, SAY)).findall(".//{*}a")) == 2
+    assert len(read(wiring_svg([line], ports_of(line), {}, ENGLISH)).findall(".//{*}a")) == 2
 
 
 def test_a_port_without_a_wire_is_there_and_says_so() -> None:
     port = WirePort(slot="fan", port="power", type_name="Level", publishes=False)
-    root = read(wiring_svg([], [port], {}, SAY))
+    root = read(wiring_svg([], [port], {}, ENGLISH))
     (drawn,) = root.findall(".//{*}g[@data-port]")
     assert (drawn.get("role"), drawn.get("tabindex"), drawn.get("data-way")) == ("button", "0", "in")
     assert drawn.get("aria-label") == "fan.power (Level): not wired"
@@ -78,6 +78,6 @@ def test_a_port_without_a_wire_is_there_and_says_so() -> None:
     )
 )  # fmt: skip
 def test_any_names_are_drawn_as_text(lines: list[TopicLine]) -> None:
-    text = words(read(wiring_svg(lines, ports_of(*lines), {HARMFUL: HARMFUL}, SAY)))
+    text = words(read(wiring_svg(lines, ports_of(*lines), {HARMFUL: HARMFUL}, ENGLISH)))
     for line in lines:
         assert line.topic in text

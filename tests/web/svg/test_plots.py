@@ -5,7 +5,9 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from msbot.runtime.sentence import said
 from msbot.web.api.models import SpanLine, TimelineLane
+from msbot.web.language import languages
 from msbot.web.svg.plots import STATE_COLOURS, Curve, bars_svg, curve_svg, curves_csv, shortened, thinned
 from tests.web.pictures import HARMFUL, names, read, words
 
@@ -13,8 +15,8 @@ WIDTH = 1000.0
 SVG_TEXT = "{http://www.w3.org/2000/svg}text"
 
 
-def same(text: str) -> str:
-    return text
+same = languages()["en"]
+GERMAN = languages()["de"]
 
 
 def span(begin: float, end: float, state: str = "active", reason: str = "it fits") -> SpanLine:
@@ -113,8 +115,12 @@ def test_any_curves_stay_in_their_frame(curves: dict[str, list[tuple[float, floa
         assert "No numbers yet." in words(root)
 
 
-def test_the_words_are_translated() -> None:
-    lane = TimelineLane(slot="fan", spans=[span(60, 0)])
-    assert "[now]" in words(read(bars_svg([lane], 60.0, "[{}]".format)))
-    assert "[active]" in words(read(bars_svg([lane], 60.0, "[{}]".format)))
-    assert "[No numbers yet.]" in words(read(curve_svg([], 60.0, 0.0, "[{}]".format)))
+def test_words_and_numbers_are_those_of_the_language() -> None:
+    lane = TimelineLane(slot="fan", spans=[span(60, 0, reason=said("heard again after {silence:.1f} s", silence=1.5))])
+    drawn = words(read(bars_svg([lane], 60.0, GERMAN)))
+    assert "jetzt" in drawn
+    assert "aktiv: nach 1,5 s wieder gehört" in drawn
+    assert "Noch keine Zahlen." in words(read(curve_svg([], 60.0, 0.0, GERMAN)))
+    curves = words(read(curve_svg([Curve("level", [(0.0, 0.25), (1.0, 0.75)], "%")], 90.0, 1.0, GERMAN)))
+    assert "level: 0,75 %" in curves
+    assert "-1,5 min" in curves

@@ -10,6 +10,7 @@ from msbot.config.library.message_types import MessageType
 from msbot.config.library.simulator import Simulator
 from msbot.config.library.versions import ANY_VERSION, Versions
 from msbot.config.toml.table import Scalar, kind_words
+from msbot.runtime.sentence import Sentence, said
 
 
 class Direction(Enum):
@@ -148,8 +149,11 @@ class Supply:
 
     def __str__(self) -> str:
         """For example `3.3 to 5 V, at most 20 mA`."""
-        volts = f"{self.min_v:g} V" if self.min_v == self.max_v else f"{self.min_v:g} to {self.max_v:g} V"
-        return f"{volts}, at most {self.current_ma:g} mA" if self.current_ma else volts
+        form = "{least:g} V" if self.min_v == self.max_v else "{least:g} to {most:g} V"
+        volts = Sentence(form, {"least": float(self.min_v), "most": float(self.max_v)})
+        if not self.current_ma:
+            return volts
+        return said("{volts}, at most {current:g} mA", volts=volts, current=float(self.current_ma))
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import reduce
 
 from sqlalchemy import ColumnElement, Connection, Table, and_, delete, insert, select, update
 
 from msbot.registry.database.statements import bump_versions, upsert
 from msbot.registry.database.tables import bindings, robots, settings, slots
+from msbot.runtime.sentence import said
 
 _NOT_OF_BLUEPRINT = ("id", "applied_ns", "stop")
 """Columns of a robot that no blueprint decides; above all, undoing one must not end STOP."""
@@ -78,18 +80,20 @@ def difference_words(before: Content, after: Content) -> str:
     """What has changed, in a few words, for example `slot DD is new; AA, BB changed`."""
     old, new = _in_blueprint(before), _in_blueprint(after)
     changed = [name for name in slots_of(before, after) if name in old and name in new]
-    parts = []
-    for names, words in (
-        ([name for name in new if name not in old], "new"),
-        ([name for name in old if name not in new], "gone"),
-        (changed, "changed"),
+    parts: list[str] = []
+    for names, form in (
+        ([name for name in new if name not in old], "new: {slots}"),
+        ([name for name in old if name not in new], "gone: {slots}"),
+        (changed, "changed: {slots}"),
     ):
         if names:
-            some = ", ".join(names[:_MOST_NAMED]) + (
-                f" and {len(names) - _MOST_NAMED} more" * (len(names) > _MOST_NAMED)
-            )
-            parts.append(f"{words}: {some}")
-    return "; ".join(parts) or "profile, timing, options or descriptions"
+            some = ", ".join(names[:_MOST_NAMED])
+            if len(names) > _MOST_NAMED:
+                some = said("{some} and {count} more", some=some, count=len(names) - _MOST_NAMED)
+            parts.append(said(form, slots=some))
+    if not parts:
+        return said("profile, timing, options or descriptions")
+    return reduce(lambda one, other: said("{one}; {other}", one=one, other=other), parts)
 
 
 _MOST_NAMED = 5

@@ -17,6 +17,7 @@ from msbot.config import PartType, Slot
 from msbot.pnp import Claim, PartEvent, PartState
 from msbot.registry.database.tables import journal, library, node_ids, parts, robots, slots
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord, uid_text
+from msbot.runtime.sentence import from_json, to_json
 
 if TYPE_CHECKING:
     from sqlalchemy.dialects import postgresql
@@ -191,6 +192,7 @@ def write_journal(connection: Connection, robot_id: int, event: PartEvent, now_n
         "reason": event.reason,
         "evidence": [list(pair) for pair in event.evidence],
         "address": event.address,
+        "said": [to_json(event.reason), [[to_json(rule), to_json(outcome)] for rule, outcome in event.evidence]],
     }
     connection.execute(_JOURNAL_LINE, row)
 
@@ -280,14 +282,15 @@ def _part(row: Row[tuple[object, ...]]) -> PartRecord:
 
 
 def _journal_entry(row: Row[tuple[object, ...]]) -> JournalEntry:
+    reason, evidence = row.said or (row.reason, row.evidence)
     event = PartEvent(
         at=row.at_ns / 1e9,
         part=row.part,
         slot=row.slot or None,
         from_state=STATES.get(row.from_state),
         to_state=STATES[row.to_state],
-        reason=row.reason,
-        evidence=tuple((rule, outcome) for rule, outcome in row.evidence),
+        reason=from_json(reason),
+        evidence=tuple((from_json(rule), from_json(outcome)) for rule, outcome in evidence),
         part_number=row.part_number,
         local_name=row.local_name,
         uid=bytes.fromhex(row.uid),

@@ -188,6 +188,7 @@ journal = Table(
     Column("reason", Text, nullable=False, comment="why, in words"),
     Column("evidence", JSON, nullable=False, comment="list of [rule or message, outcome]"),
     Column("address", Text, nullable=False, comment="the peer in words"),
+    Column("said", JSON, comment="reason and evidence as forms with their values, for other languages"),
     Index("ix_journal_robot_id", "robot_id", "id"),
 )
 
@@ -215,6 +216,7 @@ edits = Table(
     Column("before", JSON, nullable=False, comment="what it changed, as it was before"),
     Column("after", JSON, nullable=False, comment="the same, as it is after"),
     Column("undone_by", BigId, comment="number of the edit that took it back"),
+    Column("said", JSON, comment="words as a form with its values, for other languages"),
     Index("ix_edits_robot_id", "robot_id", "id"),
 )
 

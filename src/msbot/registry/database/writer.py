@@ -25,6 +25,7 @@ from msbot.errors import MsbotError, RegistryError
 from msbot.registry.database.database_errors import fault_words, is_about_the_database, told_as_registry_error
 from msbot.registry.database.engine import WAIT_S, WRITE
 from msbot.registry.database.pending_change import PendingChange
+from msbot.runtime.sentence import said
 
 Note = Callable[[Connection], None]
 """Executes its statements on the connection; must not commit. May be called again after a failed transaction."""
@@ -99,7 +100,10 @@ class Writer:
             return self._fault
         asked_at = self._asked_at
         if asked_at is not None and (silent_s := monotonic() - asked_at) > SILENT_S:
-            return f"has not answered for {silent_s:.0f} s: look whether its server, or the disk, is busy or hangs"
+            return said(
+                "has not answered for {silent_s:.0f} s: look whether its server, or the disk, is busy or hangs",
+                silent_s=silent_s,
+            )
         return None
 
     @property
@@ -108,7 +112,12 @@ class Writer:
         fault = self.fault
         if fault is None:
             return None
-        return f"the database {self._database} {fault}; changes kept in memory until it can be written: {self.pending}"
+        return said(
+            "the database {database} {fault}; changes kept in memory until it can be written: {pending}",
+            database=self._database,
+            fault=fault,
+            pending=self.pending,
+        )
 
     def watch(self, look: Callable[[Connection], None], follow: Follow) -> None:
         """Have somebody told of what changes in the database.
@@ -148,9 +157,9 @@ class Writer:
         job = PendingChange(self.give_up, change, wait_s)
         with self._changed:
             if self._closing:
-                raise RegistryError(f"the database {self._database} is closed")
+                raise RegistryError(said("the database {database} is closed", database=self._database))
             if len(self._waiting) >= self._capacity:
-                raise RegistryError(f"nothing was changed: {self.trouble or self._busy}")
+                raise RegistryError(said("nothing was changed: {trouble}", trouble=self.trouble or self._busy))
             self._waiting.append(cast("PendingChange[object]", job))
             self._hurry = True
             self._changed.notify_all()
@@ -169,16 +178,19 @@ class Writer:
             why = self.trouble or self._busy
             if job.is_being_stored:
                 raise RegistryError(
-                    f"it is not known yet whether this change is stored: {why}. If it is, it counts: look at what "
-                    "was changed when the database answers again"
+                    said(
+                        "it is not known yet whether this change is stored: {why}. If it is, it counts: look at what "
+                        "was changed when the database answers again",
+                        why=why,
+                    )
                 )
             with contextlib.suppress(ValueError):
                 self._waiting.remove(cast("PendingChange[object]", job))
-        raise RegistryError(f"nothing was changed: {why}")
+        raise RegistryError(said("nothing was changed: {why}", why=why))
 
     @property
     def _busy(self) -> str:
-        return f"the database {self._database} is busy: try again"
+        return said("the database {database} is busy: try again", database=self._database)
 
     def flush(self, timeout_s: float = 10.0) -> bool:
         """Wait until everything handed over is stored; False: a try has just failed, or it took too long."""
@@ -269,7 +281,7 @@ class Writer:
                     then = self._follow(connection)
                     with self._changed:
                         if job.is_given_up:
-                            raise RegistryError("nobody waits for this change any more")
+                            raise RegistryError(said("nobody waits for this change any more"))
                         job.is_being_stored = True
         except MsbotError as error:
             self._answer(job, error=error)
@@ -355,7 +367,7 @@ class Writer:
         """Nobody waits for a change that cannot be made now."""
         for job in [one for one in self._waiting if isinstance(one, PendingChange)]:
             self._waiting.remove(job)
-            self._answer(job, error=RegistryError(f"nothing was changed: {self.trouble}"))
+            self._answer(job, error=RegistryError(said("nothing was changed: {trouble}", trouble=self.trouble)))
 
     @staticmethod
     def _answer(job: PendingChange[object], made: object = None, *, error: BaseException | None = None) -> None:

@@ -12,6 +12,7 @@ from msbot.registry.database.statements import upsert
 from msbot.registry.database.tables import blocks
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.records import EditKind, EditRecord
+from msbot.runtime.sentence import said
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +46,8 @@ class BlockCell:
 
 def block(connection: Connection, author: Author, kind: str, key: str, reason: str) -> EditRecord:
     """Let a UID or a part number in no more."""
-    reason = reason or "no reason given"
-    return _write(connection, author, BlockCell(kind, key, reason), f"is blocked: {reason}")
+    reason = reason or said("no reason given")
+    return _write(connection, author, BlockCell(kind, key, reason), "{part} is blocked: {reason}")
 
 
 def unblock(connection: Connection, author: Author, kind: str, key: str) -> EditRecord:
@@ -55,13 +56,18 @@ def unblock(connection: Connection, author: Author, kind: str, key: str) -> Edit
     Raises:
         ConfigError: it is not blocked.
     """
-    return _write(connection, author, BlockCell(kind, key, ""), "is let in again")
+    return _write(connection, author, BlockCell(kind, key, ""), "{part} is let in again")
 
 
-def _write(connection: Connection, author: Author, after: BlockCell, words: str) -> EditRecord:
+def _write(connection: Connection, author: Author, after: BlockCell, form: str) -> EditRecord:
     before = after.as_it_is(connection, author.robot)
-    what = f"part number {after.key}" if after.kind == "number" else f"part with UID {after.key}"
+    what = (
+        said("part number {key}", key=after.key)
+        if after.kind == "number"
+        else said("part with UID {key}", key=after.key)
+    )
     if not after.reason and not before.reason:
-        raise ConfigError(f"{what} is not blocked")
+        raise ConfigError(said("{part} is not blocked", part=what))
     after.write(connection, author)
-    return record(connection, author, EditKind.BLOCK, f"{what} {words}", before=before, after=after)
+    words = said(form, part=what, reason=after.reason)
+    return record(connection, author, EditKind.BLOCK, words, before=before, after=after)

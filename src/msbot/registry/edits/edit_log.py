@@ -11,6 +11,7 @@ from sqlalchemy import ColumnElement, Connection, Row, delete, select
 from msbot.registry.blueprint import blueprint_snapshot as snapshot
 from msbot.registry.database.tables import edits
 from msbot.registry.records import UNDOABLE, EditKind, EditRecord
+from msbot.runtime.sentence import from_json, to_json
 
 EDITS_KEPT = 10_000
 """Edits of a robot that are kept."""
@@ -64,6 +65,7 @@ def record(
         "kind": kind.value,
         "slot": slot,
         "words": words,
+        "said": to_json(words),
         "before": {} if before is None else before.as_json(),
         "after": {} if after is None else after.as_json(),
     }
@@ -91,13 +93,18 @@ def _edit(row: Row[tuple[object, ...]]) -> EditRecord:
         who=row.who,
         kind=row.kind,
         slot=row.slot,
-        words=row.words,
+        words=words_of(row),
         undone=row.undone_by is not None,
         slots=_slots_of(row.before, row.after),
         placed=_placed(row.after),
         placed_before=_placed(row.before),
         can_be_undone=row.undone_by is None and row.kind in UNDOABLE,
     )
+
+
+def words_of(row: Row[tuple[object, ...]]) -> str:
+    """What the edit of a row did, able to be said in other languages."""
+    return str(row.words) if row.said is None else from_json(row.said)
 
 
 def _placed(cell: Mapping[str, dict[str, list[str | None]]]) -> tuple[tuple[bytes, str | None], ...]:

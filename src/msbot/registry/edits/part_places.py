@@ -13,6 +13,7 @@ from msbot.registry.database.tables import parts, slots
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.edits.slot_values import find_slot
 from msbot.registry.records import EditKind, EditRecord, uid_text
+from msbot.runtime.sentence import said
 
 
 class Belonging(NamedTuple):
@@ -79,7 +80,11 @@ def put(
     there = [] if slot is None else read_slot(connection, author.robot, slot)
     after = dict.fromkeys(there, NOWHERE) | {identity: Belonging(slot, slot if by_hand else None)}
     name = name_of(connection, author.robot, identity)
-    words = words or (f"{name} belongs in no slot" if slot is None else f"{name} belongs in slot {slot}")
+    words = words or (
+        said("{name} belongs in no slot", name=name)
+        if slot is None
+        else said("{name} belongs in slot {slot}", name=name, slot=slot)
+    )
     return _move(connection, author, after, slot=slot or "", words=words, told=before)
 
 
@@ -97,9 +102,15 @@ def swap(connection: Connection, author: Author, uid: bytes, slot: str, *, other
         identity_there = check_known(connection, author.robot, other)
         goes_to = None if came_from == slot else came_from
         after[identity_there] = Belonging(goes_to, goes_to)
-        whose = f" in place of {name_of(connection, author.robot, identity_there)}"
+        whose = said(" in place of {name_of}", name_of=name_of(connection, author.robot, identity_there))
     after[identity] = Belonging(slot, slot)
-    return _move(connection, author, after, slot=slot, words=f"{name} is swapped into slot {slot}{whose}")
+    return _move(
+        connection,
+        author,
+        after,
+        slot=slot,
+        words=said("{name} is swapped into slot {slot}{whose}", name=name, slot=slot, whose=whose),
+    )
 
 
 def _move(
@@ -149,10 +160,10 @@ def check_known(connection: Connection, robot_id: int, uid: bytes) -> str:
     """
     identity = uid_text(uid)
     if not identity:
-        raise ConfigError("a part without a UID cannot be given a place: the robot would not know it again")
+        raise ConfigError(said("a part without a UID cannot be given a place: the robot would not know it again"))
     known = select(parts.c.identity).where(parts.c.robot_id == robot_id, parts.c.identity == identity)
     if connection.execute(known).scalar() is None:
-        raise ConfigError(f"no part with UID {identity} was ever seen here: plug it in first")
+        raise ConfigError(said("no part with UID {identity} was ever seen here: plug it in first", identity=identity))
     return identity
 
 

@@ -14,6 +14,7 @@ from msbot.registry.database.tables import library, settings, slots
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.records import EditKind, EditRecord, ValueRecord
 from msbot.registry.running.configurations import ORIGINS
+from msbot.runtime.sentence import said
 
 HAND = "hand"
 
@@ -54,9 +55,15 @@ def set_value(connection: Connection, author: Author, slot: str, name: str, valu
     before = after.as_it_is(connection, author.robot)
     after.write(connection, author)
     (new,) = [found for found in read_values(connection, author.robot, slot) if found.name == name]
-    words = f"{name} of {slot}: {value_words(old.value, old.unit)} -> {value_words(new.value, new.unit)}"
+    words = said(
+        "{name} of {slot}: {before} -> {after}",
+        name=name,
+        slot=slot,
+        before=value_words(old.value, old.unit),
+        after=value_words(new.value, new.unit),
+    )
     if value is None:
-        words += f" (the {new.origin}'s)"
+        words = said("{change} (the {origin}'s)", change=words, origin=said(new.origin))
     return record(connection, author, EditKind.VALUE, words, slot=slot, before=before, after=after)
 
 
@@ -75,7 +82,7 @@ def find_slot(connection: Connection, robot_id: int, name: str) -> tuple[int, st
             select(slots.c.name).where(slots.c.robot_id == robot_id, slots.c.in_blueprint).order_by(slots.c.position)
         )
         known = connection.execute(order.limit(12)).scalars().all()
-        raise ConfigError(f"there is no slot {name!r}; there are {', '.join(known)}")
+        raise ConfigError(said("there is no slot {name!r}; there are {known}", name=name, known=", ".join(known)))
     return row.id, row.part_number
 
 
@@ -133,15 +140,22 @@ def check_value(connection: Connection, robot_id: int, slot: str, name: str, val
     known = {record.name: record for record in read_values(connection, robot_id, slot)}
     record = known.get(name)
     if record is None:
-        have = f"it has {', '.join(known)}" if known else "it has none"
-        raise ConfigError(f"slot {slot} has no parameter {name!r}; {have}")
+        have = said("it has {known}", known=", ".join(known)) if known else said("it has none")
+        raise ConfigError(said("slot {slot} has no parameter {name!r}; {have}", slot=slot, name=name, have=have))
     if value is None:
         if record.origin != HAND:
-            raise ConfigError(f"{name} of slot {slot} is not set by hand: its value is the {record.origin}'s already")
+            raise ConfigError(
+                said(
+                    "{name} of slot {slot} is not set by hand: its value is the {origin}'s already",
+                    name=name,
+                    slot=slot,
+                    origin=said(record.origin),
+                )
+            )
         return record
     parameter = Parameter(name, ParameterKind(record.kind), record.default, record.unit, record.least, record.most)
     if fault := parameter.fault(value):
-        raise ConfigError(f"{name} of slot {slot}: {fault}")
+        raise ConfigError(said("{name} of slot {slot}: {fault}", name=name, slot=slot, fault=fault))
     return record
 
 

@@ -15,11 +15,12 @@ from msbot.registry.blueprint import blueprint_store
 from msbot.registry.database import statements as store
 from msbot.registry.database.tables import edits
 from msbot.registry.edits.blocks import BlockCell
-from msbot.registry.edits.edit_log import Author, Cell, edits_of, record
+from msbot.registry.edits.edit_log import Author, Cell, edits_of, record, words_of
 from msbot.registry.edits.part_places import Belonging, PlaceCell
 from msbot.registry.edits.slot_values import ValueCell
 from msbot.registry.edits.wires import TopicCell
 from msbot.registry.records import UNDOABLE, EditKind, EditRecord, RobotRecord
+from msbot.runtime.sentence import said
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,14 +67,18 @@ def undo(connection: Connection, author: Author, number: int | None) -> EditReco
     """
     row = _find(connection, author.robot, number)
     if not row.before:
-        raise ConfigError(f"edit {row.id} ({row.words}) cannot be undone: change it again")
+        raise ConfigError(said("edit {id} ({edit}) cannot be undone: change it again", id=row.id, edit=words_of(row)))
     before, after = read_cell(row.before), read_cell(row.after)
     if not isinstance(after, PlaceCell) and after.as_it_is(connection, author.robot) != after:
         raise ConfigError(
-            f"edit {row.id} ({row.words}) cannot be undone: it has been changed since; undo what came later first"
+            said(
+                "edit {id} ({edit}) cannot be undone: it has been changed since; undo what came later first",
+                id=row.id,
+                edit=words_of(row),
+            )
         )
     before.write(connection, author)
-    words = f"edit {row.id} undone: {row.words}"
+    words = said("edit {id} undone: {edit}", id=row.id, edit=words_of(row))
     made = record(connection, author, EditKind.UNDO, words, slot=row.slot, before=after, after=before)
     connection.execute(update(edits).where(edits.c.undone_by == row.id).values(undone_by=None))
     connection.execute(update(edits).where(edits.c.id == row.id).values(undone_by=made.id))
@@ -89,7 +94,11 @@ def apply_blueprint(
     robot = blueprint_store.apply(connection, blueprint, library, now_ns)
     if before is None or before == (after := snapshot.read(connection, robot.id)):
         return robot, None
-    words = f"the blueprint of {robot.name} is applied: {snapshot.difference_words(before, after)}"
+    words = said(
+        "the blueprint of {robot} is applied: {difference}",
+        robot=robot.name,
+        difference=snapshot.difference_words(before, after),
+    )
     author = Author(robot.id, who, now_ns)
     cells = BlueprintCell(before), BlueprintCell(after)
     return robot, record(connection, author, EditKind.APPLY, words, before=cells[0], after=cells[1])
@@ -101,11 +110,22 @@ def _find(connection: Connection, robot_id: int, number: int | None) -> Row[tupl
         newest = query.where(edits.c.undone_by.is_(None), edits.c.kind.in_(UNDOABLE))
         row = connection.execute(newest.order_by(edits.c.id.desc()).limit(1)).one_or_none()
         if row is None:
-            raise ConfigError("there is nothing to undo")
+            raise ConfigError(said("there is nothing to undo"))
         return row
     row = connection.execute(query.where(edits.c.id == number)).one_or_none()
     if row is None:
-        raise ConfigError(f"there is no edit {number} of this robot; the last ones are shown by `msbot undo --list`")
+        raise ConfigError(
+            said(
+                "there is no edit {number} of this robot; the last ones are shown by `msbot undo --list`", number=number
+            )
+        )
     if row.undone_by is not None:
-        raise ConfigError(f"edit {number} ({row.words}) is undone already, by edit {row.undone_by}")
+        raise ConfigError(
+            said(
+                "edit {number} ({edit}) is undone already, by edit {undone_by}",
+                number=number,
+                edit=words_of(row),
+                undone_by=row.undone_by,
+            )
+        )
     return row

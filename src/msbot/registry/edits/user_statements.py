@@ -8,6 +8,7 @@ from msbot.errors import ConfigError
 from msbot.registry.database.statements import upsert
 from msbot.registry.database.tables import keys, users
 from msbot.registry.records import KeyRecord, UserRecord, uid_text
+from msbot.runtime.sentence import said
 
 ROLES = ("viewer", "student", "teacher", "administrator")
 """What a user may be, from least to most rights."""
@@ -39,9 +40,9 @@ def keep_user(
         ConfigError: no such role, no name, or nobody would be administrator any more.
     """
     if role not in ROLES:
-        raise ConfigError(f"there is no role {role!r}; there are {', '.join(ROLES)}")
+        raise ConfigError(said("there is no role {role!r}; there are {roles}", role=role, roles=", ".join(ROLES)))
     if not name.strip() or not name.isprintable():
-        raise ConfigError(f"{name!r} is no name for a user: use letters")
+        raise ConfigError(said("{name!r} is no name for a user: use letters", name=name))
     before = find_user(connection, name)
     if before is not None and before.role == ROLES[-1] != role:
         _keep_an_administrator(connection, name)
@@ -53,10 +54,12 @@ def keep_user(
     }
     upsert(connection, users, {"name": name}, values, created_ns=now_ns)
     if before is None:
-        return f"user {name} added as {role}"
+        return said("user {name} added as {role}", name=name, role=said(role))
     if before.role != role:
-        return f"user {name} is {role} now; was {before.role}"
-    return f"user {name} changed: {'tokens' if before.password_hash == password_hash else 'password'}"
+        return said("user {name} is {role} now; was {before}", name=name, role=said(role), before=said(before.role))
+    if before.password_hash == password_hash:
+        return said("user {name} changed: tokens", name=name)
+    return said("user {name} changed: password", name=name)
 
 
 def remove_user(connection: Connection, name: str) -> str:
@@ -67,17 +70,19 @@ def remove_user(connection: Connection, name: str) -> str:
     """
     user = find_user(connection, name)
     if user is None:
-        raise ConfigError(f"there is no user {name!r}")
+        raise ConfigError(said("there is no user {name!r}", name=name))
     if user.role == ROLES[-1]:
         _keep_an_administrator(connection, name)
     connection.execute(delete(users).where(users.c.name == name))
-    return f"user {name} ({user.role}) removed"
+    return said("user {name} ({role}) removed", name=name, role=said(user.role))
 
 
 def _keep_an_administrator(connection: Connection, name: str) -> None:
     others = select(users.c.name).where(users.c.role == ROLES[-1], users.c.name != name).limit(1)
     if connection.execute(others).scalar() is None:
-        raise ConfigError(f"{name} is the only {ROLES[-1]}: make somebody else {ROLES[-1]} first")
+        raise ConfigError(
+            said("{name} is the only {roles}: make somebody else {roles} first", name=name, roles=ROLES[-1])
+        )
 
 
 def list_keys(connection: Connection) -> list[KeyRecord]:
@@ -100,10 +105,10 @@ def keep_key(connection: Connection, uid: bytes, key: bytes, *, who: str, now_ns
     """
     identity = uid_text(uid)
     if not identity:
-        raise ConfigError("a part without a UID cannot have a key: there is nothing to know it by")
+        raise ConfigError(said("a part without a UID cannot have a key: there is nothing to know it by"))
     had = find_key(connection, uid) is not None
     upsert(connection, keys, {"uid": identity}, {"key": key, "created_ns": now_ns, "created_by": who})
-    return f"part {identity} has {'another' if had else 'a'} key"
+    return said("part {uid} has another key", uid=identity) if had else said("part {uid} has a key", uid=identity)
 
 
 def remove_key(connection: Connection, uid: bytes) -> str:
@@ -113,9 +118,9 @@ def remove_key(connection: Connection, uid: bytes) -> str:
         ConfigError: it has none.
     """
     if find_key(connection, uid) is None:
-        raise ConfigError(f"part {uid.hex()} has no key")
+        raise ConfigError(said("part {uid} has no key", uid=uid.hex()))
     connection.execute(delete(keys).where(keys.c.uid == uid_text(uid)))
-    return f"the key of part {uid.hex()} is removed"
+    return said("the key of part {uid} is removed", uid=uid.hex())
 
 
 def _user(row: Row[tuple[object, ...]]) -> UserRecord:

@@ -20,6 +20,7 @@ from msbot.registry.database.tables import bindings, library, slots
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.edits.slot_values import find_slot, read_parameters
 from msbot.registry.records import EditKind, EditRecord
+from msbot.runtime.sentence import said
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +121,9 @@ def bind(
     wanted = [] if source is None else [(source, True)]
     wanted += [(target, False) for target in targets]
     if not wanted:
-        raise ConfigError(f"topic {topic!r}: name a port that publishes it or one that subscribes, as SLOT.port")
+        raise ConfigError(
+            said("topic {topic!r}: name a port that publishes it or one that subscribes, as SLOT.port", topic=topic)
+        )
     before = TopicCell(topic).as_it_is(connection, author.robot)
     ends = {end.at: replace(end, reliable=reliable) for end in before.ends}
     for port, publishes in wanted:
@@ -130,7 +133,12 @@ def bind(
         ends[new.at] = new if old is None else replace(old, type_name=type_name, in_use=True)
     TopicCell(topic, tuple(ends.values())).write(connection, author)
     _check(connection, author.robot, topic)
-    return _bound(connection, author, before, f"topic {topic} joins {', '.join(str(port) for port, _ in wanted)}")
+    return _bound(
+        connection,
+        author,
+        before,
+        said("topic {topic} joins {value}", topic=topic, value=", ".join((str(port) for port, _ in wanted))),
+    )
 
 
 def unbind(connection: Connection, author: Author, topic: str, endpoint: SlotPort | None) -> EditRecord:
@@ -145,15 +153,32 @@ def unbind(connection: Connection, author: Author, topic: str, endpoint: SlotPor
     if not bound:
         query = select(bindings.c.topic).where(bindings.c.robot_id == author.robot, bindings.c.in_use).distinct()
         known = sorted(connection.execute(query).scalars())
-        raise ConfigError(f"no port is bound to topic {topic!r}; topics: {', '.join(known) or 'none'}")
+        raise ConfigError(
+            said(
+                "no port is bound to topic {topic!r}; topics: {known}",
+                topic=topic,
+                known=", ".join(known) or said("none"),
+            )
+        )
     if not gone:
         names = sorted({str(end.endpoint) for end in bound})
-        raise ConfigError(f"{endpoint} is not bound to topic {topic!r}; {', '.join(names)} are")
+        raise ConfigError(
+            said(
+                "{endpoint} is not bound to topic {topic!r}; {names} are",
+                endpoint=endpoint,
+                topic=topic,
+                names=", ".join(names),
+            )
+        )
     left = [replace(end, in_use=end.in_use and end not in gone) for end in before.ends]
     # What the blueprint asks for is remembered, so that its next start does not bring it back.
     kept = tuple(end for end in left if end.in_use or end.origin == "blueprint")
     TopicCell(topic, kept).write(connection, author)
-    words = f"topic {topic} is taken away" if endpoint is None else f"{endpoint} is taken off topic {topic}"
+    words = (
+        said("topic {topic} is taken away", topic=topic)
+        if endpoint is None
+        else said("{endpoint} is taken off topic {topic}", endpoint=endpoint, topic=topic)
+    )
     return _bound(connection, author, before, words)
 
 
@@ -193,9 +218,16 @@ def _check(connection: Connection, robot_id: int, topic: str) -> None:
         ).scalars()
     )
     if len(types) > 1:
-        raise ConfigError(f'topic "{topic}" carries "{min(types)}" and "{max(types)}": a topic has one type')
+        raise ConfigError(
+            said(
+                'topic "{topic}" carries "{min}" and "{max}": a topic has one type',
+                topic=topic,
+                min=min(types),
+                max=max(types),
+            )
+        )
     faults = binding_faults(
         read_bindings(connection, robot_id), read_slots(connection, robot_id), read_library(connection, robot_id)
     )
     if faults:
-        raise ConfigError(f'topic "{topic}": {faults[0]}')
+        raise ConfigError(said('topic "{topic}": {faults}', topic=topic, faults=faults[0]))

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 from msbot.errors import ConfigError, MsbotError, RegistryError
 from msbot.operations.rights import Right, Role, role_named
+from msbot.runtime.sentence import said
 from msbot.web.access.attempts import Attempts, SignInRefused
 from msbot.web.access.class_list import Newcomer
 from msbot.web.access.passwords import LONGEST, Argon2Hasher, Hasher, check_password
@@ -106,9 +107,11 @@ class Accounts:
             ConfigError: the name or the password will not do.
         """
         if not self._setup_token or not hmac.compare_digest(token.encode(), self._setup_token.encode()):
-            raise SignInRefused("this set-up link is not valid (any more): start msbot again for a new one, or sign in")
+            raise SignInRefused(
+                said("this set-up link is not valid (any more): start msbot again for a new one, or sign in")
+            )
         if not self.needs_setup:
-            raise SignInRefused("there is an administrator already: sign in")
+            raise SignInRefused(said("there is an administrator already: sign in"))
         self._check_name(name)
         check_password(password)
         link, self._setup_token = self._setup_token, ""  # nobody else uses it while the password is hashed
@@ -131,7 +134,7 @@ class Accounts:
             SignInRefused: it is not the link's word.
         """
         if not self._entry_token or not hmac.compare_digest(token.encode(), self._entry_token.encode()):
-            raise SignInRefused("this link is of another run: copy the one that msbot has printed last")
+            raise SignInRefused(said("this link is of another run: copy the one that msbot has printed last"))
         return self.sessions.begin("demo", Role.ADMINISTRATOR, is_lasting=True)
 
     # Signing in and out
@@ -160,7 +163,7 @@ class Accounts:
         user = self._users.get(name)  # as it is now: hashing takes a while
         if user is None or not is_right or user.password_hash != stored:
             self._attempts.wrong(name, address, known, self._clock())
-            raise SignInRefused("wrong name or password")
+            raise SignInRefused(said("wrong name or password"))
         self._attempts.right(name, address, known)
         if self._hasher.is_outdated(stored):
             await self._hash_anew(user, password)
@@ -230,11 +233,18 @@ class Accounts:
             NotAllowed: the role does not have it.
         """
         if not self.holds(session):
-            raise SignedOut("you are signed out: sign in again")
+            raise SignedOut(said("you are signed out: sign in again"))
         if not session.is_program:
             self.sessions.use(session)
         if not session.may(right):
-            raise NotAllowed(f"{session.role.one} may not {right.value}; {right.least.one} may")
+            raise NotAllowed(
+                said(
+                    "{one} may not {right}; {least} may",
+                    one=session.role.one,
+                    right=said(right.value),
+                    least=right.least.one,
+                )
+            )
 
     # Administration
 
@@ -299,7 +309,7 @@ class Accounts:
         user = self._find(name)
         check_password(password)
         if old is not None and not await self._hasher.matches(user.password_hash, old[: LONGEST + 1]):
-            raise ConfigError("the old password is wrong")
+            raise ConfigError(said("the old password is wrong"))
         hashed = await self._hasher.hash(password)
         async with self._changing:
             await self._keep(who, replace(self._find(name), password_hash=hashed, tokens=()))
@@ -323,12 +333,14 @@ class Accounts:
             ConfigError: there is no such user, or the purpose is taken or makes no sense.
         """
         if not purpose or len(purpose) > MAX_NAME or not purpose.isprintable():
-            raise ConfigError(f"say what the token is for, in 1 to {MAX_NAME} characters")
+            raise ConfigError(said("say what the token is for, in 1 to {max_name} characters", max_name=MAX_NAME))
         token = f"msbot_{secrets.token_urlsafe(32)}"
         async with self._changing:
             user = self._find(name)
             if any(purpose == known for known, _ in user.tokens):
-                raise ConfigError(f"{name} has a token for {purpose!r} already: remove it first")
+                raise ConfigError(
+                    said("{name} has a token for {purpose!r} already: remove it first", name=name, purpose=purpose)
+                )
             await self._keep(who, replace(user, tokens=(*user.tokens, (purpose, digest_of(token)))))
         return token
 
@@ -342,7 +354,7 @@ class Accounts:
             user = self._find(name)
             tokens = tuple(token for token in user.tokens if token[0] != purpose)
             if tokens == user.tokens:
-                raise ConfigError(f"{name} has no token for {purpose!r}")
+                raise ConfigError(said("{name} has no token for {purpose!r}", name=name, purpose=purpose))
             await self._keep(who, replace(user, tokens=tokens))
 
     # Helpers
@@ -355,18 +367,29 @@ class Accounts:
 
     def _check_name(self, name: str) -> None:
         if not name or len(name) > MAX_NAME or name != name.strip() or not name.isprintable():
-            raise ConfigError(f"a user's name has 1 to {MAX_NAME} printable characters, without blanks around it")
+            raise ConfigError(
+                said(
+                    "a user's name has 1 to {max_name} printable characters, without blanks around it",
+                    max_name=MAX_NAME,
+                )
+            )
         if name in self._users:
-            raise ConfigError(f"there is a user {name!r} already: choose another name")
+            raise ConfigError(said("there is a user {name!r} already: choose another name", name=name))
 
     def _find(self, name: str) -> User:
         user = self._users.get(name)
         if user is None:
             known = ", ".join(sorted(self._users)) or "nobody"
-            raise ConfigError(f"there is no user {name!r}; there are {known}")
+            raise ConfigError(said("there is no user {name!r}; there are {known}", name=name, known=known))
         return user
 
     def _check_not_last(self, user: User, deed: str) -> None:
         others = [one for one in self._users.values() if one.role is Role.ADMINISTRATOR and one.name != user.name]
         if user.role is Role.ADMINISTRATOR and not others:
-            raise ConfigError(f"{user.name} is the last administrator and cannot {deed}: make another one first")
+            raise ConfigError(
+                said(
+                    "{user} is the last administrator and cannot {deed}: make another one first",
+                    user=user.name,
+                    deed=deed,
+                )
+            )

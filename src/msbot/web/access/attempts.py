@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from msbot.errors import MsbotError
+from msbot.runtime.sentence import said
 
 FREE_TRIES = 5
 """Wrong passwords in a row before a pause."""
@@ -93,13 +94,17 @@ class Attempts:
             default=0.0,
         )
         if pause_s > 0:
-            raise SignInRefused(f"too many wrong passwords: try again in {pause_s:.0f} s", pause_s)
+            raise SignInRefused(
+                said("too many wrong passwords: try again in {pause_s:.0f} s", pause_s=pause_s), pause_s
+            )
         if device:
             return 0.0
         spacing = self._spacing(address, now)
         wait_s = max(spacing.wait_s(now), self._total.wait_s(now))
         if wait_s > LONGEST_WAIT_S:
-            raise SignInRefused("too many people are signing in at this moment: try again in 10 s", LONGEST_WAIT_S)
+            raise SignInRefused(
+                said("too many people are signing in at this moment: try again in 10 s"), LONGEST_WAIT_S
+            )
         spacing.take(now)
         self._total.take(now)
         return wait_s

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from msbot.errors import ConfigError
 from msbot.operations.rights import Role, role_named
+from msbot.runtime.sentence import said
 from msbot.web.access.passwords import check_password
 
 MOST_BYTES = 256_000
@@ -61,13 +62,23 @@ def read_people(octets: bytes, path: str) -> list[Listed]:
         rows = rows[1:]
     people = [_person(path, number, dict(zip(columns, row, strict=False))) for number, row in rows]
     if not people:
-        raise ConfigError(f"{path}: nobody is in it; write a name on each line")
+        raise ConfigError(said("{path}: nobody is in it; write a name on each line", path=path))
     if len(people) > MOST_PEOPLE:
-        raise ConfigError(f"{path}: has more than {MOST_PEOPLE} people; divide it")
+        raise ConfigError(
+            said("{path}: has more than {most_people} people; divide it", path=path, most_people=MOST_PEOPLE)
+        )
     first: dict[str, Listed] = {}
     for one in people:
         if (other := first.setdefault(one.name, one)) is not one:
-            raise ConfigError(f"{path}, line {one.line}: {one.name!r} is there already on line {other.line}")
+            raise ConfigError(
+                said(
+                    "{path}, line {line}: {name!r} is there already on line {line2}",
+                    path=path,
+                    line=one.line,
+                    name=one.name,
+                    line2=other.line,
+                )
+            )
     return people
 
 
@@ -89,7 +100,9 @@ def newcomers(octets: bytes, path: str, role: Role) -> list[Newcomer]:
             wanted = role_named(one.role) if one.role else role
             check_password(password)
         except ConfigError as error:
-            raise ConfigError(f"{path}, line {one.line}: {error}; nobody was added") from None
+            raise ConfigError(
+                said("{path}, line {line}: {error}; nobody was added", path=path, line=one.line, error=str(error))
+            ) from None
         people.append(Newcomer(one.name, wanted, password, one.line))
     return people
 
@@ -102,7 +115,9 @@ def new_password() -> str:
 
 def _text(octets: bytes, path: str) -> str:
     if len(octets) > MOST_BYTES:
-        raise ConfigError(f"{path}: is larger than {MOST_BYTES:,} bytes; no class list is")
+        raise ConfigError(
+            said("{path}: is larger than {most_bytes:,} bytes; no class list is", path=path, most_bytes=MOST_BYTES)
+        )
     try:
         return octets.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -113,11 +128,13 @@ def _rows(path: str, lines: list[str], delimiter: str) -> list[list[str]]:
     try:
         return list(csv.reader(lines, delimiter=delimiter, strict=True))
     except csv.Error as error:
-        raise ConfigError(f"{path}: is no list of people ({error}); save it as CSV") from None
+        raise ConfigError(
+            said("{path}: is no list of people ({error}); save it as CSV", path=path, error=str(error))
+        ) from None
 
 
 def _person(path: str, number: int, cells: dict[str, str]) -> Listed:
     name = cells.get("name", "")
     if not name:
-        raise ConfigError(f"{path}, line {number}: the name is missing")
+        raise ConfigError(said("{path}, line {number}: the name is missing", path=path, number=number))
     return Listed(name, cells.get("role", "").casefold(), cells.get("password", ""), number)

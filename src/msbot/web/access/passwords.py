@@ -11,6 +11,7 @@ from argon2.exceptions import InvalidHashError, VerificationError, VerifyMismatc
 from argon2.low_level import Type
 
 from msbot.errors import ConfigError
+from msbot.runtime.sentence import said
 
 SHORTEST = 8
 """Characters a password must have (NIST SP 800-63B)."""
@@ -76,6 +77,18 @@ def check_password(password: str) -> None:
         ConfigError: it is too short or too long; the text says what would be right.
     """
     if len(password) < SHORTEST:
-        raise ConfigError(f"a password needs at least {SHORTEST} characters; this one has {len(password)}")
+        raise ConfigError(
+            said(
+                "a password needs at least {shortest} characters; this one has {count}",
+                shortest=SHORTEST,
+                count=len(password),
+            )
+        )
     if len(password) > LONGEST:
-        raise ConfigError(f"a password has at most {LONGEST} characters; this one has {len(password)}")
+        raise ConfigError(
+            said(
+                "a password has at most {longest} characters; this one has {count}",
+                longest=LONGEST,
+                count=len(password),
+            )
+        )

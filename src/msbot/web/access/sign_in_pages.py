@@ -8,6 +8,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from msbot.errors import ConfigError
+from msbot.runtime.sentence import said
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.cookies import CookieNames
@@ -59,7 +60,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames) -> APIRoute
             headers = {"retry-after": f"{refused.retry_after_s:.0f}"} if refused.retry_after_s else None
             status = 429 if refused.retry_after_s else 401
             return page(
-                request, "sign_in", "Sign in", wanted=wanted, name=name[:64], error=str(refused), status=status,
+                request, "sign_in", "Sign in", wanted=wanted, name=name[:64], error=language_of(request).say(str(refused)), status=status,
                 headers=headers,
             )  # fmt: skip
         return signed_in(request, session, wanted)
@@ -74,11 +75,13 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames) -> APIRoute
         token = form.get("token", "")
         try:
             if form.get("password", "") != form.get("again", ""):
-                raise ConfigError("the two passwords are not the same")
+                raise ConfigError(said("the two passwords are not the same"))
             session = await accounts.set_up(token, form.get("name", ""), form.get("password", ""))
         except (SignInRefused, ConfigError) as error:
             status = 403 if isinstance(error, SignInRefused) else 400
-            return page(request, "set_up", "Set-up", token=token, error=str(error), status=status)
+            return page(
+                request, "set_up", "Set-up", token=token, error=language_of(request).say(str(error)), status=status
+            )
         return signed_in(request, session, "/")
 
     @router.get("/enter")
@@ -86,7 +89,14 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames) -> APIRoute
         try:
             session = accounts.enter(token)
         except SignInRefused as refused:
-            return page(request, "sign_in", "Sign in", wanted=local_path(next), error=str(refused), status=403)
+            return page(
+                request,
+                "sign_in",
+                "Sign in",
+                wanted=local_path(next),
+                error=language_of(request).say(str(refused)),
+                status=403,
+            )
         return signed_in(request, session, local_path(next))
 
     @router.post("/logout")

@@ -7,6 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Request
 from fastapi.responses import Response
 
+from msbot.runtime.sentence import said
 from msbot.web.api.models import Done, NewToken, NewUser, UserChange, UserLine, Words
 from msbot.web.api.routes import PROBLEMS
 from msbot.web.api.session import SignedIn
@@ -33,7 +34,7 @@ def make_admin_api(service: Service) -> APIRouter:
     @router.patch("/users/{name}")
     async def change_user(session: SignedIn, name: UserName, change: UserChange) -> Done:
         """Give a user another role or password; one's own password only with the old one."""
-        done = Done(words=f"nothing about {name} is to be changed")
+        done = Done(words=said("nothing about {name} is to be changed", name=name))
         if change.role is not None:
             done = await service.change_role(session, name, change.role)
         if change.password is not None:

@@ -6,9 +6,22 @@ of asking, so nobody has to share a clock.
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema
 
 Scalar = bool | int | float | str
+
+
+def _as_said(value: object) -> str:
+    """A text as it came: a sentence stays one, so that a page can say it in its language."""
+    if not isinstance(value, str):
+        raise ValueError("must be a text")
+    return value
+
+
+Said = Annotated[str, PlainValidator(_as_said), WithJsonSchema({"type": "string"})]
+"""What the robot says: for programs a text in English, for pages a sentence of any language."""
 
 
 class Model(BaseModel):
@@ -32,7 +45,7 @@ class ProblemAnswer(Model):
 class Done(Model):
     """A change was made."""
 
-    words: str
+    words: Said
     """What happened, for people."""
     edit: int | None = None
     """Its number, for undo; absent when it cannot be undone."""
@@ -103,7 +116,7 @@ class PartLine(Model):
     """The slot it holds or held, empty when none."""
     state: str
     """`new`, `checking`, `active`, `late`, `lost`, `refused`, `standby` or `left`."""
-    reason: str
+    reason: Said
     state_age_s: float
     life: int
     beat_age_s: float | None
@@ -127,7 +140,7 @@ class SlotCard(Model):
     description: str
     state: str
     """The part's state, or `empty`."""
-    reason: str
+    reason: Said
     part: PartLine | None
     ports: list[PortLine]
     next_beat_s: float | None
@@ -176,13 +189,13 @@ class StopState(Model):
 
     stopped: bool = False
     by: str = ""
-    reason: str = ""
+    reason: Said = ""
     since_s: float | None = None
     """How long it has held."""
     confirmed: list[StopConfirmed] = Field(default_factory=list)
     silent: list[str] = Field(default_factory=list)
     """Parts that have not confirmed it: they may still move."""
-    trouble: str = ""
+    trouble: Said = ""
     """Why it would not survive a restart of the master; empty: it would."""
 
 
@@ -204,7 +217,7 @@ class Robot(Model):
     """Who said it, and which parts have confirmed it."""
     window_s: float
     """Seconds the adoption window is still open; 0 = closed."""
-    trouble: str
+    trouble: Said
     """Why changes are not being stored, empty when all is well."""
     slots: list[SlotCard]
     arrivals: int
@@ -232,7 +245,7 @@ class FrameLine(Model):
     sender: str
     text: str
     node: int
-    plain: list[str]
+    plain: list[Said]
     """What it says to a person: `knob says level 49.9 %`; empty: nothing but protocol."""
     words: list[str]
     """What it says to an engineer, from the frame to the sample."""
@@ -269,7 +282,7 @@ class SpanLine(Model):
     """0 = it still holds."""
     state: str
     part: str
-    reason: str
+    reason: Said
 
 
 class TimelineLane(Model):
@@ -289,8 +302,8 @@ class JournalLine(Model):
     slot: str
     from_state: str
     to_state: str
-    reason: str
-    evidence: list[tuple[str, str]]
+    reason: Said
+    evidence: list[tuple[Said, Said]]
 
 
 class EditLine(Model):
@@ -301,7 +314,7 @@ class EditLine(Model):
     who: str
     kind: str
     slot: str
-    words: str
+    words: Said
     undone: bool
     undoable: bool = False
     """Whether it can be undone: a STOP cannot."""
@@ -329,7 +342,7 @@ class RobotTile(Model):
     owner: str
     slots: int
     active: int
-    last_event: str
+    last_event: Said
     last_event_age_s: float | None
     address: str = ""
     """Where its own page is, when it is known."""

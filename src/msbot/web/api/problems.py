@@ -12,6 +12,7 @@ from msbot.errors import MsbotError, NotThere, RegistryError
 from msbot.web.access.accounts import NotAllowed, SignedOut
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.guard import is_left
+from msbot.web.language import language_of
 
 _log = logging.getLogger(__name__)
 
@@ -33,9 +34,9 @@ def status_of(error: MsbotError) -> int:
 def tell_problems(app: FastAPI) -> None:
     """Have all errors answered as `{"error": sentence}`."""
 
-    async def known(_request: Request, error: Exception) -> JSONResponse:
+    async def known(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, MsbotError)
-        return JSONResponse({"error": str(error)}, status_of(error))
+        return JSONResponse({"error": language_of(request).say(str(error))}, status_of(error))
 
     async def invalid(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)

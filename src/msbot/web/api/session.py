@@ -8,6 +8,7 @@ from typing import Annotated
 from fastapi import Depends, Path, Request
 
 from msbot.operations.rights import Right
+from msbot.runtime.sentence import said
 from msbot.web.access.accounts import SignedOut
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import PartLine, SlotCard
@@ -23,7 +24,7 @@ def session_of(request: Request) -> Session:
     """
     session = request.scope.get("state", {}).get("session")
     if not isinstance(session, Session):
-        raise SignedOut("sign in first")
+        raise SignedOut(said("sign in first"))
     return session
 
 

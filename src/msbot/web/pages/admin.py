@@ -114,7 +114,11 @@ class _People:
             people = newcomers(await event.file.read(), event.file.name, Role.STUDENT)
         except MsbotError as error:
             ui.notify(
-                str(error), type="negative", multi_line=True, close_button=self._page.say("Close"), timeout=10_000
+                self._page.say(str(error)),
+                type="negative",
+                multi_line=True,
+                close_button=self._page.say("Close"),
+                timeout=10_000,
             )
             return
         words = self._page.say("Let {count} people sign in: {names}?", count=len(people),
@@ -256,7 +260,7 @@ def _changes(page: Page) -> None:
 
     async def show() -> None:
         edits = await page.service.people_edits(page.session, CHANGES)
-        rows = [(page.when(edit.at_ms), edit.who, edit.words) for edit in edits]
+        rows = [(page.when(edit.at_ms), edit.who, page.say(edit.words)) for edit in edits]
         set_html(shown, render("table", heads=heads, rows=rows or [(page.say("None yet."),)]))
 
     page.every_look(show)

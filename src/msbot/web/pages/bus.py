@@ -39,7 +39,18 @@ def _load(page: Page) -> None:
         bus = page.service.views.bus()
         share = min(bus.load_percent, 100.0)
         colour = "good" if share < 50 else "warn" if share < 80 else "bad"
-        set_html(shown, render("bus_load", say=page.say, bus=bus, share=share, colour=colour))
+        set_html(
+            shown,
+            render(
+                "bus_load",
+                say=page.say,
+                number=page.number,
+                counted=page.language.count,
+                bus=bus,
+                share=share,
+                colour=colour,
+            ),
+        )
 
     page.every_look(show)
 
@@ -87,7 +98,16 @@ class _Table:
         heads = [self._page.say(title) for title in ("No.", "Age", "Sender", "Frame", "What it says")]
         lines = [(row, _colour_of(row)) for row in reversed(rows)]
         # Rows that stand still can be reached by the keyboard; others would lose it twice a second.
-        self._table.set_content(render("frames", heads=heads, rows=lines, is_still=bool(self._paused.value)))
+        self._table.set_content(
+            render(
+                "frames",
+                say=self._page.say,
+                number=self._page.number,
+                heads=heads,
+                rows=lines,
+                is_still=bool(self._paused.value),
+            )
+        )
 
     def _clicked(self, event: GenericEventArguments) -> None:
         number = event.args

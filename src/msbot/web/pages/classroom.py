@@ -42,7 +42,7 @@ def _tiles(page: Page, hostname: str) -> None:
         try:
             tiles = await page.service.robots()
         except MsbotError as error:
-            set_html(shown, Markup.escape(str(error)))
+            set_html(shown, Markup.escape(page.say(str(error))))
             return
         words = str(find.value or "").casefold().split()
         fitting = [tile for tile in tiles if all(word in _searched(page, tile) for word in words)]
@@ -59,7 +59,7 @@ async def _stop_all(page: Page) -> None:
         done = await page.service.stop_all(page.session)
         unreached = [tile.name for tile in await page.service.robots() if tile.running and not tile.reachable]
     except MsbotError as error:
-        ui.notify(str(error), type="negative", multi_line=True)
+        ui.notify(page.say(str(error)), type="negative", multi_line=True)
         return
     words = page.say(
         "STOP: {robots} robots were told; {confirmed} of {parts} parts have confirmed it so far.",

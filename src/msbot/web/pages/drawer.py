@@ -27,7 +27,7 @@ def open_drawer(page: Page, slot: str) -> None:
     try:
         card = page.service.views.slot(slot)
     except MsbotError as error:
-        ui.notify(str(error), type="negative")
+        ui.notify(page.say(str(error)), type="negative")
         return
     with ui.dialog().props("position=right full-height") as dialog, ui.card().classes("ms-drawer"):
         with ui.element("div").classes("row spread w-full").style("flex-wrap:nowrap"):
@@ -49,7 +49,7 @@ def open_drawer(page: Page, slot: str) -> None:
         try:
             page.service.views.check_slot(slot)
         except NotThere as error:  # another blueprint holds by now
-            ui.notify(str(error), type="warning")
+            ui.notify(page.say(str(error)), type="warning")
             dialog.close()
 
     page.every_look(look_whether_there, dialog)
@@ -62,19 +62,19 @@ def _state(page: Page, slot: str) -> None:
     def show() -> None:
         card = page.service.views.slot(slot)
         part = card.part
-        rows = [(page.say("part number"), f"{card.part_number} {card.type_name}".strip())]
+        rows = [(page.say("part number"), f"{card.part_number} {page.say(card.type_name)}".strip())]
         if part is not None:
             rows += [(page.say("part"), part.part), (page.say("UID"), part.uid or "–")]
             if page.may(Right.ARRANGE):  # who knows them can pretend to be that part
                 rows += [(page.say("address"), part.address), (page.say("session"), part.client_key)]
             rows += [
                 (page.say("beats"), f"{part.beats}"),
-                (page.say("last beat"), "–" if part.beat_age_s is None else f"{part.beat_age_s:.1f} s"),
+                (page.say("last beat"), "–" if part.beat_age_s is None else f"{page.number(part.beat_age_s, '.1f')} s"),
             ]
             if part.plug_in_to_active_ms is not None:
-                rows.append((page.say("plug-in to active"), f"{part.plug_in_to_active_ms:.1f} ms"))
+                rows.append((page.say("plug-in to active"), f"{page.number(part.plug_in_to_active_ms, '.1f')} ms"))
         chip = state_chip(card.state, page.say(card.state))
-        set_html(shown, render("slot_facts", chip=chip, card=card, rows=rows))
+        set_html(shown, render("slot_facts", say=page.say, chip=chip, card=card, rows=rows))
 
     page.every_look(show, shown)
 
@@ -88,10 +88,10 @@ def _ports(page: Page, slot: str) -> None:
         for port in page.service.views.slot(slot).ports:
             fields = port.safe or ({} if port.held == "unconfirmed" else port.fields)
             ports.append({
-                "line": port, "drawing": draw(port.type_name, fields), "fields": fields_html(fields),
+                "line": port, "drawing": draw(port.type_name, fields, page.language), "fields": fields_html(fields, page.language),
                 "held": page.say(HELD_WORDS[port.held]) if port.held else "",
             })  # fmt: skip
-        set_html(shown, render("slot_ports", say=page.say, ports=ports))
+        set_html(shown, render("slot_ports", say=page.say, number=page.number, ports=ports))
 
     page.every_look(show, shown)
 
@@ -102,8 +102,12 @@ def _rhythm(page: Page, slot: str) -> None:
 
     def show() -> None:
         intervals = page.service.views.beat_intervals(slot)
-        words = f"{min(intervals):.2f} – {max(intervals):.2f} s" if intervals else page.say("no beats yet")
-        set_html(shown, render("rhythm", curve=sparkline(intervals, least=0.0), words=words))
+        words = (
+            f"{page.number(min(intervals), '.2f')} – {page.number(max(intervals), '.2f')} s"
+            if intervals
+            else page.say("no beats yet")
+        )
+        set_html(shown, render("rhythm", curve=sparkline(intervals, page.language, least=0.0), words=words))
 
     page.every_look(show, shown)
 
@@ -131,4 +135,4 @@ def _deeds(page: Page, card: SlotCard) -> None:
 def _why(page: Page, card: SlotCard) -> None:
     heading(page.say("Why?"))
     lines = page.service.views.why(card.part.part if card.part is not None else card.name)
-    ui.html(render("lines", lines=lines[:WHY_LINES]), sanitize=False)
+    ui.html(render("lines", say=page.say, lines=lines[:WHY_LINES]), sanitize=False)

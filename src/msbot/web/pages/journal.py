@@ -44,7 +44,7 @@ def _parts(page: Page, part: str) -> None:
         try:
             found, error = await page.service.journal(LINES, str(find.value or "") or None), ""
         except MsbotError as refused:
-            found, error = [], str(refused)
+            found, error = [], page.say(str(refused))
         lines = [(line, page.when(line.at_ms), state_chip(line.to_state, page.say(line.to_state))) for line in found]
         set_html(shown, render("journal", say=page.say, heads=heads, lines=lines, error=error))
 
@@ -64,7 +64,7 @@ def _people(page: Page) -> None:
                 seen[:] = [str(error)]
                 table.clear()
                 with table:
-                    ui.label(str(error))
+                    ui.label(page.say(str(error)))
             return
         if seen == edits and table.default_slot.children:
             return

@@ -85,6 +85,10 @@ class Page:
         """A text in the person's language."""
         return self.language.say(text, **values)
 
+    def number(self, value: float, form: str = "") -> str:
+        """A number as the person's language writes it; `form` as in `format`."""
+        return self.language.number(value, form)
+
     def when(self, at_ms: int) -> str:
         """A moment, milliseconds since 1970, on the clock of the robot's computer."""
         return datetime.fromtimestamp(at_ms / 1000).strftime("%Y-%m-%d %H:%M:%S")
@@ -116,12 +120,14 @@ class Page:
         if isinstance(error, SignedOut):
             ui.run_javascript("msbotSignIn()")
         else:
-            ui.notify(str(error), type="negative", multi_line=True, close_button=self.say("Close"), timeout=10_000)
+            ui.notify(
+                self.say(str(error)), type="negative", multi_line=True, close_button=self.say("Close"), timeout=10_000
+            )
 
     def _done(self, done: Done, *, quiet: bool) -> Done:
         with self.here():
             if not quiet:
-                ui.notify(done.words, type="positive", multi_line=True)
+                ui.notify(self.say(done.words), type="positive", multi_line=True)
         self.refresh()
         return done
 
@@ -327,7 +333,7 @@ def _banner(page: Page, banner: ui.column) -> None:
                 for words in (robot.trouble, robot.stop.trouble):
                     if words:
                         with ui.element("div").classes("ms-banner warn").props("role=alert"):
-                            ui.label(words)
+                            ui.label(page.say(words))
         if robot.stop.stopped and said:
             content = stop_html(page, robot.stop)
             set_html(said[-1], content)
@@ -340,7 +346,11 @@ def stop_html(page: Page, stop: StopState) -> Markup:
     """STOP as it stands: who said it, who has confirmed it in how long, and who has not."""
     slowest = max((one.ms for one in stop.confirmed), default=0.0)
     return render(
-        "stop_state", say=page.say, stop=stop, slowest=f"{slowest:.0f}", told=len(stop.confirmed) + len(stop.silent)
+        "stop_state",
+        say=page.say,
+        stop=stop,
+        slowest=page.number(slowest, ".0f"),
+        told=len(stop.confirmed) + len(stop.silent),
     )
 
 

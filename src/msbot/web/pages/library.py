@@ -9,6 +9,7 @@ from msbot.config import PartType
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.service import Service
+from msbot.web.svg.drawings import value_words
 from msbot.web.svg.passport import picture_of, qr_svg
 
 
@@ -43,7 +44,7 @@ def _catalogue(page: Page, search: str) -> None:
         for line in page.service.views.types(str(find.value or "")):
             found = page.service.views.library.get(line.number)
             entries.append((line, "" if found is None else picture_of(found)))
-        grid.set_content(render("catalogue", say=page.say, entries=entries))
+        grid.set_content(render("catalogue", say=page.say, counted=page.language.count, entries=entries))
 
     find.on_value_change(show)
     show()
@@ -54,9 +55,9 @@ def _entry(page: Page, found: PartType, base: str) -> None:
     facts = [
         (say("part number"), found.number),
         (say("manufacturer"), found.manufacturer),
-        (say("supply"), str(found.supply or found.specification or "–")),
-        (say("resolution"), found.resolution or "–"),
-        (say("connector"), found.connector or "–"),
+        (say("supply"), say(str(found.supply)) if found.supply else say(found.specification) or "–"),
+        (say("resolution"), say(found.resolution) or "–"),
+        (say("connector"), say(found.connector) or "–"),
         (say("fits slots for"), ", ".join((found.number, *found.compatible_with))),
         (say("driver"), found.driver or say("has a controller of its own")),
         (say("file"), found.source.rpartition("/")[2]),
@@ -67,18 +68,18 @@ def _entry(page: Page, found: PartType, base: str) -> None:
         sanitize=False,
     ).classes("w-full")
     _table(page, "Ports", ("Port", "Direction", "Message", "Rate", "Safe value", "Meaning"), [
-        (port.name, say(port.direction.value), port.type_name, f"{port.rate_hz:g} Hz" if port.rate_hz else say("when it happens"),
-         ", ".join(f"{name} = {value}" for name, value in port.safe.items()) if port.safe else "–", port.description)
+        (port.name, say(port.direction.value), port.type_name, f"{page.number(port.rate_hz, 'g')} Hz" if port.rate_hz else say("when it happens"),
+         ", ".join(f"{name} = {value_words(value, page.language)}" for name, value in port.safe.items()) if port.safe else "–", say(port.description))
         for port in found.ports
     ])  # fmt: skip
     _table(page, "Parameters", ("Name", "Kind", "Default", "Range", "Unit", "Meaning"), [
-        (one.name, one.kind.value, str(one.default),
-         "–" if one.least is None and one.most is None else f"{one.least if one.least is not None else ''} … {one.most if one.most is not None else ''}",
-         one.unit or "–", one.description)
+        (one.name, one.kind.value, value_words(one.default, page.language),
+         "–" if one.least is None and one.most is None else " … ".join("" if end is None else page.number(end, "g") for end in (one.least, one.most)),
+         one.unit or "–", say(one.description))
         for one in found.parameters
     ])  # fmt: skip
     _table(page, "Pins", ("Pin", "Name", "Kind", "Meaning"), [
-        (str(number), pin.name, pin.kind.value, pin.description) for number, pin in enumerate(found.pins, 1)
+        (str(number), pin.name, say(pin.kind.value), say(pin.description)) for number, pin in enumerate(found.pins, 1)
     ])  # fmt: skip
     ui.link(page.say("All part types"), "/library")
 

@@ -154,10 +154,10 @@ def card_html(page: Page, card: SlotCard, robot: Robot) -> Markup:
     life = robot.life if card.state == "active" else 0 if part is None else part.life
     return render(
         "card", say=page.say, card=card, look=card.state, port=port,
-        ring=beat_ring(card, robot.beat_s, life, page.say), chip=state_chip(card.state, page.say(card.state)),
-        drawing="" if port is None else draw(port.type_name, fields), values=fields_html(fields),
-        spark="" if port is None else sparkline(page.service.views.spark(port.topic), width=72, height=36),
+        ring=beat_ring(card, robot.beat_s, life, page.language), chip=state_chip(card.state, page.say(card.state)),
+        drawing="" if port is None else draw(port.type_name, fields, page.language), values=fields_html(fields, page.language),
+        spark="" if port is None else sparkline(page.service.views.spark(port.topic), page.language, width=72, height=36),
         held="" if port is None or not port.held else page.say(HELD_WORDS[port.held]),
         stale_age="" if port is None or port.held else _stale_age(port),
-        beat=age and page.say("beat {age} s ago", age=age),
+        beat=age and page.say("beat {age} s ago", age=page.language.digits(age)),
     )  # fmt: skip

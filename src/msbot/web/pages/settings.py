@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from fastapi import Request
 from nicegui import ui
 from nicegui.events import UploadEventArguments
@@ -49,7 +51,10 @@ def _slots(page: Page) -> None:
 
     def fill(wanted: str) -> None:
         words = wanted.casefold().split()
-        texts = [(card, f"{card.name} {card.part_number} {card.type_name}".casefold()) for card in cards]
+        texts = [
+            (card, f"{card.name} {card.part_number} {card.type_name} {page.say(card.type_name)}".casefold())
+            for card in cards
+        ]
         found = [card for card, text in texts if all(word in text for word in words)]
         count.set_text(
             page.say("{count} slots; {shown} are shown.", count=len(found), shown=min(len(found), MOST_FORMS))
@@ -59,14 +64,14 @@ def _slots(page: Page) -> None:
         with grid:
             for card in found[:MOST_FORMS]:
                 with ui.element("div").classes("panel"):
-                    ui.html(render("slot_title", card=card), sanitize=False)
+                    ui.html(render("slot_title", say=page.say, card=card), sanitize=False)
                     values_panel(page, card.name)
 
     fill("")
 
 
 def _robot(page: Page) -> None:
-    robot, say = page.service.robot(), page.say
+    robot, say, number = page.service.robot(), page.say, partial(page.number, form="g")
     facts = [
         (say("name"), robot.name),
         (say("version"), robot.version),
@@ -74,12 +79,12 @@ def _robot(page: Page) -> None:
         (say("released"), robot.released),
         (say("manufacturer"), robot.manufacturer),
         (say("links"), ", ".join(robot.links)),
-        (say("a part beats every"), f"{robot.beat_s:g} s"),
-        (say("life is counted down every"), f"{robot.tick_s:g} s"),
+        (say("a part beats every"), f"{number(robot.beat_s)} s"),
+        (say("life is counted down every"), f"{number(robot.tick_s)} s"),
         (say("life after a beat"), str(robot.life)),
         (
             say("a silent part is delisted after"),
-            f"{(robot.life - 1) * robot.tick_s:g} – {robot.life * robot.tick_s:g} s",
+            f"{number((robot.life - 1) * robot.tick_s)} – {number(robot.life * robot.tick_s)} s",
         ),
     ]
     words = say("These come from the blueprint: change them there.")
@@ -91,7 +96,7 @@ async def _blueprint(page: Page) -> None:
     try:
         text = await service.blueprint()
     except MsbotError as error:
-        ui.label(str(error)).classes("ms-banner warn")
+        ui.label(page.say(str(error))).classes("ms-banner warn")
         return
     with ui.element("div").classes("panel"):
         heading("robot.toml")
@@ -111,7 +116,7 @@ async def _blueprint(page: Page) -> None:
             try:
                 diff = await service.blueprint_diff(page.session, str(editor.value))
             except MsbotError as error:
-                changes.set_content(render("changes", say=say, error=str(error), changes=[]))
+                changes.set_content(render("changes", say=say, error=say(str(error)), changes=[]))
                 return False
             changes.set_content(render("changes", say=say, error="", changes=diff.changes))
             return bool(diff.changes)

@@ -39,7 +39,7 @@ def simulator_panel(page: Page, slot: str, *, title: str = "") -> None:
             with controls:
                 for control in simulated.controls:
                     _control(page, slot, control)
-        content = fields_html(simulated.readings, limit=16)
+        content = fields_html(simulated.readings, page.language, limit=16)
         if seen.content != content:
             seen.set_content(content)
 
@@ -48,7 +48,7 @@ def simulator_panel(page: Page, slot: str, *, title: str = "") -> None:
 
 
 def _control(page: Page, slot: str, control: ControlLine) -> None:
-    title = control.words or control.name
+    title = page.say(control.words) or control.name
     unit = f" [{control.unit}]" if control.unit else ""
 
     async def changed(value: Scalar | None) -> None:

@@ -52,12 +52,12 @@ def _bars(page: Page) -> None:
 
     def show() -> None:
         span_s, found = SPANS_S[str(zoom.value)], lanes()
-        both = [bars_svg(found, span_s, page.say, is_narrow=is_narrow) for is_narrow in (False, True)]
+        both = [bars_svg(found, span_s, page.language, is_narrow=is_narrow) for is_narrow in (False, True)]
         set_html(shown, Markup("").join(both))
         set_html(events, _event_rows(page, found, span_s))
 
     picture.on_click(
-        lambda: ui.download.content(str(bars_svg(lanes(), SPANS_S[str(zoom.value)], page.say)), "timeline.svg")
+        lambda: ui.download.content(str(bars_svg(lanes(), SPANS_S[str(zoom.value)], page.language)), "timeline.svg")
     )
     data.on_click(
         lambda: ui.download.content(json.dumps([lane.model_dump() for lane in lanes()], indent=1), "timeline.json")
@@ -69,7 +69,10 @@ def _bars(page: Page) -> None:
 def _event_rows(page: Page, lanes: list[TimelineLane], span_s: float) -> Markup:
     spans = [(span, lane.slot) for lane in lanes for span in lane.spans if span.begin_age_s <= span_s]
     spans.sort(key=lambda pair: pair[0].begin_age_s)
-    rows = [(f"{span.begin_age_s:.0f} s", slot, page.say(span.state), span.reason) for span, slot in spans[:EVENTS]]
+    rows = [
+        (f"{span.begin_age_s:.0f} s", slot, page.say(span.state), page.say(span.reason))
+        for span, slot in spans[:EVENTS]
+    ]
     return render("table", heads=[page.say(title) for title in ("Ago", "Slot", "State", "Reason")], rows=rows)
 
 
@@ -117,7 +120,9 @@ class _Plot:
         return curves
 
     def _draw(self) -> Markup:
-        return curve_svg(self._curves(), RANGES_S[str(self._range.value)], self._page.service.now(), self._page.say)
+        return curve_svg(
+            self._curves(), RANGES_S[str(self._range.value)], self._page.service.now(), self._page.language
+        )
 
     def _show(self) -> None:
         found = self._choices()

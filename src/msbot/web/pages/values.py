@@ -41,7 +41,7 @@ class _Form:
         try:
             values = await self._page.service.values(self._slot)
         except MsbotError as error:
-            self._say(str(error))
+            self._say(self._page.say(str(error)))
             return
         if not values:
             self._say(self._page.say("This part has nothing to set."))
@@ -119,7 +119,7 @@ class _Line:
     def _make_field(self) -> ui.switch | ui.number | ui.input:
         value = self._value
         title = f"{value.name} [{value.unit}]" if value.unit else value.name
-        hint = " · ".join(filter(None, (value.description, _limits(value), self._default())))
+        hint = " · ".join(filter(None, (self._page.say(value.description), self._limits(), self._default())))
         if value.kind == "bool":
             switch = ui.switch(title, value=bool(value.value), on_change=self._typed)
             ui.label(hint).classes("soft").style("font-size:.8rem")
@@ -137,9 +137,8 @@ class _Line:
     def _default(self) -> str:
         return self._page.say("default {value}", value=self._value.default)
 
-
-def _limits(value: Value) -> str:
-    if value.least is None and value.most is None:
-        return ""
-    least, most = ("" if end is None else format(end, "g") for end in (value.least, value.most))
-    return f"{least} … {most}"
+    def _limits(self) -> str:
+        least, most = self._value.least, self._value.most
+        if least is None and most is None:
+            return ""
+        return " … ".join("" if end is None else self._page.number(end, "g") for end in (least, most))

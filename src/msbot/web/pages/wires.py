@@ -12,6 +12,7 @@ from nicegui.events import GenericEventArguments
 from msbot.operations.rights import Right
 from msbot.web.api.models import TopicLine, WirePort
 from msbot.web.html import render
+from msbot.web.language import Language
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
@@ -63,10 +64,10 @@ class _Drawing:
         topics, ports = views.topics(), views.ports()
         states = {card.name: card.state for card in self._page.service.robot().slots}
         wiring = ([(one.topic, one.publishers, one.subscribers) for one in topics], ports, states)
-        rates = {one.topic: (rate_words(one), one.rate_hz > 0) for one in topics}
+        rates = {one.topic: (rate_words(one, self._page.language), one.rate_hz > 0) for one in topics}
         if wiring != self._shown:
             self._shown, self._rates = wiring, rates
-            self._element.set_content(wiring_svg(topics, ports, states, self._page.say))
+            self._element.set_content(wiring_svg(topics, ports, states, self._page.language))
             return
         changed = {topic: rate for topic, rate in rates.items() if self._rates.get(topic) != rate}
         if changed:
@@ -76,7 +77,7 @@ class _Drawing:
     def _save(self) -> None:
         views = self._page.service.views
         states = {card.name: card.state for card in self._page.service.robot().slots}
-        ui.download.content(str(wiring_svg(views.topics(), views.ports(), states, self._page.say)), "wires.svg")
+        ui.download.content(str(wiring_svg(views.topics(), views.ports(), states, self._page.language)), "wires.svg")
 
     async def _told(self, event: GenericEventArguments) -> None:
         told = event.args["detail"]
@@ -110,7 +111,7 @@ def _table(page: Page) -> None:
     titles = ("Topic", "Type", "From", "To", "Rate", "Samples", "Latest value")
 
     def show() -> None:
-        rows = [_row(topic) for topic in page.service.views.topics()]
+        rows = [_row(topic, page.language) for topic in page.service.views.topics()]
         empty = page.say("Nothing is wired yet. Drag from one port to another in the drawing above.")
         content = render("table", heads=[page.say(title) for title in titles], rows=rows or [(empty,)])
         set_html(table, content)
@@ -118,9 +119,9 @@ def _table(page: Page) -> None:
     page.every_look(show)
 
 
-def _row(topic: TopicLine) -> tuple[str, ...]:
-    values = ", ".join(f"{name} {value_words(value)}" for name, value in topic.fields.items())
+def _row(topic: TopicLine, language: Language) -> tuple[str, ...]:
+    values = ", ".join(f"{name} {value_words(value, language)}" for name, value in topic.fields.items())
     return (
         topic.topic, topic.type_name, ", ".join(topic.publishers), ", ".join(topic.subscribers),
-        f"{topic.rate_hz:.1f} Hz", str(topic.count), values,
+        f"{language.number(topic.rate_hz, '.1f')} Hz", str(topic.count), values,
     )  # fmt: skip

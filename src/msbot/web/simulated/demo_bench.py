@@ -8,6 +8,7 @@ from msbot.config import ControlKind
 from msbot.demo import DemoRobot
 from msbot.errors import ConfigError
 from msbot.link.can.sim import SimBusDriver
+from msbot.runtime.sentence import said
 from msbot.web.api.models import ControlLine, Scalar
 from msbot.web.assembly import Seen
 from msbot.web.frames import FrameRing
@@ -60,7 +61,7 @@ class DemoBench:
         """See `Bench.operate`."""
         simulated = self._robot.simulated(slot)
         if simulated is None:
-            raise ConfigError(f"part {slot} has nothing that could be operated, or is not plugged in")
+            raise ConfigError(said("part {slot} has nothing that could be operated, or is not plugged in", slot=slot))
         wanted = simulated.control(control)
         is_number = wanted.kind is ControlKind.NUMBER and isinstance(value, int) and not isinstance(value, bool)
         simulated.set(control, float(value) if is_number else value)

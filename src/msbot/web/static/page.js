@@ -64,7 +64,7 @@ const msbot = (() => {
       const done = await answer.json();
       if (answer.ok) {
         const ms = Math.round(performance.now() - began);
-        say("ms-stop-says", `${done.words} (${ms} ms)`, "good");
+        say("ms-stop-says", `${words("told")} (${ms} ms)`, "good");
         stopTimer = setTimeout(() => say("ms-stop-says", "", ""), 6000);
         return;
       }
@@ -109,6 +109,8 @@ const msbot = (() => {
   document.addEventListener("visibilitychange", () => { look(); ask(); });
   addEventListener("DOMContentLoaded", () => {
     document.getElementById("ms-stop").addEventListener("click", stop);
+    const tooLong = document.getElementById("too_long_message_popup");
+    if (tooLong) tooLong.replaceChildren(Object.assign(document.createElement("span"), { textContent: words("long") }));
     setInterval(ask, ASK_MS);
     setInterval(look, LOOK_MS);
   });
@@ -143,6 +145,7 @@ function msbotFrame(selector) {
 
 // The values of all curves where the pointer is: a line over the plot, and their numbers beside it.
 function msbotCursor() {
+  const number = (value, how) => value.toLocaleString(document.documentElement.lang, { maximumSignificantDigits: how ? undefined : 4, ...how });
   for (const plot of document.querySelectorAll(".plot")) {
     if (plot.dataset.cursor) continue;
     plot.dataset.cursor = "1";
@@ -156,7 +159,7 @@ function msbotCursor() {
       const data = svg.dataset, at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
       const [left, right, top, bottom, low, high, span] = ["left", "right", "top", "bottom", "low", "high", "span"].map((name) => +data[name]);
       if (at.x < left || at.x > right) return hide();
-      const lines = [`-${((right - at.x) / (right - left) * span).toFixed(1)} s`];
+      const lines = [`-${number((right - at.x) / (right - left) * span, { minimumFractionDigits: 1, maximumFractionDigits: 1 })} s`];
       for (const curve of svg.querySelectorAll("polyline")) {
         let best = null;
         for (const pair of curve.getAttribute("points").split(" ")) {
@@ -165,7 +168,7 @@ function msbotCursor() {
         }
         if (!best) continue;
         const value = low + (bottom - best[1]) / (bottom - top) * (high - low);
-        lines.push(`${curve.dataset.name}: ${+value.toPrecision(4)} ${curve.dataset.unit}`);
+        lines.push(`${curve.dataset.name}: ${number(+value.toPrecision(4))} ${curve.dataset.unit}`);
       }
       const box = plot.getBoundingClientRect(), x = event.clientX - box.left + plot.scrollLeft;
       cursor.style.display = "block";

@@ -12,11 +12,14 @@ from textwrap import wrap
 
 from msbot.web.api.models import PortLine, Scalar, SlotCard
 from msbot.web.html import Markup, render
+from msbot.web.language import PLAIN, Language
 
 Fields = Mapping[str, Scalar]
 Drawing = Mapping[str, object]
 """What the template `drawing` needs: the kind of picture, its numbers, and the words under it."""
 
+UNDER_WORDS = ("on", "off", "nothing")
+"""What may stand under a picture in place of a number."""
 CALM = 0.05
 """A small curve is at least this share of its values high."""
 STATE_ICONS = {
@@ -39,20 +42,22 @@ def state_chip(state: str, word: str) -> Markup:
     return render("state_chip", state=state, word=word, sign=STATE_ICONS.get(state, ""))
 
 
-def beat_ring(card: SlotCard, beat_s: float, life: int, say: Callable[..., str]) -> Markup:
+def beat_ring(card: SlotCard, beat_s: float, life: int, language: Language) -> Markup:
     """The ring around a slot's life status: how much of the time to the next beat is left, and life 3-2-1-0.
 
     The browser lets it run down by itself, in steps: 120 rings that move smoothly would keep a tablet busy.
     """
-    next_s = card.next_beat_s
+    next_s, say = card.next_beat_s, language.say
     if card.part is None or not life:
         words = say("no life status")
     elif next_s is None:
         words = say("life status {life}", life=life)
     elif next_s >= 0:
-        words = say("life status {life}, next beat in {seconds} s", life=life, seconds=f"{next_s:.1f}")
+        words = say("life status {life}, next beat in {seconds} s", life=life, seconds=language.number(next_s, ".1f"))
     else:
-        words = say("life status {life}, beat overdue for {seconds} s", life=life, seconds=f"{-next_s:.1f}")
+        words = say(
+            "life status {life}, beat overdue for {seconds} s", life=life, seconds=language.number(-next_s, ".1f")
+        )
     left = 0.0 if next_s is None else max(0.0, min(1.0, next_s / beat_s))
     return render(
         "ring", words=words, left=left, is_running=next_s is not None, beat_s=beat_s, life=life or "–"
@@ -67,31 +72,44 @@ def main_port(card: SlotCard) -> PortLine | None:
     return ports[0] if ports else (card.ports[0] if card.ports else None)
 
 
-def draw(type_name: str, fields: Fields) -> Markup:
+def draw(type_name: str, fields: Fields, language: Language = PLAIN) -> Markup:
     """A value as a picture, 84 by 84 pixels; an empty frame when there is no value yet."""
     drawing = _DRAWERS.get(type_name, _any)(fields) if fields else {"kind": "nothing"}
-    words = ", ".join(f"{name} {value_words(value)}" for name, value in fields.items()) or "no value yet"
-    return render("drawing", **{"under": "", "words": words, **drawing})
+    values = [f"{name} {value_words(value, language)}" for name, value in fields.items()]
+    words = ", ".join(values) or language.say("no value yet")
+    under = str(drawing.get("under", ""))
+    under = language.say(under) if under in UNDER_WORDS else language.digits(under)
+    text = language.digits(str(drawing.get("text", "")))
+    return render("drawing", **{"words": words, **drawing, "under": under, "text": text})
 
 
-def value_words(value: Scalar) -> str:
+def value_words(value: Scalar, language: Language = PLAIN) -> str:
     """A value for people: at most four significant digits, yes and no as words."""
     if isinstance(value, bool):
-        return "on" if value else "off"
+        return language.say("on") if value else language.say("off")
     if isinstance(value, float):
-        return f"{value:.4g}"
+        return language.number(value, ".4g")
     return str(value)
 
 
-def fields_html(fields: Fields, limit: int = 4) -> Markup:
+def fields_html(fields: Fields, language: Language = PLAIN, *, limit: int = 4) -> Markup:
     """The first few fields of a value, a line each."""
-    return render("fields", fields=[(name, value_words(value)) for name, value in list(fields.items())[:limit]])
+    return render(
+        "fields", fields=[(name, value_words(value, language)) for name, value in list(fields.items())[:limit]]
+    )
 
 
-def sparkline(values: Sequence[float], *, width: int = 220, height: int = 44, least: float | None = None) -> Markup:
+def sparkline(
+    values: Sequence[float],
+    language: Language = PLAIN,
+    *,
+    width: int = 220,
+    height: int = 44,
+    least: float | None = None,
+) -> Markup:
     """A small curve of numbers, oldest left."""
     if len(values) < 2:
-        return render("sparkline", width=width, height=height, points="", words="no curve yet")
+        return render("sparkline", width=width, height=height, points="", words=language.say("no curve yet"))
     low = min(values) if least is None else min(least, *values)
     high = max(values)
     # The last digit of a value that stands still is no mountain.
@@ -102,7 +120,7 @@ def sparkline(values: Sequence[float], *, width: int = 220, height: int = 44, le
         f"{2 + number * step:.1f},{height - 4 - (value - low) / span * (height - 8):.1f}"
         for number, value in enumerate(values)
     )
-    words = f"{min(values):.3g} to {high:.3g}"
+    words = language.say("{least:.3g} to {most:.3g}", least=float(min(values)), most=float(high))
     return render("sparkline", width=width, height=height, points=points, words=words)
 
 

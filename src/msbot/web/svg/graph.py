@@ -6,14 +6,14 @@ does with it is in `static/wires.js`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from msbot.web.api.models import TopicLine, WirePort
 from msbot.web.html import Markup, render
+from msbot.web.language import Language
 from msbot.web.svg.plots import STATE_COLOURS, shortened
 
-Say = Callable[..., str]
 _LEFT, _RIGHT, _BOX = 10, 790, 200
 _HEAD, _PORT, _GAP, _TOPIC = 30, 26, 16, 64
 
@@ -29,7 +29,7 @@ class _Column:
 
 
 def wiring_svg(
-    topics: Sequence[TopicLine], ports: Sequence[WirePort], states: Mapping[str, str], say: Say
+    topics: Sequence[TopicLine], ports: Sequence[WirePort], states: Mapping[str, str], language: Language
 ) -> Markup:  # fmt: skip
     """Slots that publish at the left, topics in the middle, slots that subscribe at the right.
 
@@ -37,10 +37,10 @@ def wiring_svg(
         topics: the bindings with their rates.
         ports: all ports of all slots.
         states: state of each slot by its name, for the colour of its edge.
-        say: translates.
+        language: of the person.
     """
-    sources = _column([port for port in ports if port.publishes], states, _LEFT, say)
-    targets = _column([port for port in ports if not port.publishes], states, _RIGHT, say)
+    sources = _column([port for port in ports if port.publishes], states, _LEFT, language)
+    targets = _column([port for port in ports if not port.publishes], states, _RIGHT, language)
     height = max(sources.height, targets.height, len(topics) * _TOPIC, 1) + _GAP
     step = height / max(len(topics), 1)
     middle = {topic.topic: step * (number + 0.5) for number, topic in enumerate(topics)}
@@ -50,21 +50,21 @@ def wiring_svg(
         wires += [_wire(topic, _LEFT + _BOX, sources.at[end], 365, y) for end in topic.publishers if end in sources.at]
         wires += [_wire(topic, 635, y, _RIGHT, targets.at[end]) for end in topic.subscribers if end in targets.at]
     return render(
-        "wires", height=round(height), words=_words(topics), wires=wires, boxes=[*sources.boxes, *targets.boxes],
+        "wires", height=round(height), words=_words(topics, language), wires=wires, boxes=[*sources.boxes, *targets.boxes],
         topics=[
             {"y": round(middle[topic.topic]), "full": topic.topic, "name": shortened(topic.topic, 32),
-             "rate": rate_words(topic)}
+             "rate": rate_words(topic, language)}
             for topic in topics
         ],
     )  # fmt: skip
 
 
-def rate_words(topic: TopicLine) -> str:
+def rate_words(topic: TopicLine, language: Language) -> str:
     """What stands under a topic: its type and how often it comes."""
-    return f"{topic.type_name} · {topic.rate_hz:.1f} Hz · {topic.count}"
+    return f"{topic.type_name} · {language.number(topic.rate_hz, '.1f')} Hz · {topic.count}"
 
 
-def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, say: Say) -> _Column:
+def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, language: Language) -> _Column:
     column = _Column([], {}, _GAP)
     by_slot: dict[str, list[WirePort]] = {}
     for port in ports:
@@ -78,7 +78,7 @@ def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, say: S
             column.at[end] = y
             lines.append({
                 "end": end, "name": shortened(port.port, 26), "type_name": port.type_name, "publishes": port.publishes,
-                "topic": port.topic, "y": round(y), "x": x + _BOX if port.publishes else x, "words": _port_words(port, say),
+                "topic": port.topic, "y": round(y), "x": x + _BOX if port.publishes else x, "words": _port_words(port, language),
             })  # fmt: skip
         height = _HEAD + _PORT * len(own) + 8
         column.boxes.append({
@@ -89,11 +89,11 @@ def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, say: S
     return column
 
 
-def _port_words(port: WirePort, say: Say) -> str:
+def _port_words(port: WirePort, language: Language) -> str:
     end = f"{port.slot}.{port.port} ({port.type_name})"
     if not port.topic:
-        return say("{port}: not wired", port=end)
-    return say(
+        return language.say("{port}: not wired", port=end)
+    return language.say(
         "{port}: publishes on {topic}" if port.publishes else "{port}: hears {topic}", port=end, topic=port.topic
     )
 
@@ -107,7 +107,13 @@ def _wire(topic: TopicLine, x1: float, y1: float, x2: float, y2: float) -> dict[
     }  # fmt: skip
 
 
-def _words(topics: Sequence[TopicLine]) -> str:
+def _words(topics: Sequence[TopicLine], language: Language) -> str:
     return "; ".join(
-        f"{', '.join(topic.publishers)} to {', '.join(topic.subscribers)} by {topic.topic}" for topic in topics
+        language.say(
+            "{sources} to {targets} by {topic}",
+            sources=", ".join(topic.publishers),
+            targets=", ".join(topic.subscribers),
+            topic=topic.topic,
+        )
+        for topic in topics
     )

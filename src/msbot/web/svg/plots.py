@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from msbot.web.api.models import SpanLine, TimelineLane
 from msbot.web.html import Markup, render
+from msbot.web.language import Language
 
-Say = Callable[[str], str]
 COLOURS = ("#0b84b8", "#d9822b", "#3c9a5f", "#a24bb5", "#c8443a", "#7d6b1c")
 STATE_COLOURS = {
     "active": "#1f7a42", "late": "#e0a21b", "lost": "#b92f26", "refused": "#8f2f4a", "checking": "#6a5ad0",
@@ -34,7 +34,7 @@ class Curve:
     unit: str = ""
 
 
-def bars_svg(lanes: Sequence[TimelineLane], span_s: float, say: Say, *, is_narrow: bool = False) -> Markup:
+def bars_svg(lanes: Sequence[TimelineLane], span_s: float, language: Language, *, is_narrow: bool = False) -> Markup:
     """The states of slots over the last `span_s` seconds, now at the right; narrow for a phone."""
     width, left, ticks = (380, 84, 3) if is_narrow else (_WIDTH, 130, _TICKS)
     room = width - left - 10
@@ -42,28 +42,28 @@ def bars_svg(lanes: Sequence[TimelineLane], span_s: float, say: Say, *, is_narro
     rows = [
         {
             "name": shortened(lane.slot, letters), "full": lane.slot, "y": 28 + row * _ROW,
-            "bars": [_bar(span, span_s, left, room, say) for span in lane.spans if span.end_age_s < span_s],
+            "bars": [_bar(span, span_s, left, room, language) for span in lane.spans if span.end_age_s < span_s],
         }
         for row, lane in enumerate(lanes)
     ]  # fmt: skip
     return render(
-        "bars", say=say, look="narrow" if is_narrow else "wide", width=width, height=40 + _ROW * max(len(lanes), 1),
-        left=left, lanes=rows, ticks=_time_ticks(span_s, left, left + room, ticks, say),
+        "bars", say=language.say, look="narrow" if is_narrow else "wide", width=width, height=40 + _ROW * max(len(lanes), 1),
+        left=left, lanes=rows, ticks=_time_ticks(span_s, left, left + room, ticks, language),
     )  # fmt: skip
 
 
-def _bar(span: SpanLine, span_s: float, left: float, room: float, say: Say) -> dict[str, object]:
+def _bar(span: SpanLine, span_s: float, left: float, room: float, language: Language) -> dict[str, object]:
     scale = room / span_s
     begin = max(left, left + (span_s - span.begin_age_s) * scale)
     end = left + (span_s - span.end_age_s) * scale
     return {
         "x": f"{begin:.1f}", "width": f"{max(end - begin, 2):.1f}", "text_x": f"{begin + 8:.1f}",
-        "is_wide": end - begin > 60, "state": say(span.state), "reason": span.reason,
+        "is_wide": end - begin > 60, "state": language.say(span.state), "reason": span.reason,
         "colour": STATE_COLOURS.get(span.state, "#666"), "ink": "#10202c" if span.state in _DARK_ON else "#fff",
     }  # fmt: skip
 
 
-def curve_svg(curves: Sequence[Curve], span_s: float, now: float, say: Say) -> Markup:
+def curve_svg(curves: Sequence[Curve], span_s: float, now: float, language: Language) -> Markup:
     """Curves of numbers over the last `span_s` seconds, each with its name, unit and latest value."""
     height, left, right, top, bottom = 300, 78, _WIDTH - 20, 24, 274
     recent = [
@@ -84,17 +84,17 @@ def curve_svg(curves: Sequence[Curve], span_s: float, now: float, say: Say) -> M
         {
             "name": curve.name, "unit": curve.unit, "colour": COLOURS[number % len(COLOURS)],
             "points": " ".join(place(*point) for point in thinned(curve.points, MOST_POINTS)),
-            "newest": f"{curve.points[-1][1]:.4g} {curve.unit}".strip(), "y": height + 26 + 24 * number,
+            "newest": f"{language.number(curve.points[-1][1], '.4g')} {curve.unit}".strip(), "y": height + 26 + 24 * number,
         }
         for number, curve in enumerate(shown)
     ]  # fmt: skip
     steps = [low + (high - low) * step / 4 for step in range(5)]
     return render(
-        "curves", say=say, width=_WIDTH, height=height + 20 + 24 * len(shown), left=left, right=right, top=top,
+        "curves", say=language.say, width=_WIDTH, height=height + 20 + 24 * len(shown), left=left, right=right, top=top,
         bottom=bottom, low=low, high=high, span_s=span_s, curves=lines,
         unit=next(iter(units)) if len(units) == 1 else "",
-        rows=[(round(bottom - step / 4 * (bottom - top), 1), f"{value:.4g}") for step, value in enumerate(steps)],
-        ticks=_time_ticks(span_s, left, right, _TICKS, say),
+        rows=[(round(bottom - step / 4 * (bottom - top), 1), language.number(value, ".4g")) for step, value in enumerate(steps)],
+        ticks=_time_ticks(span_s, left, right, _TICKS, language),
     )  # fmt: skip
 
 
@@ -128,12 +128,12 @@ def _value(point: tuple[float, float]) -> float:
     return point[1]
 
 
-def _time_ticks(span_s: float, left: float, right: float, count: int, say: Say) -> list[tuple[str, str, str]]:
+def _time_ticks(span_s: float, left: float, right: float, count: int, language: Language) -> list[tuple[str, str, str]]:
     ticks = []
     for step in range(count):
         share = step / (count - 1)
         anchor = "start" if step == 0 else "end" if step == count - 1 else "middle"
-        word = say("now") if step == count - 1 else _ago_words(span_s * (1 - share))
+        word = language.say("now") if step == count - 1 else language.digits(_ago_words(span_s * (1 - share)))
         ticks.append((f"{left + (right - left) * share:.0f}", anchor, word))
     return ticks
 

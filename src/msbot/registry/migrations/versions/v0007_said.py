@@ -1,0 +1,13 @@
+"""What the journal and the list of changes say, with its values, so that pages can say it in other languages."""
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0007"
+down_revision: str | None = "0006"
+
+
+def upgrade() -> None:
+    """Add the columns; older lines stay as they are, in English."""
+    op.add_column("journal", sa.Column("said", sa.JSON(), nullable=True))
+    op.add_column("edits", sa.Column("said", sa.JSON(), nullable=True))

@@ -1,0 +1,83 @@
+"""Sentences that can be said in another language: a text in English that remembers its form and its values.
+
+Rooms say why something is so in English, as they always have: what they hand on is a text. Whoever speaks another
+language (the pages) looks up the form in a catalogue and puts the same values into it, so nobody ever has to read
+English to know what was meant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+JsonSentence = str | dict[str, object]
+"""A text, or a sentence as `to_json` writes it."""
+
+_FORM: Final = "form"
+_VALUES: Final = "values"
+
+
+class Sentence(str):
+    """A text that knows how it was made.
+
+    Attributes:
+        form: the sentence with names in braces, in English: `heard again after {silence:.1f} s`.
+        values: what stands for each name; a value may be a sentence again.
+    """
+
+    __slots__ = ("form", "values")
+
+    form: str
+    values: Mapping[str, object]
+
+    def __new__(cls, form: str, values: Mapping[str, object]) -> Sentence:
+        """The sentence with its values put in."""
+        made = super().__new__(cls, form.format(**values) if values else form)
+        made.form, made.values = form, values
+        return made
+
+    def __str__(self) -> str:
+        """Itself: the text of an error made of a sentence is the sentence."""
+        return self
+
+    def __reduce__(self) -> tuple[type[Sentence], tuple[str, Mapping[str, object]]]:
+        """So that it can come from another process."""
+        return Sentence, (self.form, self.values)
+
+
+def said(form: str, /, **values: object) -> Sentence:
+    """A sentence of that form; `{name}` stands for the value of that name, as in `str.format`."""
+    return Sentence(form, values)
+
+
+def counted(count: int, one: str, many: str, /, **values: object) -> Sentence:
+    """A sentence about a number of things: `one` for a single thing, else `many`; both may hold `{count}`."""
+    return Sentence(one if count == 1 else many, {"count": count, **values})
+
+
+def to_json(text: str) -> JsonSentence:
+    """A text as a database keeps it: values that JSON does not know become texts."""
+    if not isinstance(text, Sentence):
+        return text
+    values = {
+        name: to_json(value) if isinstance(value, str) else value if isinstance(value, int | float) else str(value)
+        for name, value in text.values.items()
+    }
+    return {_FORM: text.form, _VALUES: values}
+
+
+def from_json(content: object) -> str:
+    """The text that `to_json` has written; what makes no sense (it comes out of a file) is shown as it stands."""
+    match content:
+        case str():
+            return content
+        case {"form": str(form), "values": dict(values)}:
+            texts = {
+                str(name): from_json(value) if isinstance(value, str | dict) else value
+                for name, value in values.items()
+            }
+            try:
+                return Sentence(form, texts)
+            except (KeyError, IndexError, ValueError, AttributeError):
+                return form
+    return str(content)

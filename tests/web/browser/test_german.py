@@ -1,0 +1,127 @@
+"""The pages in German: nobody has to read an English sentence, and numbers have a decimal comma."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from tests.web.browser.conftest import Site, go
+from tests.web.browser.test_demo_pages import PAGES
+
+ENGLISH = frozenset(
+    [
+        "the",
+        "is",
+        "are",
+        "of",
+        "and",
+        "to",
+        "for",
+        "with",
+        "not",
+        "no",
+        "by",
+        "from",
+        "that",
+        "it",
+        "its",
+        "at",
+        "since",
+        "this",
+        "how",
+        "where",
+        "whether",
+        "what",
+        "says",
+        "hears",
+        "ago",
+        "been",
+        "has",
+        "have",
+        "which",
+        "who",
+        "there",
+        "a",
+        "it's",
+        "nothing",
+        "none",
+        "be",
+        "must",
+        "only",
+        "every",
+        "another",
+        "there's",
+    ]
+)
+"""Words that no German sentence has; names of parts, topics and messages are names in every language."""
+VISIBLE_TEXTS = """() => {
+  const found = [];
+  const names = ".mono, .cm-editor, [lang=en], .ms-robot, .q-icon";
+  const isNamed = (element) => !element.checkVisibility() || element.closest(names);
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node = walker.nextNode(); node; node = walker.nextNode())
+    if (!isNamed(node.parentElement)) found.push(node.textContent);
+  for (const element of document.querySelectorAll("[aria-label], [title], [placeholder]"))
+    if (!isNamed(element))
+      for (const name of ["aria-label", "title", "placeholder"]) found.push(element.getAttribute(name) || "");
+  return found.map((text) => text.trim()).filter(Boolean);
+}"""
+DECIMAL_POINT = re.compile(r"(?<![\w.:])\d+\.\d{1,2}(?![\w.:])")
+"""A number such as 0.25; not 1.234 (a thousand), not an address, not a version."""
+
+
+@pytest.fixture(scope="module")
+def german(browser: Browser, demo: Site) -> Iterator[BrowserContext]:
+    """Somebody whose browser prefers German."""
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, locale="de-DE")
+    visitor = context.new_page()
+    visitor.goto(demo.link)
+    yield context
+    context.close()
+
+
+def english_on(page: Page) -> list[str]:
+    """The texts of a page that hold an English word, and numbers with a decimal point."""
+    texts: list[str] = page.evaluate(VISIBLE_TEXTS)
+    return [
+        text for text in texts if ENGLISH & set(re.findall(r"[\w']+", text.casefold())) or DECIMAL_POINT.search(text)
+    ]
+
+
+FILLED = {
+    "/": ".slot", "/settings": ".q-field input", "/bus": "tr[data-number]", "/wires": "svg.wires .port",
+    "/timeline": "svg.wide rect", "/library": "a.slot", "/library/SG90": "table", "/journal": "tbody tr",
+    "/class": "a.slot", "/admin": "table", "/?slot=fan": "[role=dialog] input", "/?slot=knob": "[role=dialog] input",
+}  # fmt: skip
+"""What is there as soon as a page has something to show."""
+
+
+@pytest.mark.parametrize("path", [*PAGES, "/?slot=fan", "/?slot=knob"])
+def test_no_page_holds_an_english_sentence(german: BrowserContext, demo: Site, path: str) -> None:
+    page = german.new_page()
+    go(page, demo.base + path)
+    page.wait_for_function("document.documentElement.lang === 'de'")
+    expect(page.locator("#ms-stop")).to_have_text("STOPP")
+    expect(page.locator(FILLED.get(path, "h1")).first).to_be_attached()
+    assert english_on(page) == []
+    page.close()
+
+
+def test_a_german_reads_why_a_part_is_lost(german: BrowserContext, demo: Site) -> None:
+    page = german.new_page()
+    go(page, demo.base)
+    page.get_by_role("button", name="bumper ausstecken").click()
+    card = page.get_by_role("button", name="Platz bumper öffnen")
+    expect(card).to_contain_text(re.compile(r"kein Herzschlag seit \d+,\d s: Lebenszustand 0"))
+    card.click()
+    expect(page.get_by_role("dialog")).to_contain_text(re.compile(r"bumper \(\S+\) ist verloren seit \d+,\d s"))
+    assert english_on(page) == []
+    go(page, f"{demo.base}/journal")
+    expect(page.get_by_text(re.compile(r"kein Herzschlag seit \d+,\d s: Lebenszustand 0")).first).to_be_visible()
+    go(page, demo.base)
+    page.get_by_role("button", name="bumper einstecken").click()
+    expect(card).to_contain_text("aktiv")
+    page.close()
