@@ -11,6 +11,10 @@ from starlette.requests import HTTPConnection
 
 import msbot
 import msbot.web
+from msbot.config import load_library
+from msbot.operations.rights import Right, Role
+from msbot.part.join.plug import Refusal
+from msbot.pnp import PartState
 from msbot.runtime.sentence import counted, said
 from msbot.web.language import COOKIE, language_of, languages
 

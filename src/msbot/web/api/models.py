@@ -6,22 +6,11 @@ of asking, so nobody has to share a clock.
 
 from __future__ import annotations
 
-from typing import Annotated
+from pydantic import BaseModel, ConfigDict, Field
 
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema
+from msbot.web.api.said import Said
 
 Scalar = bool | int | float | str
-
-
-def _as_said(value: object) -> str:
-    """A text as it came: a sentence stays one, so that a page can say it in its language."""
-    if not isinstance(value, str):
-        raise ValueError("must be a text")
-    return value
-
-
-Said = Annotated[str, PlainValidator(_as_said), WithJsonSchema({"type": "string"})]
-"""What the robot says: for programs a text in English, for pages a sentence of any language."""
 
 
 class Model(BaseModel):
