@@ -37,6 +37,18 @@ type = "int"
 default = 1
 min = 0
 max = 2
+[driver]
+class = "a:B"
+bus = "pins"
+[[driver.pin]]
+name = "s"
+pin = "VCC"
+[[driver.option]]
+name = "o"
+type = "int"
+default = 1
+min = 0
+max = 2
 [[simulator.control]]
 name = "c"
 type = "number"

@@ -2,11 +2,13 @@
 
 from msbot.config import Control, ControlKind
 from msbot.sim.message_classes import message_class
+from msbot.sim.model_part import ModelPart
 from msbot.sim.simulated_part import SimulatedPart, make_simulator
 
 __all__ = [
     "Control",
     "ControlKind",
+    "ModelPart",
     "SimulatedPart",
     "make_simulator",
     "message_class",

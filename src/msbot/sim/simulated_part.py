@@ -6,23 +6,14 @@ the world behind it (the air, the light, the motor) is, in `msbot.sim.simulated_
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Mapping
 from random import Random
 
-from msbot.config import Control, Direction, Library, Operand, PartType, Port, Scalar, Simulator, load_library
+from msbot.config import Control, Library, PartType, Scalar, load_library
 from msbot.errors import ConfigError
-from msbot.part import ExpectedRobot, JoinState, Message, Part
-from msbot.part.messages.message import fields_of
-from msbot.sim.message_classes import message_class
-from msbot.sim.simulated_world import World
+from msbot.part import ExpectedRobot
+from msbot.sim.model_part import ModelPart
 
 ANY_ROBOT = "*"
-SHORTEST_TICK_S = 0.02
-LONGEST_TICK_S = 0.1
-"""A simulated part looks whether it has something to say that often, by how often it speaks."""
-CHANGE_TICK_S = 0.05
-"""Longest time until a change is said."""
 
 
 def make_simulator(
@@ -55,8 +46,8 @@ def make_simulator(
     return SimulatedPart(part_type, shown, uid=uid, local_name=local_name, random=random or Random(), robot=robot)
 
 
-class SimulatedPart:
-    """A part with its little world; made by `make_simulator`. Use it in the thread of its loop."""
+class SimulatedPart(ModelPart):
+    """A part with its little world; made by `make_simulator`."""
 
     def __init__(
         self,
@@ -68,16 +59,10 @@ class SimulatedPart:
         random: Random,
         robot: str | ExpectedRobot,
     ) -> None:
-        self.part_type = part_type
-        self.part = Part(number, local_name=local_name, robot=robot, uid=uid, random=random)
-        """The part itself: run it with `await part.run_async(link)`, end it with `part.end()`."""
-        self._simulator = part_type.simulator or Simulator()
+        super().__init__(part_type, number, uid=uid, local_name=local_name, random=random, robot=robot)
         self._controls = {control.name: control for control in self._simulator.controls}
-        self._world = World(part_type, random)
-        self._settings: dict[str, str] = {}
-        self._now: float | None = None
-        self._classes = {port.name: message_class(port.message) for port in part_type.ports if port.message is not None}
-        self._wire()
+        if self._simulator.outputs:
+            self.part.every(self._tick_s())(self._say)
 
     @property
     def controls(self) -> tuple[Control, ...]:
@@ -114,96 +99,3 @@ class SimulatedPart:
             ConfigError: there is no such control.
         """
         return self._world.value(self.control(name).name)
-
-    def readings(self) -> Mapping[str, Scalar]:
-        """What one would see or measure at the thing now; units are in `part_type.simulator.readings`."""
-        self._take_settings()
-        self._world.advance(self._time())
-        return self._world.readings()
-
-    def _wire(self) -> None:
-        part = self.part
-        for port in self.part_type.ports:
-            if port.direction is Direction.SUBSCRIBE and port.name in self._classes:
-                self._listen(port)
-        part.on_join(self._begin)
-        part.safe_state(self._be_safe)
-        if self._simulator.outputs:
-            part.every(self._tick_s())(self._tick)
-
-    def _listen(self, port: Port) -> None:
-        message_type = self._classes[port.name]
-        names = [field.name for field in fields_of(message_type)]
-
-        def take(message: Message) -> None:
-            self._take_settings()
-            fields: dict[str, Scalar] = {name: getattr(message, name) for name in names}
-            self._world.receive(port.name, fields, self._time())
-            self._world.look()
-
-        self.part.on(port.name, message_type, optional=True)(take)
-
-    def _begin(self) -> None:
-        self._take_settings()
-        self._world.join(self._time())
-
-    def _be_safe(self) -> None:
-        """Nobody is in command: the library's safe values hold, whatever the robot's configuration said.
-
-        When only a port's partner is lost the part stays active, and has given that port its safe value itself.
-        """
-        if self.part.state is JoinState.ACTIVE and not self.part.stopped:
-            return
-        for port in self.part_type.ports:
-            if port.safe is not None:
-                self._world.receive(port.name, port.safe, self._time(), counts=False)
-
-    def _tick(self) -> None:
-        now = self._time()
-        self._take_settings()
-        self._world.advance(now)
-        for port, fields in self._world.say(now):
-            if self.part.bound(port):
-                self.part.publish(port, self._classes[port](**fields))
-
-    def _take_settings(self) -> None:
-        """Let the slot's settings hold; what makes no sense here is the robot's mistake and changes nothing."""
-        if self.part.settings == self._settings:
-            return
-        self._settings = dict(self.part.settings)
-        for parameter in self.part_type.parameters:
-            text = self._settings.get(parameter.name)
-            value = None if text is None else parameter.kind.parse(text)
-            if value is None or parameter.fault(value) is not None:
-                value = parameter.default
-            self._world.set(parameter.name, value, self._time())
-        self._world.look()
-
-    def _tick_s(self) -> float:
-        shortest = LONGEST_TICK_S
-        for output in self._simulator.outputs:
-            if output.on_change:
-                shortest = min(shortest, CHANGE_TICK_S)
-            if period_s := self._least(output.every):
-                shortest = min(shortest, period_s)
-        return max(SHORTEST_TICK_S, shortest)
-
-    def _least(self, operand: Operand) -> float:
-        """The least number an operand can be, as far as the part type says so."""
-        if not isinstance(operand, str):
-            return operand
-        parameter = self.part_type.parameter(operand)
-        if parameter is None or parameter.least is None:
-            return 0.0
-        return parameter.least
-
-    def _time(self) -> float:
-        """The loop's time; before there is a loop, no time passes."""
-        try:
-            now = asyncio.get_running_loop().time()
-        except RuntimeError:
-            return self._now or 0.0
-        if self._now is None:
-            self._world.start_at(now)
-        self._now = now
-        return now

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 from random import Random
 
 from msbot.config import Direction, FieldKind, Output, PartType, Port, Scalar, Simulator, format_text
@@ -22,7 +23,14 @@ MOST_WAITING = 32
 class World:
     """Everything about a simulated part but its link to the robot."""
 
-    def __init__(self, part_type: PartType, random: Random) -> None:
+    def __init__(self, part_type: PartType, random: Random, *, ideal: bool = False) -> None:
+        """Begin with everything at rest.
+
+        Args:
+            part_type: its simulator is the model.
+            random: noise, and what readings draw.
+            ideal: no noise and no lag is made: the real thing has its own. What a setting limits stays limited.
+        """
         simulator = part_type.simulator or Simulator()
         self.forgotten = 0
         """Changes that could not be said because too many were waiting."""
@@ -35,7 +43,9 @@ class World:
             if port.direction is Direction.SUBSCRIBE and port.message is not None:
                 rest = {name: kind.zero for name, kind in port.message.fields.items()} | dict(port.safe or {})
                 self._values |= {f"{port.name}.{name}": value for name, value in rest.items()}
-        self._gauges = [Gauge(reading, random) for reading in simulator.readings]
+        self._measured: dict[str, Scalar] = {}
+        readings = [replace(reading, noise=0.0, lag_s=0.0) if ideal else reading for reading in simulator.readings]
+        self._gauges = [Gauge(reading, random) for reading in readings]
         self._moves = any(gauge.moves for gauge in self._gauges)
         self._came_at: dict[str, float] = {}
         self._now: float | None = None
@@ -68,6 +78,19 @@ class World:
         self._values[source] = value
         self.advance(now)
 
+    def feed(self, measured: Mapping[str, Scalar], now: float) -> None:
+        """Take what was measured at the real thing: controls, or readings that are not computed any more then."""
+        self.advance(now)
+        names = {gauge.reading.name for gauge in self._gauges}
+        self._measured |= {name: value for name, value in measured.items() if name in names}
+        self._values |= measured
+        self.advance(now)
+
+    def settle(self, now: float) -> None:
+        """Let everything that moves arrive at once: for a safe value there is no ramp."""
+        self.advance(now)
+        self._evaluate(now, math.inf, final=True)
+
     def receive(self, port: str, fields: Mapping[str, Scalar], now: float, *, counts: bool = True) -> None:
         """Take a message at a port that subscribes; `counts` is False for a safe value, which nobody has sent."""
         self.advance(now)
@@ -80,6 +103,11 @@ class World:
     def readings(self) -> dict[str, Scalar]:
         """What one would see, by name."""
         return {gauge.reading.name: self._values[gauge.reading.name] for gauge in self._gauges if gauge.reading.shown}
+
+    @property
+    def values(self) -> Mapping[str, Scalar]:
+        """Every source by its name."""
+        return self._values
 
     def join(self, now: float) -> None:
         """Begin to speak: every output is due."""
@@ -105,6 +133,9 @@ class World:
 
     def _evaluate(self, now: float, step_s: float, *, final: bool) -> None:
         for gauge in self._gauges:
+            if gauge.reading.name in self._measured:
+                self._values[gauge.reading.name] = self._measured[gauge.reading.name]
+                continue
             port = gauge.reading.follows.partition(".")[0].removeprefix("#")
             came_at = self._came_at.get(port)
             self._values[gauge.reading.name] = gauge.update(self._values, now, step_s, came_at, final=final)

@@ -72,7 +72,7 @@ def test_a_page_shows_ports_settings_pins_and_the_simulator() -> None:
     ):
         assert line in text
     assert "fits slots for MG996R, MG90S, SG90" in said("show", "MG996R")
-    assert "msbot.part:NumatoGpio" in said("show", "NUMATO-8")
+    assert "msbot.hardware.drivers.usb_gpio:UsbGpio8" in said("show", "NUMATO-8")
     assert "none, 1, 2, 3, A" in said("show", "KEYPAD-4X4")
     assert "true, false" in said("show", "BUTTON")
 
@@ -123,13 +123,19 @@ def test_what_is_right_is_said_with_hints(folder: Path) -> None:
         "add safe = {...}"
     )
     assert f"1 of them from {folder}/lux.toml" in text
-    (folder / "lux.toml").write_text('number = "LUX-1"\nname = "lux"\ndriver = "no_such_package:Lux"\n')
+    (folder / "lux.toml").write_text(
+        'number = "LUX-1"\nname = "lux"\n[driver]\nclass = "no_such_package:Lux"\nbus = "pins"\n'
+    )
     text = said("check", folder)
     assert "the part has no port" in text
     assert "the driver no_such_package:Lux cannot be found on this computer" in text
-    (folder / "lux.toml").write_text('number = "LUX-1"\nname = "lux"\ndriver = "no_such_package.lux:Lux"\n')
+    (folder / "lux.toml").write_text(
+        'number = "LUX-1"\nname = "lux"\n[driver]\nclass = "no_such_package.lux:Lux"\nbus = "pins"\n'
+    )
     assert "the driver no_such_package.lux:Lux cannot be found" in said("check", folder)
-    (folder / "lux.toml").write_text('number = "LUX-1"\nname = "lux"\ndriver = "msbot.part:Lux"\n')
+    (folder / "lux.toml").write_text(
+        'number = "LUX-1"\nname = "lux"\n[driver]\nclass = "msbot.part:Lux"\nbus = "pins"\n'
+    )
     assert "the driver msbot.part:Lux cannot be found" in said("check", folder)
 
 

@@ -14,6 +14,8 @@ from msbot.config import (
     Control,
     ControlKind,
     Direction,
+    DriverPin,
+    DriverSpec,
     Parameter,
     PartType,
     Port,
@@ -78,7 +80,7 @@ def type_page(part_type: PartType) -> str:
         ("connector", part_type.connector),
         ("fits slots for", ", ".join((part_type.number, *part_type.compatible_with))),
         ("versions", str(part_type.versions)),
-        ("driver", part_type.driver),
+        ("driver", part_type.driver.entry_point or part_type.driver.none),
         ("read from", part_type.source),
     ]
     lines = [line for line in head if line] + [f"  {name:15}{value}" for name, value in facts if value]
@@ -109,7 +111,7 @@ def hints(part_type: PartType) -> list[str]:
             )
     if not part_type.ports:
         found.append("the part has no port: it can join a robot, but neither say nor do anything")
-    if fault := _driver_fault(part_type.driver):
+    if fault := _driver_fault(part_type.driver.entry_point):
         found.append(fault)
     return found
 
@@ -138,6 +140,16 @@ def _blocks(part_type: PartType) -> Iterable[tuple[str, str]]:
     if part_type.pins:
         rows = [(str(at), pin.name, pin.kind.value, pin.description) for at, pin in enumerate(part_type.pins, 1)]
         yield "Pins", _table(("pin", "name", "kind", "means"), rows)
+    driver = part_type.driver
+    if driver.pins:
+        yield "Driver: wires", _table(("wire", "pin", "to", "means"), [
+            (wire.name, wire.pin, wire_words(wire), wire.description) for wire in driver.pins
+        ])  # fmt: skip
+    if driver.options:
+        yield "Driver: options", _table(("option", "default", "range", "means"), [
+            (entry.name, f"{scalar_text(entry.default)} {entry.unit}".strip(), _range(entry), entry.description)
+            for entry in driver.options
+        ])  # fmt: skip
     controls = part_type.simulator.controls if part_type.simulator else ()
     if controls:
         yield "Simulator: what you can do", _table(("control", "values", "at first", "means"), [
@@ -148,6 +160,13 @@ def _blocks(part_type: PartType) -> Iterable[tuple[str, str]]:
         yield "Simulator: what you see", _table(("reading", "unit", "means"), [
             (reading.name, reading.unit, reading.words) for reading in readings
         ])  # fmt: skip
+
+
+def wire_words(wire: DriverPin) -> str:
+    """Where a wire goes unless told otherwise."""
+    if wire.default is None:
+        return "not wired unless told"
+    return f"channel {wire.default}" if wire.analog else f"GPIO {wire.default}"
 
 
 def control_values(control: Control) -> str:
@@ -227,7 +246,7 @@ def _as_json(part_type: PartType) -> dict[str, object]:
         "versions": str(part_type.versions),
         "supply": supply and {"min_v": supply.min_v, "max_v": supply.max_v, "current_ma": supply.current_ma},
         "connector": part_type.connector,
-        "driver": part_type.driver,
+        "driver": _driver_json(part_type.driver),
         "source": part_type.source,
         "pins": [{"name": pin.name, "kind": pin.kind.value, "description": pin.description} for pin in part_type.pins],
         "ports": [_port_json(port) for port in part_type.ports],
@@ -238,6 +257,22 @@ def _as_json(part_type: PartType) -> dict[str, object]:
             for reading in (simulator.readings if simulator else ())
             if reading.shown
         ],
+    }
+
+
+def _driver_json(driver: DriverSpec) -> dict[str, object] | None:
+    if not driver.entry_point:
+        return None
+    return {
+        "class": driver.entry_point,
+        "bus": driver.bus.value,
+        "pins": [
+            {"name": pin.name, "pin": pin.pin, "default": pin.default, "analog": pin.analog, "words": pin.description}
+            for pin in driver.pins
+        ],
+        "addresses": list(driver.addresses),
+        "device": driver.device,
+        "options": [_parameter_json(option) for option in driver.options],
     }
 
 

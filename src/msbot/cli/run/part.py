@@ -1,8 +1,9 @@
-"""`msbot part`: one simulated part in a process of its own."""
+"""`msbot part`: one part in a process of its own, simulated or wired to this computer."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Coroutine
 from pathlib import Path
 
 import click
@@ -17,6 +18,14 @@ from msbot.part.sample_parts import SAMPLE_PARTS, make_sample
 @click.argument("name")
 @click.option("--set", "settings", metavar="CONTROL=VALUE", multiple=True,
               help="Do something to the simulated thing before it starts; may be given several times.")  # fmt: skip
+@click.option("--pins", metavar="NAME=GPIO,...", help="It is real, on these GPIO pins (BCM numbers).")
+@click.option("--i2c", metavar="BUS:ADDRESS", help="It is real, on that I2C bus, for example 1:0x76.")
+@click.option("--adc", metavar="NAME=CHANNEL,...",
+              help="It is real, at these channels of a converter; 1:0 is channel 0 of iio:device1.")  # fmt: skip
+@click.option("--device", metavar="PATH", help="It is real, at that device: a serial port, an SPI, a 1-Wire id.")
+@click.option("--real", is_flag=True, help="It is real, and wired as `msbot library show` says.")
+@click.option("--option", "options", metavar="NAME=VALUE", multiple=True,
+              help="Something about the real thing, as calibration; may be given several times.")  # fmt: skip
 @click.option("--name", "local_name", metavar="LOCAL",
               help="What this one is called; the part number if absent.")  # fmt: skip
 @click.option("--link", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK", show_envvar=True,
@@ -29,6 +38,12 @@ def command(
     name: str,
     *,
     settings: tuple[str, ...],
+    pins: str | None,
+    i2c: str | None,
+    adc: str | None,
+    device: str | None,
+    real: bool,
+    options: tuple[str, ...],
     local_name: str | None,
     link: str,
     uid: str | None,
@@ -36,11 +51,19 @@ def command(
     folders: tuple[Path, ...],
     quiet: bool,
 ) -> None:
-    """Run a simulated part until Ctrl-C: any part number of the library, or AA, BB or CC of the sample robot.
+    """Run a part until Ctrl-C: any part number of the library, or AA, BB or CC of the sample robot.
 
-    It recognises its robot, registers, beats and does its work. While it runs, type CONTROL=VALUE to do something to
-    it, for example press=true at a BUTTON; `msbot library show NUMBER` lists what there is.
+    It recognises its robot, registers, beats and does its work. It is simulated unless it is said where it is wired:
+    `msbot part HC-SR04 --pins trigger=23,echo=24`, `msbot part BMP280 --i2c 1:0x76`. While a simulated one runs, type
+    CONTROL=VALUE to do something to it, for example press=true at a BUTTON; `msbot library show NUMBER` lists controls,
+    wires and options.
     """
+    if real or options or any(text is not None for text in (pins, i2c, adc, device)):
+        if settings:
+            raise ConfigError("--set does something to a simulated thing; a real one has hands and air around it")
+        wires = {"pins": pins or "", "i2c": i2c or "", "adc": adc or "", "device": device or ""}
+        _run_real(name, wires, options, local_name, folders, link=link, uid=uid, key=key, quiet=quiet)
+        return
     if name in SAMPLE_PARTS:
         if settings or local_name is not None:
             raise ConfigError(
@@ -58,6 +81,40 @@ def command(
     if quiet:
         arguments.append("--quiet")
     run(part, args=arguments)
+
+
+def _run_real(
+    number: str,
+    wires: dict[str, str],
+    options: tuple[str, ...],
+    local_name: str | None,
+    folders: tuple[Path, ...],
+    *,
+    link: str,
+    uid: str | None,
+    key: str | None,
+    quiet: bool,
+) -> None:
+    from msbot.cli.run.hosting import connect, identify, run_until_told
+    from msbot.hardware import HardwarePart, Workbench, make_wiring
+
+    part_type = library_here(folders).require(number)
+    wiring = make_wiring(
+        part_type, pins=wires["pins"], adc=wires["adc"], i2c=wires["i2c"], device=wires["device"], options=options
+    )
+    bench = Workbench()
+
+    def make() -> tuple[HardwarePart, Coroutine[object, object, None]]:
+        unit = bench.make(part_type, wiring, number=number, name=local_name)
+        identify(unit.part, uid=uid, key=key)
+        return unit, unit.run(lambda: connect(unit.part, link))
+
+    if not quiet:
+        click.echo(f"{part_type.name}: {wiring.words() or 'this computer'}")
+    try:
+        run_until_told(make, quiet=quiet)
+    finally:
+        bench.end()
 
 
 def _sample(name: str, *, quiet: bool) -> Part:

@@ -12,8 +12,11 @@ from pathlib import Path
 from msbot.config.library.agreement import check_agreement
 from msbot.config.library.message_types import FieldKind, MessageType, standard_message_types
 from msbot.config.library.part_types import (
+    BusKind,
     Category,
     Direction,
+    DriverPin,
+    DriverSpec,
     Parameter,
     ParameterKind,
     PartType,
@@ -31,8 +34,11 @@ from msbot.config.toml.problems import MOST_LISTED, Problems, TextPlace, nearest
 from msbot.errors import ConfigError
 
 __all__ = [
+    "BusKind",
     "Category",
     "Direction",
+    "DriverPin",
+    "DriverSpec",
     "FieldKind",
     "Library",
     "MessageType",

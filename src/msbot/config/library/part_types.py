@@ -138,6 +138,54 @@ class Pin:
     description: str = ""
 
 
+class BusKind(Enum):
+    """What the wires between a computer and a part are."""
+
+    PINS = "pins"
+    """GPIO pins of the computer."""
+    I2C = "i2c"
+    ADC = "adc"
+    """Channels of an analog-to-digital converter that the kernel knows (a Raspberry Pi has none of its own)."""
+    KERNEL = "kernel"
+    """The kernel has the driver; what it measures is in a file below /sys."""
+    SPI = "spi"
+    SERIAL = "serial"
+    """A serial port, USB too."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriverPin:
+    """One wire between a pin of the part and the computer."""
+
+    name: str
+    """Its name in `--pins NAME=GPIO` or `--adc NAME=CHANNEL`."""
+    pin: str
+    """The pin of the part that it goes to."""
+    default: int | None = None
+    """GPIO number (BCM) or channel, unless another is given; None: the wire may be left out."""
+    analog: bool = False
+    """It goes to a converter's channel, not to a GPIO pin."""
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DriverSpec:
+    """How a part type's ports meet hardware."""
+
+    entry_point: str = ""
+    """`package.module:Name` of the Python class that drives the real thing; "" = there is none, see `none`."""
+    bus: BusKind = BusKind.PINS
+    pins: tuple[DriverPin, ...] = ()
+    addresses: tuple[int, ...] = ()
+    """I2C addresses that the chip can have, the usual one first."""
+    device: str = ""
+    """Usual device: a path, or the name by which the kernel knows the chip."""
+    options: tuple[Parameter, ...] = ()
+    """What belongs to the one piece of hardware and its wiring, and not to the robot: calibration, resistors."""
+    none: str = ""
+    """Why there is no driver."""
+
+
 @dataclass(frozen=True, slots=True)
 class Supply:
     """What the part needs from its supply."""
@@ -180,9 +228,8 @@ class PartType:
     connector: str = ""
     """What kind of connector, for example `3 pins, 2.54 mm`."""
     pins: tuple[Pin, ...] = ()
-    driver: str = ""
-    """Entry point `package.module:name` of the Python class that drives the real thing; "" = it has a controller
-    of its own."""
+    driver: DriverSpec = DriverSpec()
+    """How its ports meet hardware; without entry point: it has a controller of its own."""
     picture: str = ""
     """An SVG text; "" = one is drawn from category and pins."""
     versions: Versions = ANY_VERSION

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from msbot.config.library.driver_reader import read_driver
 from msbot.config.library.message_types import MessageType, read_message_types
+from msbot.config.library.parameter_reader import check_twice, read_parameter
 from msbot.config.library.part_types import (
     Category,
     Direction,
-    Parameter,
-    ParameterKind,
     PartType,
     Pin,
     PinKind,
@@ -31,7 +30,6 @@ FORBIDDEN_IN_PORTS = "."
 _MOST_HZ = 10_000.0
 _MOST_V = 1000.0
 _MOST_MA = 1_000_000.0
-_ENTRY_POINT = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 
 @dataclass(slots=True)
@@ -61,7 +59,8 @@ def read_part_type(file: LibraryFile, known: Mapping[str, MessageType]) -> PartT
         table.finish()
         return None
     ports = tuple(_read_port(port, known) for port in table.tables("port"))
-    parameters = tuple(_read_parameter(parameter) for parameter in table.tables("parameter"))
+    parameters = tuple(read_parameter(parameter) for parameter in table.tables("parameter"))
+    pins = tuple(_read_pin(pin) for pin in table.tables("pin"))
     part_type = PartType(
         number=table.name("number", "ABCD", forbidden=VERSION_SIGN),
         name=table.name("name", "Light sensor"),
@@ -77,15 +76,15 @@ def read_part_type(file: LibraryFile, known: Mapping[str, MessageType]) -> PartT
         keywords=tuple(table.names("keywords", "brightness")),
         supply=_read_supply(table.table("supply")),
         connector=table.text("connector", "3 pins, 2.54 mm"),
-        pins=tuple(_read_pin(pin) for pin in table.tables("pin")),
-        driver=_read_driver(table),
+        pins=pins,
+        driver=read_driver(table.table("driver"), pins),
         picture=_read_picture(table),
         versions=_read_versions(table),
         simulator=SimulatorReader(table.table("simulator"), ports, parameters).read(),
     )
     table.finish()
-    _check_twice(table, "port", [port.name for port in ports])
-    _check_twice(table, "parameter", [parameter.name for parameter in parameters])
+    check_twice(table, "port", [port.name for port in ports])
+    check_twice(table, "parameter", [parameter.name for parameter in parameters])
     return part_type
 
 
@@ -122,34 +121,6 @@ def _check_safe(table: Table, port: Port, message: MessageType) -> None:
             table.problem(fault, "safe", name)
 
 
-def _read_parameter(table: Table) -> Parameter:
-    kind = ParameterKind(table.choice("type", [kind.value for kind in ParameterKind]))
-    if "default" not in table:
-        table.problem("is missing; add the value that holds when nobody sets another", "default")
-    default = table.scalar("default")
-    parameter = Parameter(
-        name=table.name("name", "period_s"),
-        kind=kind,
-        default="" if default is None else default,
-        unit=table.text("unit", "s"),
-        least=_limit(table, "min", kind),
-        most=_limit(table, "max", kind),
-        description=table.text("description", "Time between two measurements"),
-    )
-    table.finish()
-    if default is not None and (fault := parameter.fault(default)):
-        table.problem(fault, "default")
-    return parameter
-
-
-def _limit(table: Table, key: str, kind: ParameterKind) -> float | None:
-    if key not in table:
-        return None
-    if kind not in (ParameterKind.INT, ParameterKind.FLOAT):
-        table.problem("only a parameter of type int or float has limits; remove it", key)
-    return table.number(key, default=0.0, least=-1e300, most=1e300)
-
-
 def _read_supply(table: Table) -> Supply | None:
     if not table.is_there:
         return None
@@ -174,13 +145,6 @@ def _read_pin(table: Table) -> Pin:
     return pin
 
 
-def _read_driver(table: Table) -> str:
-    driver = table.text("driver", "my_parts:LightSensor")
-    if driver and not _ENTRY_POINT.fullmatch(driver):
-        table.problem(f'"{driver}" is no entry point; write package.module:Name', "driver")
-    return driver
-
-
 def _read_picture(table: Table) -> str:
     picture = table.scalar("picture")
     if picture is None:
@@ -198,9 +162,3 @@ def _read_versions(table: Table) -> Versions:
         table.problem(f'"{text}" is no range of versions; write for example versions = ">=1.0, <2"', "versions")
         return ANY_VERSION
     return versions
-
-
-def _check_twice(table: Table, key: str, names: list[str]) -> None:
-    for position, name in enumerate(names):
-        if name and name in names[:position]:
-            table.problem(f'there are two with the name "{name}"; give each its own', key, position, "name")

@@ -117,6 +117,21 @@ class Table:
             return default
         return value
 
+    def wholes(self, key: str, *, least: int, most: int) -> list[int]:
+        """A list of whole numbers from `least` to `most`; empty when absent."""
+        value = self._get(key)
+        if value is None:
+            return []
+        if not isinstance(value, list):
+            self.problem(f"must be a list, for example {key} = [{least}]; it is {kind_words(value)}", key)
+            return []
+        for position, item in enumerate(value):
+            if isinstance(item, bool) or not isinstance(item, int):
+                self.problem(f"must be a whole number; it is {kind_words(item)}", key, position)
+            elif not least <= item <= most:
+                self.problem(f"is {item}; it must be {least} to {most}", key, position)
+        return [item for item in value if isinstance(item, int)]
+
     def flag(self, key: str, *, default: bool) -> bool:
         """`true` or `false`."""
         value = self._get(key)

@@ -47,16 +47,17 @@ class UsbGpio(Protocol):
 
 
 class SimGpio:
-    """Eight simulated pins; satisfies `UsbGpio`.
+    """Simulated pins, eight unless told otherwise; satisfies `UsbGpio`.
 
     Each pin has a latch (what the part told it) and something outside that drives it while it is an input. Both are
     low at first, and both are kept while the other one counts.
     """
 
-    def __init__(self) -> None:
-        self._directions = [PinDirection.INPUT] * PINS
-        self._latches = [False] * PINS
-        self._outside = [False] * PINS
+    def __init__(self, pins: int = PINS) -> None:
+        self.pins = pins
+        self._directions = [PinDirection.INPUT] * pins
+        self._latches = [False] * pins
+        self._outside = [False] * pins
         self._listeners: list[PinListener] = []
 
     def set_direction(self, pin: int, direction: PinDirection) -> None:
@@ -77,17 +78,17 @@ class SimGpio:
 
     def read(self, pin: int) -> bool:
         """The level of a pin: what drives an input, what an output was told last."""
-        check_pin(pin)
+        check_pin(pin, self.pins)
         return (self._latches if self._directions[pin] is PinDirection.OUTPUT else self._outside)[pin]
 
     def direction(self, pin: int) -> PinDirection:
         """Whether a pin is an input or output."""
-        check_pin(pin)
+        check_pin(pin, self.pins)
         return self._directions[pin]
 
     def levels(self) -> tuple[bool, ...]:
         """The levels of all pins, from pin 0."""
-        return tuple(self.read(pin) for pin in range(PINS))
+        return tuple(self.read(pin) for pin in range(self.pins))
 
     def latch(self, pin: int, *, level: bool) -> None:
         """Tell a pin its level as an output, whatever it is now; an input keeps it for later."""
@@ -112,14 +113,14 @@ class SimGpio:
                 listener(pin, after)
 
 
-def check_pin(pin: int) -> None:
-    """Refuse a pin that no board has.
+def check_pin(pin: int, pins: int = PINS) -> None:
+    """Refuse a pin that a board with so many pins does not have.
 
     Raises:
-        LocalProtocolError: the pin is not from 0 to 7.
+        LocalProtocolError: there is no such pin.
     """
-    if not 0 <= pin < PINS:
-        raise LocalProtocolError(f"there is no pin {pin}: the board has pins 0 to {PINS - 1}")
+    if not 0 <= pin < pins:
+        raise LocalProtocolError(f"there is no pin {pin}: the board has pins 0 to {pins - 1}")
 
 
 def check_output(pin: int, direction: PinDirection) -> None:

@@ -1,0 +1,51 @@
+"""`msbot host`: the parts that are wired to this computer, many in one process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from msbot.cli.options import DEFAULT_LINK, library_here, library_option
+
+if TYPE_CHECKING:
+    from collections.abc import Coroutine
+
+    from msbot.cli.run.hosting import Endable
+
+
+@click.command("host")
+@click.argument("path", metavar="[FILE]", type=click.Path(path_type=Path), default=Path("parts.toml"))
+@click.option("--link", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK", show_envvar=True,
+              help="The way to the master.")  # fmt: skip
+@click.option("--check", is_flag=True, help="Only read the file and say what is in it; touch no hardware.")
+@library_option
+@click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
+def command(path: Path, *, link: str, check: bool, folders: tuple[Path, ...], quiet: bool) -> None:
+    """Run the parts that are wired to this computer, until Ctrl-C: those of FILE, parts.toml unless named.
+
+    Each table [[part]] of it is one part, real or simulated. The file may be changed at any time: only what has
+    changed in it is started anew.
+    """
+    from msbot.cli.run.hosting import connect, identify, run_until_told
+    from msbot.hardware import PartsHost, read_parts
+
+    library = library_here(folders)
+    parts = read_parts(path, library)
+    if check:
+        for part in parts:
+            words = "simulated" if part.wiring is None else part.wiring.words()
+            click.echo(f"{part.name}: {part.part_type.name} ({part.number}), {words}")
+        return
+
+    def make() -> tuple[Endable, Coroutine[object, object, None]]:
+        host = PartsHost(
+            path,
+            library,
+            lambda part: connect(part, link),
+            prepare=lambda part, hosted: identify(part, key=hosted.key or None),
+        )
+        return host, host.run()
+
+    run_until_told(make, quiet=quiet)

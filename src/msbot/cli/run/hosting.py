@@ -1,0 +1,63 @@
+"""How a command runs parts that are wired to this computer: links, UIDs, keys, signals."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import signal
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
+
+from msbot.link import Link, open_link
+from msbot.part import Part
+from msbot.part.join.keys import given_key
+from msbot.part.join.uid import parse_uid, stored_uid
+from msbot.part.run import CAN
+from msbot.runtime.terminal_log import TerminalHandler
+
+if TYPE_CHECKING:
+    from collections.abc import Coroutine
+
+
+class Endable(Protocol):
+    """Something that runs until it is told to end."""
+
+    def end(self) -> None:
+        """End politely."""
+
+
+def connect(part: Part, link: str) -> Link:
+    """A link for one part."""
+    return open_link(link, can=replace(CAN, uid=part.uid))
+
+
+def identify(part: Part, *, uid: str | None = None, key: str | None = None) -> None:
+    """Give a part its UID and its key: those given, or those kept on this computer.
+
+    Raises:
+        ConfigError: one of them makes no sense.
+    """
+    part.uid = stored_uid(part.part_number, part.local_name) if uid is None else parse_uid(uid)
+    part.key = given_key(key, part.part_number, part.local_name)
+
+
+def run_until_told(make: Callable[[], tuple[Endable, Coroutine[object, object, None]]], *, quiet: bool) -> None:
+    """Run what `make` gives, on a loop of its own, until it ends, or a signal ends it politely.
+
+    Args:
+        make: called on the loop: what is told to end, and what to run.
+        quiet: say only what is wrong.
+    """
+    logging.basicConfig(level=logging.WARNING if quiet else logging.INFO, handlers=[TerminalHandler()])
+
+    async def main() -> None:
+        unit, work = make()
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            with contextlib.suppress(NotImplementedError, AttributeError):
+                asyncio.get_running_loop().add_signal_handler(getattr(signal, name), unit.end)
+        await work
+
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(main())

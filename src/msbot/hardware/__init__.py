@@ -1,0 +1,25 @@
+"""Real hardware for part types of the library: drivers, where they are wired, and the parts that they make."""
+
+from msbot.hardware.driver import Driver, Mount, Values, driver_class
+from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_part import HardwarePart
+from msbot.hardware.host import PartsHost, Workbench
+from msbot.hardware.machine import Machine
+from msbot.hardware.parts_file import HostedPart, read_parts
+from msbot.hardware.wiring import PartWiring, make_wiring
+
+__all__ = [
+    "Driver",
+    "HardwareFault",
+    "HardwarePart",
+    "HostedPart",
+    "Machine",
+    "Mount",
+    "PartWiring",
+    "PartsHost",
+    "Values",
+    "Workbench",
+    "driver_class",
+    "make_wiring",
+    "read_parts",
+]

@@ -1,0 +1,104 @@
+"""What a driver is: a class that reads or switches one real thing. A part type names its driver in `[driver]`.
+
+A driver knows nothing of robots. It is opened, read and switched in the thread of its bus; what it reads becomes the
+value of sources in the type's model (`msbot.sim`), and what the model computes is what it switches. So settings such as
+`invert`, `ramp` or `offset` work the same for the real thing and for the simulated one, and hold at once.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from msbot.config import BusKind, PartType, Scalar
+from msbot.errors import ConfigError
+from msbot.hardware.machine import Machine
+from msbot.hardware.wiring import PartWiring, require_driver
+
+Values = Mapping[str, Scalar]
+"""Sources of a model by name."""
+
+
+@dataclass(slots=True)
+class Mount:
+    """What a driver gets."""
+
+    part_type: PartType
+    wiring: PartWiring
+    machine: Machine
+    changed: Callable[[Values], None] = lambda _: None
+    """Takes what has changed, from any thread, when the driver notices it by itself."""
+
+
+class Driver:
+    """Base of all drivers; one that reads has `sample`, one that switches has `wanted` and `drive`.
+
+    All but `wanted` are called in the thread of the bus and may block for up to a second. They raise HardwareFault with
+    a sentence that says what to check. After a fault the driver is closed and opened again until it works.
+    """
+
+    samples: ClassVar[bool] = False
+    drives: ClassVar[bool] = False
+    blocking: ClassVar[bool] = True
+    """Whether `drive` waits for anything: if not, it is called at once and STOP needs no thread."""
+    poll_s: ClassVar[float] = 0.0
+    """How often to read for ports that speak on a change; 0 = the driver calls `changed` itself."""
+    unknown_ports: ClassVar[tuple[str, ...]] = ()
+    """Ports about which the real thing cannot say anything: they stay silent."""
+
+    def __init__(self, place: Mount) -> None:
+        self.place = place
+        self.wiring = place.wiring
+        self.machine = place.machine
+
+    def open(self) -> None:
+        """Take the hardware; outputs are at their safe values then."""
+
+    def close(self) -> None:
+        """Let the hardware go with every output off; never raises HardwareFault, and may be called at any time."""
+
+    def sample(self, values: Values) -> Values | None:
+        """What the thing says now, as values of sources; None: nothing new.
+
+        Args:
+            values: the model's values, for settings that reading depends on.
+        """
+        raise NotImplementedError
+
+    def wanted(self, values: Values) -> object:
+        """What the outputs shall be by the model; pure, and equal when nothing is to be done."""
+        raise NotImplementedError
+
+    def drive(self, wanted: object) -> None:
+        """Make the outputs what `wanted` has said."""
+        raise NotImplementedError
+
+
+def driver_class(part_type: PartType) -> type[Driver]:
+    """The driver class of a part type.
+
+    Raises:
+        ConfigError: it has none, or it cannot be found on this computer.
+    """
+    spec = require_driver(part_type)
+    module, _, name = spec.entry_point.partition(":")
+    try:
+        found: object = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(
+            f"the driver {spec.entry_point} of part {part_type.number} cannot be found: {error}"
+        ) from None
+    if not (isinstance(found, type) and issubclass(found, Driver)):
+        raise ConfigError(f"{spec.entry_point} is no driver: it must be a class derived from msbot.hardware.Driver")
+    return found
+
+
+def bus_of(part_type: PartType, wiring: PartWiring, name: str) -> str:
+    """Which bus a part is on: those on one bus share a thread. Pins and the kernel's files are nobody else's."""
+    if wiring.i2c is not None:
+        return f"I2C bus {wiring.i2c[0]}"
+    if part_type.driver.bus is BusKind.ADC and wiring.channels:
+        return f"converter {next(iter(wiring.channels.values()))[0]}"
+    return f"{part_type.driver.bus.value} of {name}"

@@ -1,0 +1,355 @@
+"""A part whose ports are real: its driver reads and switches, its model says what settings mean, `Part` joins.
+
+Theory of operation. While the part is active a timer asks, in the thread of the bus, for a sample whenever one is due;
+what comes back is fed into the model and published. Nothing is published that was not just read. What the model
+computes for outputs is handed to the driver whenever it changes, the newest value only.
+
+A driver that fails is closed. When it has failed often enough the part leaves its robot, says why, and tries to open
+the driver again; with the first value it reads it joins anew. So a part is in its robot only while its hardware
+answers.
+
+On STOP, or when nobody is in command, outputs take their safe values at once and without a ramp; only what was really
+switched is confirmed to the master.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import contextlib
+import logging
+from collections import deque
+from collections.abc import Callable
+from random import Random
+
+from msbot.config import PartType, Scalar
+from msbot.hardware.bus_worker import BusWorker
+from msbot.hardware.driver import Driver, Values
+from msbot.hardware.faults import HardwareFault
+from msbot.link import Link
+from msbot.part import ExpectedRobot, JoinState
+from msbot.part.beginner import part_is_run
+from msbot.sim import ModelPart
+
+MOST_FAULTS = 3
+"""So many samples may fail one after the other: a disturbed wire is no missing chip."""
+STUCK_S = 3.0
+"""A bus that takes longer than this for one job is stuck."""
+RETRY_S = 1.0
+"""Between two attempts to open a driver."""
+SAFE_S = 0.25
+"""Longest wait for a bus to take a safe value. Only here the loop waits: STOP must not be confirmed before."""
+ALIVE_S = 1.0
+"""A part that only speaks when something changes is read that often nevertheless."""
+MOST_EVENTS = 32
+"""Changes noticed by the driver that wait for the loop; with more the oldest is dropped and counted."""
+
+_log = logging.getLogger("msbot.part")
+
+
+class HardwarePart(ModelPart):
+    """A part with a driver; run it with `await part.run(connect)`."""
+
+    def __init__(
+        self,
+        part_type: PartType,
+        make_driver: Callable[[Callable[[Values], None]], Driver],
+        bus: BusWorker,
+        *,
+        number: str | None = None,
+        uid: bytes | None = None,
+        local_name: str | None = None,
+        random: Random | None = None,
+        robot: str | ExpectedRobot = "*",
+    ) -> None:
+        """Make the part; nothing is touched before it runs.
+
+        Args:
+            part_type: what it is.
+            make_driver: makes the driver, given what takes the changes that it notices.
+            bus: the thread of its bus.
+            number: what it shows, perhaps with a version; the number of its type if absent.
+            uid: 8 octets; drawn when it runs if absent.
+            local_name: what this one is called.
+            random: for what `Part` draws.
+            robot: the robot it is made for.
+        """
+        super().__init__(
+            part_type,
+            number or part_type.number,
+            uid=uid,
+            local_name=local_name,
+            random=random or Random(),
+            robot=robot,
+            ideal=True,
+        )
+        self.fault = ""
+        """Why the hardware does not work, as one sentence; "" = it does."""
+        self.faults = 0
+        """Samples and orders that failed."""
+        self.lost_events = 0
+        """Changes that came more quickly than they could be taken."""
+        self._driver = make_driver(self._noticed)
+        self._unsaid = self._driver.unknown_ports
+        self._bus = bus
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._open = False
+        self._touched = False
+        """It has been tried to open it: it must be closed."""
+        self._ended: asyncio.Event | None = None
+        self._told_open: Callable[[], None] = lambda: None
+        self._told_closed: Callable[[], None] = lambda: None
+        self._failed_in_a_row = 0
+        self._sampling: asyncio.Future[Values | None] | None = None
+        self._asked_at = 0.0
+        self._next_at = 0.0
+        self._driving: asyncio.Future[None] | None = None
+        self._given: object = None
+        self._events: deque[Values] = deque(maxlen=MOST_EVENTS)
+        self._said_fault = ""
+        self.part.every(self._tick_s() if not self._driver.drives else 0.02)(self._tick)
+        self.part.on_join(self._joined)
+
+    async def run(self, connect: Callable[[], Link]) -> None:
+        """Run until `end`: open the hardware, be a part, and begin anew when the hardware was gone.
+
+        Args:
+            connect: makes a link to the master each time the part joins.
+        """
+        part_is_run(self.part)
+        self._loop = asyncio.get_running_loop()
+        self._ended = asyncio.Event()
+        try:
+            while not self._ended.is_set():
+                if await self._opened():
+                    await self.part.run_async(connect())
+                    await self._close()
+        finally:
+            await self._close()
+
+    def end(self) -> None:
+        """End `run` politely."""
+        if self._ended is not None:
+            self._ended.set()
+        self.part.end()
+
+    def on_open(self, opens: Callable[[], None], closed: Callable[[], None]) -> None:
+        """Call the first before outputs can be on, and the second when all are off."""
+        self._told_open, self._told_closed = opens, closed
+
+    # Opening and failing.
+
+    async def _opened(self) -> bool:
+        """Try to open the hardware and to read it once; otherwise wait a while."""
+        assert self._ended is not None
+        try:
+            self._touched = True
+            self._told_open()
+            await self._in_bus(self._driver.open)
+            self._open = True
+            if self._driver.samples:
+                measured = await self._in_bus(lambda: self._driver.sample(self._snapshot()))
+                self._world.feed(measured or {}, self._time())
+        except HardwareFault as fault:
+            self._note(str(fault))
+            await self._close()
+        else:
+            if self.fault:
+                _log.warning("%s: its hardware answers again", self.part.local_name)
+            self.fault = self._said_fault = ""
+            self._failed_in_a_row = 0
+            self._given = None
+            return True
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(RETRY_S):
+                await self._ended.wait()
+        return False
+
+    async def _close(self) -> None:
+        if not self._touched:
+            return
+        self._open = self._touched = False
+        self._sampling = self._driving = None
+        with contextlib.suppress(HardwareFault):  # it is closed because it does not answer
+            await self._in_bus(self._driver.close)
+            self._told_closed()
+
+    async def _in_bus(self, job: Callable[[], Values | None]) -> Values | None:
+        assert self._loop is not None
+        try:
+            async with asyncio.timeout(STUCK_S):
+                return await self._loop.run_in_executor(self._bus, job)
+        except TimeoutError:
+            raise self._stuck() from None
+
+    def _stuck(self) -> HardwareFault:
+        return HardwareFault(
+            f"{self._bus.name} has not answered for {STUCK_S:g} s: something holds it; check the wires of its parts"
+        )
+
+    def _note(self, fault: str) -> None:
+        self.faults += 1
+        self.fault = fault
+        if fault != self._said_fault:
+            self._said_fault = fault
+            _log.warning("%s: %s", self.part.local_name, fault)
+
+    def _failed(self, fault: HardwareFault, *, at_once: bool = False) -> None:
+        """A sample or an order has failed; after several the part leaves its robot."""
+        self.faults += 1
+        self._failed_in_a_row += 1
+        if self._failed_in_a_row < MOST_FAULTS and not at_once:
+            _log.debug("%s: %s", self.part.local_name, fault)
+            return
+        self._note(str(fault))
+        self.part.end()
+
+    # Reading.
+
+    def _joined(self) -> None:
+        self._next_at = self._time()
+
+    def _tick(self) -> None:
+        now = self._time()
+        if self._driver.samples:
+            if self._sampling is None and now >= self._next_at - 1e-9:
+                self._ask(now)
+            elif self._sampling is not None and now - self._asked_at > STUCK_S:
+                self._sampling = None
+                self._failed(self._stuck(), at_once=True)
+        else:
+            self._say()
+        self._take_settings()
+        self._world.advance(now)
+        self._move()
+
+    def _ask(self, now: float) -> None:
+        assert self._loop is not None
+        period_s = self._period_s()
+        behind = max(0.0, now - self._next_at)
+        self._next_at += (behind // period_s + 1) * period_s
+        self._asked_at = now
+        snapshot = self._snapshot()
+        future = self._loop.run_in_executor(self._bus, lambda: self._driver.sample(snapshot))
+        self._sampling = future
+        future.add_done_callback(self._sampled)
+
+    def _sampled(self, future: asyncio.Future[Values | None]) -> None:
+        if future is not self._sampling:
+            if not future.cancelled():
+                future.exception()  # too late: it has been said that the bus is stuck
+            return
+        self._sampling = None
+        if future.cancelled():
+            return
+        error = future.exception()
+        if isinstance(error, HardwareFault):
+            self._failed(error)
+            return
+        if error is not None:
+            raise error
+        self._failed_in_a_row = 0
+        measured = future.result()
+        if measured is not None and self.part.state is JoinState.ACTIVE:
+            self._take(measured)
+
+    def _take(self, measured: Values) -> None:
+        self._world.feed(measured, self._time())
+        self._say()
+        self._move()
+
+    def _period_s(self) -> float:
+        """How often to read: as often as the part speaks by its settings now."""
+        periods = [ALIVE_S]
+        for output in self._simulator.outputs:
+            every = self._world.values[output.every] if isinstance(output.every, str) else output.every
+            if isinstance(every, int | float) and every > 0:
+                periods.append(every)
+            if output.on_change and self._driver.poll_s:
+                periods.append(self._driver.poll_s)
+        shortest = min(periods[1:], default=ALIVE_S)
+        return max(0.02, shortest)
+
+    def _snapshot(self) -> dict[str, Scalar]:
+        return dict(self._world.values)
+
+    def _noticed(self, measured: Values) -> None:
+        """From any thread: something has changed."""
+        if self._loop is None or self._loop.is_closed():
+            return
+        if len(self._events) == MOST_EVENTS:
+            self.lost_events += 1
+        self._events.append(measured)
+        with contextlib.suppress(RuntimeError):  # the loop has just ended
+            self._loop.call_soon_threadsafe(self._take_events)
+
+    def _take_events(self) -> None:
+        while self._events:
+            measured = self._events.popleft()
+            if self.part.state is JoinState.ACTIVE:
+                self._take(measured)
+            else:
+                self._world.feed(measured, self._time())
+
+    # Switching.
+
+    def _moved(self) -> None:
+        self._move()
+
+    def _move(self) -> None:
+        """Hand the newest wishes to the driver, if they are new."""
+        if not (self._driver.drives and self._open):
+            return
+        wanted = self._driver.wanted(self._world.values)
+        if wanted == self._given:
+            return
+        if not self._driver.blocking:
+            try:
+                self._driver.drive(wanted)
+            except HardwareFault as fault:
+                self._failed(fault)
+            else:
+                self._given = wanted
+        elif self._driving is None:
+            assert self._loop is not None
+            self._given = wanted
+            self._driving = future = self._loop.run_in_executor(self._bus, self._driver.drive, wanted)
+            future.add_done_callback(self._driven)
+
+    def _driven(self, future: asyncio.Future[None]) -> None:
+        if future is not self._driving:
+            if not future.cancelled():
+                future.exception()  # of a driver that was closed since
+            return
+        self._driving = None
+        if future.cancelled():
+            return
+        error = future.exception()
+        if isinstance(error, HardwareFault):
+            self._given = None
+            self._failed(error)
+        elif error is not None:
+            raise error
+        elif self._open:
+            self._move()
+
+    def _be_safe(self) -> None:
+        super()._be_safe()
+        if not self._is_commanded and self._driver.drives and self._open:
+            self._world.settle(self._time())
+            self._drive_now(self._driver.wanted(self._world.values))
+
+    def _drive_now(self, wanted: object) -> None:
+        """Have the outputs switched before this ends.
+
+        Raises:
+            HardwareFault: they may not be; STOP is not confirmed then, and is tried again.
+        """
+        if not self._driver.blocking:
+            self._driver.drive(wanted)
+        else:
+            try:
+                self._bus.submit(self._driver.drive, wanted).result(SAFE_S)
+            except concurrent.futures.TimeoutError:
+                raise HardwareFault(f"{self._bus.name} has not taken the safe value within {SAFE_S:g} s") from None
+        self._given = wanted

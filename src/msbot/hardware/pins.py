@@ -1,0 +1,101 @@
+"""GPIO pins with the library gpiozero 2, which takes lgpio on a Raspberry Pi and other boards with /dev/gpiochip."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+from msbot.hardware.driver import Driver
+from msbot.hardware.faults import HardwareFault, missing_library
+
+
+def gpiozero() -> Any:  # noqa: ANN401 - the library has no types
+    """The library with pins that can be used.
+
+    Raises:
+        HardwareFault: it is not installed, or this computer has no pins that may be used.
+    """
+    try:
+        library = import_module("gpiozero")
+    except ImportError:
+        raise missing_library("parts on GPIO pins", "gpiozero") from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about each way to the pins that does not work here
+        try:
+            library.Device.ensure_pin_factory()
+        except Exception as error:
+            raise HardwareFault(
+                f"this computer's GPIO pins cannot be used ({error}): is it a Raspberry Pi, are gpiozero and lgpio "
+                "installed (`pip install 'msbot[hardware]'`), and are you in the group gpio (`sudo usermod -aG gpio "
+                "$USER`, then log in again)?"
+            ) from None
+    return library
+
+
+class PinDriver(Driver):
+    """Base of drivers on pins: keeps gpiozero's devices and lets them go."""
+
+    blocking = False
+
+    def __init__(self, place: Any) -> None:  # noqa: ANN401 - as its base
+        super().__init__(place)
+        self._devices: list[Any] = []
+
+    def device(self, kind: str, *pins: int, **options: object) -> Any:  # noqa: ANN401 - the library has no types
+        """Make one of gpiozero's devices; it is closed with the driver.
+
+        Raises:
+            HardwareFault: a pin is taken, or is none.
+        """
+        made = self._guard(pins, lambda: getattr(gpiozero(), kind)(*pins, **options))
+        self._devices.append(made)
+        return made
+
+    def raw_pin(self, number: int) -> Any:  # noqa: ANN401 - the library has no types
+        """One of gpiozero's pins as such, for what no device does; it is closed with the driver.
+
+        Raises:
+            HardwareFault: the pin is taken, or is none.
+        """
+
+        def take() -> object:
+            factory = gpiozero().Device.pin_factory
+            pin = factory.pin(number)
+            factory.reserve_pins(self, pin.info.name)
+            return pin
+
+        pin: Any = self._guard((number,), take)
+        self._devices.append(pin)
+        return pin
+
+    def close(self) -> None:
+        """Let all pins go: outputs are off, and inputs again."""
+        devices, self._devices = self._devices, []
+        for device in reversed(devices):
+            device.close()
+            if hasattr(device, "info"):
+                device.factory.release_pins(self, device.info.name)
+
+    def _guard(self, pins: tuple[int, ...], make: Callable[[], object]) -> object:
+        library = gpiozero()
+        try:
+            return make()
+        except library.GPIOPinInUse as error:
+            raise HardwareFault(f"GPIO {_list(pins)} is used twice in this program: {error}") from None
+        except (library.GPIOZeroError, OSError, ValueError) as error:
+            raise HardwareFault(
+                f"GPIO {_list(pins)} cannot be used ({error}): does another program or a dtoverlay have it? "
+                "`pinctrl` or `gpioinfo` shows who"
+            ) from None
+        except Exception as error:
+            if type(error).__module__.partition(".")[0] != "lgpio":
+                raise
+            raise HardwareFault(
+                f"GPIO {_list(pins)} cannot be used ({error}): does another program have it? `gpioinfo` shows who"
+            ) from None
+
+
+def _list(pins: tuple[int, ...]) -> str:
+    return ", ".join(map(str, pins))

@@ -1,0 +1,147 @@
+"""However a program dies, no output stays on: a small process makes safe what it held."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from msbot.hardware import Machine, make_wiring
+from msbot.hardware.keeper import Keeper, as_json, keep
+from tests.sim.robot import LIBRARY
+
+LED = LIBRARY.require("LED")
+PATIENCE_S = 60
+
+PINS = '''
+import sys
+from pathlib import Path
+from gpiozero import Device
+from gpiozero.pins.mock import MockFactory, MockPWMPin
+
+class Pin(MockPWMPin):
+    """A pin whose level outlives the program, as that of a real one does."""
+    def _change_state(self, value):
+        with (Path(sys.argv[1]) / self.info.name).open("a") as file:
+            file.write(f"{float(value)}\\n")
+        return super()._change_state(value)
+    def close(self):
+        pass  # the worst that a computer can do: a pin that is let go stays as it is
+
+Device.pin_factory = MockFactory(pin_class=Pin)
+'''
+KEEPER = PINS + "from msbot.hardware.keeper import main\nmain()\n"
+PROGRAM = (
+    PINS
+    + """
+import time
+from msbot.config import load_library
+from msbot.hardware import Machine, Mount, make_wiring, driver_class
+from msbot.hardware.keeper import Keeper
+led = load_library().require("LED")
+keeper = Keeper([sys.executable, sys.argv[2], sys.argv[1]])
+driver = driver_class(led)(Mount(led, make_wiring(led), Machine()))
+keeper.hold("LED", led, make_wiring(led))
+driver.open()
+driver.drive(1.0)
+print("on", flush=True)
+time.sleep(1000)
+"""
+)
+
+
+def held(key: str, gpio: int) -> bytes:
+    wiring = as_json(make_wiring(LED, pins=f"s={gpio}"))
+    line = {"hold": key, "class": LED.driver.entry_point, "number": "LED", "source": LED.source, "wiring": wiring}
+    return json.dumps(line).encode()
+
+
+class Watched(list[tuple[str, float]]):
+    """Levels that a pin had, as they came."""
+
+
+@pytest.fixture
+def levels(pins: Any, monkeypatch: pytest.MonkeyPatch) -> Watched:
+    seen = Watched()
+    original = pins.pin_class._change_state
+
+    def change(self: Any, value: float) -> bool:
+        seen.append((self.info.name, value))
+        changed: bool = original(self, value)
+        return changed
+
+    monkeypatch.setattr(pins.pin_class, "_change_state", change)
+    return seen
+
+
+def test_what_is_still_held_is_made_safe_and_what_was_let_go_is_not_touched(levels: Watched) -> None:
+    lines = [held("a", 17), held("b", 27), b'{"free": "b"}']
+    assert keep(lines, Machine(keeper=[]), wait=lambda _: None) == []
+    assert {name for name, _ in levels} == {"GPIO17"}
+    assert levels[-1] == ("GPIO17", 0.0)
+
+
+def test_what_cannot_be_made_safe_is_told(pins: Any) -> None:
+    from gpiozero import LED as Lamp
+
+    lamp = Lamp(17)
+    waited: list[float] = []
+    (fault,) = keep([held("a", 17)], Machine(keeper=[]), wait=waited.append)
+    assert fault.startswith("a: GPIO 17 is used twice")
+    assert len(waited) == 20, "it is tried for two seconds"
+    lamp.close()
+
+
+def until(condition: Callable[[], object]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
+    """A program that has switched a lamp on; its pins are files that outlive it."""
+    (tmp_path / "pins").mkdir()
+    (tmp_path / "keeper.py").write_text(KEEPER)
+    (tmp_path / "program.py").write_text(PROGRAM)
+    command = [sys.executable, str(tmp_path / "program.py"), str(tmp_path / "pins"), str(tmp_path / "keeper.py")]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "on\n"
+    yield process, tmp_path / "pins" / "GPIO17"
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGSEGV])
+def test_no_output_stays_on_however_a_program_is_killed(
+    number: signal.Signals, program: tuple[subprocess.Popen[str], Path]
+) -> None:
+    process, pin = program
+    assert pin.read_text().split()[-1] == "1.0"
+    os.kill(process.pid, number)
+    process.wait(PATIENCE_S)
+    until(lambda: pin.read_text().split()[-1] == "0.0")
+
+
+def test_a_keeper_ends_with_its_program_and_without_one_nothing_is_started(tmp_path: Path) -> None:
+    keeper = Keeper([sys.executable, "-c", "import sys; open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())",
+                     str(tmp_path / "said")])  # fmt: skip
+    keeper.end()
+    assert not (tmp_path / "said").exists()
+    keeper.hold("a", LED, make_wiring(LED))
+    keeper.free("a")
+    keeper.end()
+    first, second = (tmp_path / "said").read_text().splitlines()
+    assert json.loads(first)["hold"] == "a"
+    assert json.loads(second) == {"free": "a"}

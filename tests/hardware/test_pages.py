@@ -1,0 +1,36 @@
+"""The pages of hardware say what the part types say, and every driver is tested."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from msbot.config import BusKind, PartType, load_library
+from msbot.hardware import read_parts
+from tools import hardware_table
+
+DRIVEN = [part_type for part_type in load_library() if part_type.driver.entry_point]
+
+
+@pytest.mark.parametrize("path", [hardware_table.REFERENCE, hardware_table.WIRING], ids=lambda path: path.name)
+def test_the_pages_are_up_to_date(path: Path) -> None:
+    assert path.read_text("utf-8") == hardware_table.pages()[path], "run `python tools/hardware_table.py`"
+
+
+@pytest.mark.parametrize("part_type", DRIVEN, ids=lambda part_type: part_type.number)
+def test_every_driver_is_named_in_a_test(part_type: PartType) -> None:
+    assert hardware_table.tests_of(part_type)
+
+
+def test_every_kind_of_bus_is_used() -> None:
+    assert {part_type.driver.bus for part_type in DRIVEN} == set(BusKind)
+
+
+def test_the_file_of_the_howto_is_right(tmp_path: Path) -> None:
+    page = (hardware_table.ROOT / "docs/howto/raspberry_pi.md").read_text("utf-8")
+    (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    path = tmp_path / "parts.toml"
+    path.write_text(text)
+    assert [part.name for part in read_parts(path, load_library())] == ["front", "BMP280", "wheels", "head", "bumper"]

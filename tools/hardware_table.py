@@ -1,0 +1,145 @@
+"""Writes what docs/reference/hardware.md and docs/reference/wiring.md say of the part types, from their files.
+
+    python tools/hardware_table.py           writes both
+    python tools/hardware_table.py --check   says whether they are up to date (status 1 if not); a test does the same
+
+How a driver is tested follows from what it needs, and from the tests that name its part number.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from msbot.config import BusKind, PartType, load_library, scalar_text
+
+ROOT = Path(__file__).parents[1]
+REFERENCE = ROOT / "docs/reference/hardware.md"
+WIRING = ROOT / "docs/reference/wiring.md"
+BEGIN = "<!-- made by tools/hardware_table.py -->\n"
+END = "<!-- end of what is made -->\n"
+BUSES = {
+    BusKind.PINS: "GPIO pins",
+    BusKind.I2C: "I2C",
+    BusKind.ADC: "converter (iio)",
+    BusKind.KERNEL: "the kernel's driver",
+    BusKind.SPI: "SPI",
+    BusKind.SERIAL: "serial port",
+}
+TESTED = {
+    "test_outputs.py": "mock pins",
+    "test_inputs.py": "mock pins",
+    "test_i2c_chips.py": "model of its registers",
+    "test_kernel_files.py": "files as the kernel's",
+    "test_usb_gpio.py": "module on a pseudo terminal",
+    "test_i2c_stub.py": "i2c-stub of a Linux kernel",
+    "test_usb_module.py": "USB device of a Linux kernel",
+}
+"""Test files of drivers, and what they have in place of the thing."""
+OTHERS = {
+    ("test_outputs.py", BusKind.SPI): "a file for its SPI",
+    ("test_inputs.py", BusKind.ADC): "mock pins and files as the kernel's",
+    ("test_kernel_files.py", BusKind.SERIAL): "pseudo terminal",
+}
+"""Those that have something else for one kind of bus."""
+
+
+def tests_of(part_type: PartType) -> list[str]:
+    """What the driver of a part type is tested with."""
+    found = []
+    for folder in ("tests/hardware", "tests/socketcan"):
+        for path in sorted((ROOT / folder).glob("test_*.py")):
+            if path.name in TESTED and re.search(rf"[\"']{re.escape(part_type.number)}[\"']", path.read_text("utf-8")):
+                found.append(OTHERS.get((path.name, part_type.driver.bus), TESTED[path.name]))
+    return list(dict.fromkeys(found))
+
+
+def table() -> str:
+    """One row for each part type."""
+    rows = ["| part number | is | simulator | driver on Linux | driver on boards | tested with |"]
+    rows.append("|---|---|---|---|---|---|")
+    for part_type in sorted(load_library(), key=lambda one: one.number):
+        driver = part_type.driver
+        linux = f"[{BUSES[driver.bus]}](wiring.md#{anchor(part_type)})" if driver.entry_point else f"no: {driver.none}"
+        tested = ", ".join(tests_of(part_type)) if driver.entry_point else "–"
+        simulator = "yes" if part_type.simulator is not None else "no"
+        cells = (f"`{part_type.number}`", part_type.name, simulator, linux, "a program of your own", tested)
+        rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows) + "\n"
+
+
+def anchor(part_type: PartType) -> str:
+    """The anchor of a part number's heading."""
+    return part_type.number.casefold()
+
+
+def wiring() -> str:
+    """One section for each part type with a driver."""
+    sections = []
+    for part_type in sorted(load_library(), key=lambda one: one.number):
+        driver = part_type.driver
+        if not driver.entry_point:
+            continue
+        lines = [f"## {part_type.number}", "", f"{part_type.name}. {part_type.description}.", ""]
+        lines += ["| pin | carries | goes to |", "|---|---|---|"]
+        wires = {wire.pin: wire for wire in driver.pins}
+        for pin in part_type.pins:
+            supply = str(part_type.supply or "supply")
+            goes = {"ground": "ground", "power": supply}.get(pin.kind.value, "")
+            if pin.name in wires:
+                wire = wires[pin.name]
+                place = "channel" if wire.analog else "GPIO"
+                goes = f"{place} {wire.default} (`{wire.name}`)"
+                goes += f", {wire.description}" if wire.description else ""
+            elif pin.kind.value == "bus" and driver.bus is BusKind.I2C:
+                goes = {"SDA": "SDA, GPIO 2", "SCL": "SCL, GPIO 3"}.get(pin.name, "")
+            carries = f"{pin.kind.value}, {pin.description}" if pin.description else pin.kind.value
+            lines.append(f"| {pin.name} | {carries} | {goes or '–'} |")
+        lines += ["", "```", example(part_type), "```", ""]
+        if driver.options:
+            lines += ["| option | unless told | means |", "|---|---|---|"]
+            for option in driver.options:
+                unit = f" {option.unit}" if option.unit else ""
+                lines.append(f"| `{option.name}` | {scalar_text(option.default)}{unit} | {option.description} |")
+            lines.append("")
+        sections.append("\n".join(lines))
+    return "\n".join(sections)
+
+
+def example(part_type: PartType) -> str:
+    """The command that runs it, with its usual wires."""
+    driver = part_type.driver
+    digital = ",".join(f"{pin.name}={pin.default}" for pin in driver.pins if not pin.analog)
+    analog = ",".join(f"{pin.name}={pin.default}" for pin in driver.pins if pin.analog)
+    words = f"msbot part {part_type.number}"
+    words += f" --pins {digital}" if digital else ""
+    words += f" --adc {analog}" if analog else ""
+    words += f" --i2c 1:0x{driver.addresses[0]:02x}" if driver.bus is BusKind.I2C else ""
+    words += f" --device {driver.device}" if driver.device else ""
+    return words if words != f"msbot part {part_type.number}" else f"{words} --real"
+
+
+def pages() -> dict[Path, str]:
+    """Both pages as they should be."""
+    made = {REFERENCE: table(), WIRING: wiring()}
+    found = {}
+    for path, text in made.items():
+        before, _, rest = path.read_text("utf-8").partition(BEGIN)
+        found[path] = f"{before}{BEGIN}{text}{END}{rest.partition(END)[2]}"
+    return found
+
+
+def main() -> None:
+    """Write the pages, or check them."""
+    wrong = [path for path, text in pages().items() if path.read_text("utf-8") != text]
+    if "--check" in sys.argv[1:]:
+        for path in wrong:
+            print(f"{path.relative_to(ROOT)} is not up to date: run `python tools/hardware_table.py`")  # noqa: T201
+        sys.exit(bool(wrong))
+    for path, text in pages().items():
+        path.write_text(text, "utf-8")
+
+
+if __name__ == "__main__":
+    main()
