@@ -8,13 +8,27 @@ from .errors import ConfigError
 
 def prove(key, nonce, uid, part_number, local_name, session_key):
     """The answer to a challenge: 16 octets of HMAC-SHA-256 (RFC 2104), see docs/explain/security.md."""
-    message = b"MsBOT claim 1\0" + nonce + uid
+    return hmac(key, b"MsBOT claim 1\0" + claimed(nonce, uid, part_number, local_name, session_key))[:16]
+
+
+def claimed(nonce, uid, part_number, local_name, session_key):
+    """What a proof is about."""
+    message = nonce + uid
     for text in (part_number.encode(), local_name.encode()):
         message += struct.pack(">H", len(text)) + text
-    message += struct.pack(">I", session_key)
+    return message + struct.pack(">I", session_key)
+
+
+def padded(key):
+    """A key for the inner and for the outer hash."""
     key += bytes(64 - len(key))
-    inner = hashlib.sha256(bytes([octet ^ 0x36 for octet in key]) + message).digest()
-    return hashlib.sha256(bytes([octet ^ 0x5C for octet in key]) + inner).digest()[:16]
+    return bytes([octet ^ 0x36 for octet in key]), bytes([octet ^ 0x5C for octet in key])
+
+
+def hmac(key, message):
+    """HMAC-SHA-256."""
+    inside, outside = padded(key)
+    return hashlib.sha256(outside + hashlib.sha256(inside + message).digest()).digest()
 
 
 def parse_key(key):

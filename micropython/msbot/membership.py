@@ -83,11 +83,13 @@ class Membership:
         self._period = 1000
         self._retry_at = self._beat_at = self._waiting_since = None
         self._heard_at = 0
+        self._seals = None  # until a robot asks for them
         claim = bytearray()
         put_text(claim, part.part_number)
         put_text(claim, part.local_name)
         claim += part.uid
-        put(claim, "I", random.getrandbits(32))
+        self._nonce = random.getrandbits(32)
+        put(claim, "I", self._nonce)
         self._claim = bytes(claim)
         client.create(PARTICIPANT)  # without a name: nobody hears who the part is before it knows its robot
         client.create(SUBSCRIBER, b"\0\0", PARTICIPANT)
@@ -107,6 +109,8 @@ class Membership:
     def lost(self, reason, now):
         """There is no session; all that was agreed in it is void."""
         self._read_replies(RELIABLE)
+        if self._seals:
+            self._seals.session_lost()
         if self.state in (_S.LOOKING, _S.LOST):
             self.reason = reason
         elif self.state is not _S.ENDED:
@@ -114,6 +118,11 @@ class Membership:
 
     def topic_received(self, object_id, octets, now):
         """Take a sample: the robot's profile, or one for a port."""
+        if self._seals:
+            octets = self._seals.open(object_id, octets)
+            if octets is None:
+                self.part.counters.refused += 1
+                return
         if object_id != _PROFILE_READER:
             self.part.sample_received(object_id, octets, now)
             return
@@ -133,6 +142,11 @@ class Membership:
 
     def reply_received(self, octets, now):
         """Take what the inventory says."""
+        if self._seals:
+            octets = self._seals.open_reply(octets)
+            if octets is None:
+                self.part.counters.refused += 1
+                return
         try:
             self._take_reply(octets, now)
         except RemoteProtocolError:
@@ -150,6 +164,8 @@ class Membership:
             self._verdict(lease, period, reason, now)
         elif size == 16:
             self._challenged(octets, now)
+        elif size == 17:
+            self._challenged(octets[:16], now, True)
         else:
             reader = Reader(octets)
             version, slot = reader.number("I"), reader.text()
@@ -168,7 +184,11 @@ class Membership:
 
     # What follows from it.
 
-    def _challenged(self, nonce, now):
+    def seal(self, object_id, octets):
+        """A sample for a port's data writer as it goes to this robot."""
+        return self._seals.seal(object_id, octets) if self._seals else octets
+
+    def _challenged(self, nonce, now, sealed=False):
         part = self.part
         self._heard_at = now
         if self.state not in _CLAIMS:
@@ -178,9 +198,16 @@ class Membership:
 
             self._refused(key_needed(), now)
         else:
-            from .keys import prove
+            claimed = (part.key, nonce, part.uid, part.part_number, part.local_name, self.client.key)
+            if sealed:
+                from .seal import Seals
 
-            proof = prove(part.key, nonce, part.uid, part.part_number, part.local_name, self.client.key)
+                self._seals = self._seals or Seals()
+                proof = self._seals.prove(*claimed, self._nonce)
+            else:
+                from .keys import prove
+
+                proof = prove(*claimed)
             self.client.write(_REQUESTER, proof, RELIABLE)
             self._retry_at = now + self._retry
 
@@ -280,14 +307,17 @@ class Membership:
 
     def _fetch(self, now):
         self._read_replies(RELIABLE)
-        self.client.write(_REQUESTER, struct.pack("<II", self._lease, self.version), RELIABLE)
+        self._ask(struct.pack("<II", self._lease, self.version), RELIABLE)
         self._retry_at = now + self._retry
 
     def _beat(self, now):
         beat = struct.pack("<IH", self._lease, self.part.obeys & 0xFFFF)
-        self.client.write(_REQUESTER, beat if self.part.obeys else beat[:4], BEST_EFFORT)
+        self._ask(beat if self.part.obeys else beat[:4], BEST_EFFORT)
         if self._waiting_since is None:
             self._waiting_since = now
+
+    def _ask(self, request, stream):
+        self.client.write(_REQUESTER, self._seals.seal_request(request) if self._seals else request, stream)
 
     def _beat_missed(self, now):
         self.part.counters.missed_beats += 1

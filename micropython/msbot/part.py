@@ -21,7 +21,7 @@ _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 class Counters:
     """What happened to a part since it was made."""
 
-    messages_in = messages_out = not_sent = dropped = held = beats = missed_beats = handler_errors = 0
+    messages_in = messages_out = not_sent = dropped = refused = held = beats = missed_beats = handler_errors = 0
 
 
 class _Every:
@@ -146,7 +146,8 @@ class Part:
         if type_name_of(type(message)) != binding[2]:
             words = "port {!r} carries {}, not {}"
             raise ConfigError(words.format(port, binding[2], type_name_of(type(message))))
-        sent = self._client.write(object_id, message.encode(), _stream(binding))
+        octets = self._membership.seal(object_id, message.encode())
+        sent = self._client.write(object_id, octets, _stream(binding))
         self.counters.messages_out += sent
         self.counters.not_sent += not sent
         return sent

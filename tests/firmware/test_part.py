@@ -360,6 +360,17 @@ def test_it_proves_its_key(firmware: Firmware, tmp_path: Path, key: bytes, state
     play(tmp_path, scene, changes=KEYS)
 
 
+def test_it_is_refused_where_samples_are_sealed_and_the_journal_says_why(firmware: Firmware, tmp_path: Path) -> None:
+    async def scene(robot: Robot) -> None:
+        give_key(robot, UID, bytes(range(16)))
+        part = robot.plug(board(firmware, key=bytes(range(16))))
+        await asyncio.sleep(20)
+        assert part.state is PartState.REFUSED
+        assert "the part may not know how" in "\n".join(robot.master.why("PIN-BOARD"))
+
+    play(tmp_path, scene, changes=tuple((old, new.replace('"key"', '"key+data"')) for old, new in KEYS))
+
+
 def give_key(robot: Robot, uid: bytes, key: bytes) -> None:
     robot.registry.keys.keep(uid, key, "test")
 

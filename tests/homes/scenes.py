@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from msbot import Count, HelloWorld, Level, Message, Text, Trigger, float32, int16, uint64
 from msbot.config import Options
-from tests.homes.world import SLOT, SPARE_SLOT, Part, Robot, World
+from tests.homes.world import PARTNER_UID, SLOT, SPARE_SLOT, Part, Robot, World
 
 KEY = bytes.fromhex("00112233445566778899aabbccddeeff")
 JOINED_AT_S = 1.0
@@ -93,6 +93,26 @@ async def messages(world: World) -> None:
 
 async def refusals(world: World) -> None:
     await begin(world)
+
+
+async def sealed(world: World) -> None:
+    def with_key(part: Part) -> None:
+        part.key = KEY
+
+    partner = await begin(world, with_key, hears(world, "out", HelloWorld))
+    for index in (3, 5):
+        partner.publish("in", HelloWorld(index=index, message="signed"))
+        await asyncio.sleep(0.2)
+    world.note("STOP")
+    world.master.say_stop("ann")
+    await asyncio.sleep(0.5)
+    world.note(world.confirmed())
+    world.note("GO")
+    world.master.say_go("ann")
+    await asyncio.sleep(3.0)
+    world.note(world.part_states())
+    partner.publish("in", HelloWorld(index=7, message="signed"))
+    await asyncio.sleep(0.2)
 
 
 async def settings(world: World) -> None:
@@ -291,6 +311,11 @@ def wired(*ports: str, settings: tuple[tuple[str, str], ...] = ()) -> Robot:
 
 
 KEYED = Robot(options=Options(authentication="key", explain=True), keys=((bytes(range(8)), KEY),))
+SEALED = replace(
+    wired("in in HelloWorld", "out out HelloWorld"),
+    options=Options(authentication="key+data", explain=True),
+    keys=((bytes(range(8)), KEY), (PARTNER_UID, KEY)),
+)
 SAFE = wired("power in Level", settings=(("power.safe.percent", "0"),))
 
 RING = replace(wired("out out HelloWorld", "in in HelloWorld"), name="MSBOT_MASTER")
@@ -322,6 +347,8 @@ SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
     "publish": Scene(wired("out out HelloWorld"), publish),
     "refusals": Scene(wired("out out HelloWorld", settings=(("name", "Ada"),)), refusals),
     "safe_values": Scene(SAFE, safe_values),
+    "sealed": Scene(SEALED, sealed),
+    "sealed_no_key": Scene(SEALED, refused),
     "settings": Scene(
         wired("out out Count", settings=(("gain", "1.5"), ("on", "false"), ("label", "left"), ("period_s", "0.5"))),
         settings,

@@ -20,11 +20,13 @@ from tests.homes.world import (
     FIXED,
     STANDARD_MESSAGES,
     Refusal,
+    Seal,
     SerialReceiver,
     compress,
     decompress,
     encode_serial,
     prove,
+    prove_sealed,
     split,
 )
 
@@ -278,6 +280,53 @@ def test_whatever_comes_from_the_wire_a_part_goes_on(came: list[bytes], pauses: 
     for _ in range(400):
         now = part.step(now)
     assert client._login_at is not None or client._creating
+
+
+def proved(seals: Any, nonce: bytes = bytes(16)) -> Seal:
+    """The master's end after a proof."""
+    who = bytes(range(16)), nonce, bytes(8)
+    proof, secret = prove_sealed(*who, part_number="TEST-1", local_name="", session_key=7, session_nonce=9)
+    assert seals.prove(*who, "TEST-1", "", 7, 9) == proof
+    return Seal(secret, is_part=False)
+
+
+@given(st.lists(st.binary(max_size=40), min_size=1, max_size=8), st.data())
+def test_its_seals_open_at_the_master_and_nothing_else_opens_here(said: list[bytes], data: st.DataObject) -> None:
+    seals = micro.load("seal").Seals()
+    master = proved(seals)
+    lease = bytes((1, 0, 0, 0)) + bytes(8)
+    assert seals.open_reply(lease) is None
+    assert seals.open_reply(master.seal(0, lease)) == lease
+    assert [master.open(0x15, seals.seal(0x15, sample)) for sample in said] == said
+    sealed = [master.seal(0x16, sample) for sample in said]
+    newest = -1
+    for number in data.draw(st.lists(st.integers(0, len(said) - 1), max_size=16)):
+        spoiled = bytearray(sealed[number])
+        bit = data.draw(st.integers(0, 8 * len(spoiled) - 1))
+        spoiled[bit // 8] ^= 1 << bit % 8
+        assert seals.open(0x16, bytes(spoiled)) is None
+        assert seals.open(0x26, sealed[number]) is None
+        assert seals.open(0x16, sealed[number]) == (said[number] if number > newest else None)
+        newest = max(newest, number)
+
+
+def test_a_board_that_was_in_a_sealed_robot_joins_no_unsealed_one_and_a_new_proof_takes_over() -> None:
+    seals = micro.load("seal").Seals()
+    reply, challenge = bytes((1, 0, 0, 0)), bytes(16)
+    master = proved(seals)
+    assert seals.open_reply(challenge) == challenge  # nothing was agreed yet: whoever spoke of seals was not the robot
+    assert seals.open_reply(reply) == reply
+    master = proved(seals)
+    assert seals.open_reply(master.seal(0, reply)) == reply
+    later = proved(seals, b"n" * 16)
+    assert seals.open_reply(master.seal(0, reply)) == reply
+    assert seals.open_reply(later.seal(0, reply)) == reply
+    assert seals.open_reply(master.seal(0, reply)) is None
+    seals.session_lost()
+    assert seals.open_reply(reply) is None
+    assert seals.open_reply(challenge) is None
+    assert seals.open_reply(bytes(12)) == bytes(12)
+    assert seals.seal_request(reply) == reply
 
 
 def test_the_package_names_every_file() -> None:

@@ -22,8 +22,9 @@ from msbot.link.net.udp import UdpServerLink
 from msbot.link.serial.lines import Line, LineServer
 from msbot.master import Master
 from msbot.part import Part
-from msbot.part.join.keys import prove
+from msbot.part.join.keys import prove, prove_sealed
 from msbot.part.join.plug import Refusal
+from msbot.part.join.seal import Seal
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.runtime.virtual_time import run_virtual
@@ -87,7 +88,7 @@ class World:
             SlotBinding(port, port, kind, publishes=way == "out", reliable=True) for port, way, kind in robot.bindings
         ]
         others = [replace(binding, publishes=not binding.publishes) for binding in mine]
-        spare = Slot(SPARE_SLOT, robot.number)
+        spare = Slot(SPARE_SLOT, "SPARE")  # no number that a part says: it would not be clear which slot is meant
         self.store = MemoryStore(
             types=(PartType(robot.number, "the program's"), PartType("PARTNER", "partner")),
             slots=(Slot(SLOT, robot.number), Slot(PARTNER_SLOT, "PARTNER"), spare),
@@ -259,6 +260,7 @@ __all__ = [
     "Part",
     "Refusal",
     "Robot",
+    "Seal",
     "SerialReceiver",
     "SimCanBus",
     "UdpServerLink",
@@ -267,6 +269,7 @@ __all__ = [
     "decompress",
     "encode_serial",
     "prove",
+    "prove_sealed",
     "run_virtual",
     "split",
 ]  # fmt: skip

@@ -162,6 +162,14 @@ def test_a_new_proof_in_the_same_session_takes_over_without_a_gap() -> None:
     assert seals.open_reply(master.seal(0, BEAT_REPLY)) is None
 
 
+def test_an_invented_challenge_keeps_nobody_out_of_a_robot_without_seals() -> None:
+    seals = PartSeals()
+    seals.proved(SECRET)
+    challenge = plug.Challenge(nonce=bytes(16)).encode()
+    assert seals.open_reply(challenge) == challenge
+    assert seals.open_reply(LEASE) == LEASE
+
+
 @pytest.mark.parametrize("octets", [LEASE, BEAT_REPLY, bytes(16)])
 def test_whoever_was_in_a_sealed_robot_joins_no_unsealed_one(octets: bytes) -> None:
     seals, master = PartSeals(), Seal(SECRET, is_part=False)

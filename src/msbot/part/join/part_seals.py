@@ -74,6 +74,8 @@ class PartSeals:
     def _may_be_unsealed(self, payload: bytes) -> bool:
         if self._present is not None:
             return False
+        if len(payload) == plug.NONCE_OCTETS and not self._insists:
+            self._proved = None  # a plain challenge: this robot seals nothing, whoever said so before
         return plug.is_refusal(payload) or (self._proved is None and not self._insists)
 
     def _usable(self) -> list[Seal]:

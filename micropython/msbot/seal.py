@@ -1,0 +1,92 @@
+"""Sealed samples: imported by parts that join a robot with them (docs/explain/security.md)."""
+
+import hashlib
+import struct
+
+from .keys import claimed, hmac, padded
+
+
+class Seals:
+    """A part's seals: `_proved` since its last proof, `_present` since the first reply that one opened."""
+
+    def __init__(self):
+        self._present = self._proved = None
+        self._insists = False  # once it was in a robot with seals, it joins none without
+
+    def prove(self, key, nonce, uid, part_number, local_name, session_key, session_nonce):
+        """The proof, 24 octets; its secret counts from the first reply that it opens."""
+        message = claimed(nonce, uid, part_number, local_name, session_key) + struct.pack(">I", session_nonce)
+        self._proved = _Seal(hmac(key, b"MsBOT data 1\0" + message))
+        return hmac(key, b"MsBOT claim 2\0" + message)[:24]
+
+    def session_lost(self):
+        """What was agreed in the session is void."""
+        self._present = self._proved = None
+
+    def open_reply(self, octets):
+        """What the inventory says, without its seal; None: it is refused."""
+        size = len(octets)
+        if size == 17 or (self._present is None and self._may_be_unsealed(size, octets)):
+            return octets
+        channel = 1 if size > 22 else 0
+        for seal in (self._proved, self._present):
+            opened = seal and seal.open(channel, octets)
+            if opened is not None:
+                self._present, self._insists = seal, True
+                if seal is self._proved:
+                    self._proved = None
+                return opened
+        return None
+
+    def _may_be_unsealed(self, size, octets):
+        if size == 16 and not self._insists:
+            self._proved = None  # the robot has none, whoever said so before
+        return (size == 12 and octets[:4] == b"\0\0\0\0") or (self._proved is None and not self._insists)
+
+    def open(self, channel, octets):
+        """A sample without its seal; None: it is refused."""
+        if self._present is None:
+            return octets
+        opened = self._proved and self._proved.open(channel, octets)
+        return self._present.open(channel, octets) if opened is None else opened
+
+    def seal(self, channel, octets):
+        """A sample with its seal."""
+        return octets if self._present is None else self._present.seal(channel, octets)
+
+    def seal_request(self, octets):
+        """A request to the inventory, with its seal if it has one: all but claims and proofs."""
+        return self.seal(1 if len(octets) == 8 else 0, octets) if len(octets) <= 8 else octets
+
+
+class _Seal:
+    def __init__(self, secret):
+        # Padded once: two hashes are all that a sample costs.
+        self._up = padded(hmac(secret, b"MsBOT from the part\0"))
+        self._down = padded(hmac(secret, b"MsBOT to the part\0"))
+        self._sent = {}
+        self._received = {}
+
+    def seal(self, channel, octets):
+        count = self._sent[channel] = min(self._sent.get(channel, 0) + 1, 0xFFFFFFFF)
+        counter = struct.pack("<I", count)
+        return octets + counter + _tag(self._up, channel, counter, octets)
+
+    def open(self, channel, octets):
+        size = len(octets) - 10
+        if size < 0:
+            return None
+        sample, counter = octets[:size], octets[size : size + 4]
+        differs = 0
+        for ours, theirs in zip(_tag(self._down, channel, counter, sample), octets[size + 4 :]):
+            differs |= ours ^ theirs
+        count = struct.unpack("<I", counter)[0]
+        if differs or count <= self._received.get(channel, 0):
+            return None
+        self._received[channel] = count
+        return sample
+
+
+def _tag(pads, channel, counter, octets):
+    inner = hashlib.sha256(pads[0] + struct.pack(">H", channel) + counter + octets).digest()
+    return hashlib.sha256(pads[1] + inner).digest()[:6]
