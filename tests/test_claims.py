@@ -1,5 +1,6 @@
 """Claims of the documentation that the code can hold: paths, modules, lengths, kinds of errors."""
 
+import ast
 import importlib
 import re
 from pathlib import Path
@@ -54,6 +55,17 @@ def test_every_place_in_a_page_that_a_link_names_is_there(page: Path) -> None:
 
 def test_the_table_of_rooms_is_made_from_the_contract() -> None:
     assert room_table.PAGE.read_text() == room_table.page(), "run `python tools/room_table.py`"
+
+
+def test_callbacks_are_given_or_added_and_never_set_from_outside() -> None:
+    """CONTRIBUTING's rule for callbacks."""
+    set_outside = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in sorted((ROOT / "src").rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and node.attr.startswith("on_")
+    ]
+    assert set_outside == []
 
 
 def test_every_kind_of_link_is_in_the_table_of_addresses() -> None:
