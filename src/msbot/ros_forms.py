@@ -70,7 +70,7 @@ def ros_class(name: str) -> type[Message]:
     """The message class of `std_msgs/msg/Float32` or `std_msgs/Float32`.
 
     Raises:
-        ConfigError: it is no name of a type, or not a known one.
+        ConfigError: it is not a name of a type, or not a known one.
     """
     match = _NAME.fullmatch(name)
     if match is None:
@@ -112,7 +112,7 @@ class RosForm:
         """A payload of ours as one of theirs.
 
         Raises:
-            RemoteProtocolError: it is no message of our class, or a value does not fit into theirs.
+            RemoteProtocolError: it is not a message of our class, or a value does not fit into theirs.
         """
         source, target = self.ours.decode(payload), self.theirs()
         for step in self._steps:
@@ -130,7 +130,7 @@ class RosForm:
         """A payload of theirs as one of ours.
 
         Raises:
-            RemoteProtocolError: it is no message of their class, or a value does not fit into ours.
+            RemoteProtocolError: it is not a message of their class, or a value does not fit into ours.
         """
         source, target = self.theirs.decode(payload), self.ours()
         for step in self._steps:

@@ -102,7 +102,7 @@ def test_a_part_can_be_ignored(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         info = stage.info("XX")
         assert not stage.operations.showing.is_ignored(info)
-        assert (await stage.do.ignore("XX", who="ann")).words == "XX is not shown among the arrivals any more"
+        assert (await stage.do.ignore("XX", who="ann")).words == "XX is no longer shown among the arrivals"
         assert stage.operations.showing.is_ignored(stage.info("XX"))
 
     play(tmp_path, scene, parts=("XX=NOPE",))

@@ -72,7 +72,7 @@ class Flusher:
             self._set_alarm(when)
 
     def forget(self, proxy: Proxy) -> None:
-        """The client is no more."""
+        """The client is gone."""
         self._timers.forget(proxy)
         self._lives.forget(proxy)
 

@@ -84,7 +84,7 @@ class Creator:
 
         Args:
             object_id: id with the kind in its low four bits.
-            definition: what it shall be.
+            definition: what it should be.
             parent: the object it belongs to; None for a participant.
             topics: the client's objects by id, to look up topics in.
 

@@ -39,7 +39,7 @@ def client_key_of(guid: Guid) -> int:
 
 
 def encode_identity(guid: Guid, sequence_nr: int) -> bytes:
-    """The 24 octets that stand in front of a request for a replier."""
+    """The 24 octets that precede a request for a replier."""
     return _IDENTITY.pack(guid, sequence_nr >> 32, sequence_nr & 0xFFFFFFFF)
 
 

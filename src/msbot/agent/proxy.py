@@ -58,7 +58,7 @@ class Surroundings:
     settings: AgentSettings
     clock: Callable[[], float]
     agent_id: bytes
-    """8 octets, drawn anew for every agent: the first half of all its GUIDs."""
+    """8 octets, drawn afresh for every agent: the first half of all its GUIDs."""
     mark: Callable[[Proxy], None]
     """Have the client's packets sent at the end of this turn of the loop."""
     replies: ReplyExchange

@@ -1,4 +1,4 @@
-"""What of a topic's samples concerns a client, and what stands in front of them (eProsima's `SampleIdentity`)."""
+"""What of a topic's samples concerns a client, and what precedes them (eProsima's `SampleIdentity`)."""
 
 from __future__ import annotations
 

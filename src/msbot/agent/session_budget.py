@@ -17,7 +17,7 @@ from msbot.agent.limits import AgentSettings
 from msbot.agent.proxy import Proxy
 
 LOOK_AT = 64
-"""Of a full table only so many of the oldest clients are looked at, for each newcomer."""
+"""Of a full table only this many of the oldest clients are looked at, for each newcomer."""
 
 
 class SessionBudget:
@@ -38,7 +38,7 @@ class SessionBudget:
         self._by_origin.setdefault(origin, {})[proxy] = None
 
     def remove(self, proxy: Proxy) -> None:
-        """A session has ended, or its client is no stranger any more."""
+        """A session has ended, or its client is not a stranger any more."""
         origin = self._strangers.pop(proxy, None)
         group = self._by_origin.get(origin)
         if group is not None:

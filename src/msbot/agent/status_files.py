@@ -21,7 +21,7 @@ PREFIX = "status-"
 
 @dataclass(frozen=True, slots=True)
 class StatusFile:
-    """What stands in a file."""
+    """What is in a file."""
 
     path: Path
     port: int

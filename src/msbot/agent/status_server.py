@@ -1,9 +1,9 @@
 """Lets `msbot clients` look into a running agent, and others tell a master what to do: a small server for its user.
 
-It listens on this computer only. Who shows the token from the process' file (`status_files`) is sent lines of JSON:
-what the process is, then one line for each client, then `{"end": number of clients}`. The agent serves its clients in
-between. Who puts a request behind the token, a JSON object with `do`, is sent the answer as one line; `describe` asks
-for what the process is, everything else goes to the process' `control`.
+It listens on this computer only. A client that shows the token from the process' file (`status_files`) is sent lines
+of JSON: what the process is, then one line for each client, then `{"end": number of clients}`. The agent serves its
+clients in between. A client that puts a request after the token, a JSON object with `do`, is sent the answer as one
+line; `describe` asks what the process is, everything else goes to the process' `control`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Control = Callable[[Mapping[str, object]], Awaitable[Mapping[str, object]]]
 """Does what a request asks for and gives the answer; a mistake is `{"error": words}`."""
 
 READ_S = 5.0
-"""A reader that takes nothing for so long has gone."""
+"""A reader that takes nothing for this long has gone."""
 
 _MAX_STRANGERS = 32
 _MAX_READERS = 4

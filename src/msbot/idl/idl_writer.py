@@ -25,7 +25,7 @@ _WORDS = {
 
 
 def to_idl(definitions: Definitions, source: str) -> str:
-    """The definitions as an IDL file; ROS types stand in their module `dds_`, as ROS 2 has them in DDS.
+    """The definitions as an IDL file; ROS types are in their module `dds_`, as ROS 2 has them in DDS.
 
     Args:
         definitions: what to write.

@@ -18,7 +18,7 @@ LARGEST_ARRAY = 1 << 16
 
 @dataclass(frozen=True, slots=True)
 class SourcePlace:
-    """Where something stands in a file."""
+    """Where something is in a file."""
 
     file: str
     line: int

@@ -1,4 +1,4 @@
-"""What every kind of link has alike: its counters, its tap, and the handlers of its owner."""
+"""What every kind of link has in common: its counters, its tap, and the handlers of its owner."""
 
 from __future__ import annotations
 

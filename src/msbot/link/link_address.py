@@ -1,6 +1,6 @@
 """Addresses of links as people write them: `udp:127.0.0.1:8888`, `serial:/dev/ttyUSB0?baudrate=115200`.
 
-What stands before the first colon chooses the kind of link; every kind reads the rest in its own way. Options stand
+What precedes the first colon chooses the kind of link; every kind reads the rest in its own way. Options come
 behind a question mark.
 """
 
@@ -70,7 +70,7 @@ def parse_host_and_port(text: str, *, any_port: bool = False) -> tuple[str, int]
     """`127.0.0.1:8888`, `name:8888` or `[::1]:8888` as host and port.
 
     Args:
-        text: what stands in the address.
+        text: what is in the address.
         any_port: whether port 0, "any free one", makes sense here.
 
     Raises:
@@ -118,14 +118,14 @@ def _open_page_link(address: str, serve: bool) -> Link:
 
 
 def parse_options(text: str, **defaults: int) -> tuple[str, dict[str, int]]:
-    """`/dev/ttyUSB0?baudrate=9600&address=2` as what stands before the question mark, and the numbers behind it.
+    """`/dev/ttyUSB0?baudrate=9600&address=2` as what precedes the question mark, and the numbers behind it.
 
     Args:
-        text: what stands in the address.
+        text: what is in the address.
         defaults: the options there are, with the values of those that are left out.
 
     Raises:
-        ConfigError: there is no such option, or its value is no number.
+        ConfigError: there is no such option, or its value is not a number.
     """
     path, _, query = text.partition("?")
     options = dict(defaults)

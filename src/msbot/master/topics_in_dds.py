@@ -34,7 +34,7 @@ def dds_topics_of(blueprint: Blueprint, library: Library, partition: str) -> Dds
     """The names of each topic of a robot.
 
     Raises:
-        ConfigError: ROS 2 has no form for a topic that shall be in it; the text names topic and remedy.
+        ConfigError: ROS 2 has no form for a topic that should be in it; the text names topic and remedy.
     """
     known: dict[str, tuple[DdsTopic, ...]] = {}
     for binding in blueprint.bindings:

@@ -19,7 +19,7 @@ class AdoptionWindow:
         self._until: float | None = None
 
     def open(self, seconds: float, slot: str | None, who: str, now: float) -> None:
-        """Open it, or open it anew.
+        """Open it, or open it again.
 
         Raises:
             ConfigError: the time is out of range.

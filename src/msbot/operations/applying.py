@@ -26,7 +26,7 @@ class BlueprintChange:
         return await self.put_in_force(blueprint, library, who=who)
 
     async def put_in_force(self, blueprint: Blueprint, library: Library | None = None, *, who: str) -> Outcome:
-        """Put a blueprint into force; parts whose slot is no more are delisted.
+        """Put a blueprint into force; parts whose slot is gone are delisted.
 
         Args:
             blueprint: what the robot is from now on.

@@ -13,7 +13,7 @@ def read_arguments(operation: Operation, given: object) -> dict[str, object]:
     """The keywords for the method that carries the operation out.
 
     Args:
-        operation: what shall be done.
+        operation: what should be done.
         given: the arguments by name; one that is None counts as left out.
 
     Raises:

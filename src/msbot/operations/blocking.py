@@ -21,7 +21,7 @@ class Blocking:
         self._inventory = running.inventory
 
     async def block(self, part: str, reason: str, who: str) -> Outcome:
-        """Let a part, or all parts of a number, in no more."""
+        """Keep a part, or all parts of a number, out."""
         kind, key, words = self._block_key(part)
         edit = await self._running.change(who, partial(blocks.block, kind=kind, key=key, reason=reason))
         self._inventory.blocks_changed(self._running.now())
@@ -69,7 +69,7 @@ class StoredBlocking:
         self._stored = stored
 
     async def block(self, part: str, reason: str, who: str) -> Outcome:
-        """Let a part, or all parts of a number, in no more."""
+        """Keep a part, or all parts of a number, out."""
         kind, key = self._block_key(part)
         return outcome_of(await self._stored.change(who, partial(blocks.block, kind=kind, key=key, reason=reason)))
 

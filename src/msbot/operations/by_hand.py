@@ -1,6 +1,6 @@
 """Driving a port by hand: a person moves the fan, the lamp, the servo, in place of the wire that leads there.
 
-Whoever drives a port holds it for a while. Each new value holds it anew; when nobody renews it, it gets its safe value
+Whoever drives a port holds it for a while. Each new value holds it again; when nobody renews it, it gets its safe value
 and its wire is joined again. STOP ends it at once.
 """
 
@@ -27,7 +27,7 @@ from msbot.space import Qos, Topic, Writer
 REPEAT_S = 0.5
 """The value is said that often while the port is held: its reader may have come a moment after it was said first."""
 LETTING_GO_S = 0.3
-"""So long the safe value is said before the wire is joined again."""
+"""How long the safe value is said before the wire is joined again."""
 _GUID = bytes.fromhex("4d73424f540000000000000068616e64")
 """The writer's identity in the data space: `MsBOT`, `hand`."""
 
@@ -57,7 +57,7 @@ class ByHand:
         running.master.on_stop(self._stopped)
 
     def publish(self, port: str, values: Sequence[str], seconds: float, who: str) -> Outcome:
-        """Drive a port with these values, and hold it for so many seconds."""
+        """Drive a port with these values, and hold it for this many seconds."""
         if self._running.master.stop.stopped:
             raise ConfigError(said("STOP is in force: {port} stays in its safe state until GO", port=port))
         end = endpoint_of(self._running, port)
@@ -83,7 +83,7 @@ class ByHand:
         )
 
     def let_go(self, port: str, who: str) -> Outcome:
-        """Hold a port no more: it gets its safe value, then what its wire says."""
+        """Let go of a port: it gets its safe value, then what its wire says."""
         end = endpoint_of(self._running, port)
         hold = self._holds.get((end.slot, end.port))
         if hold is None or hold.ending:
@@ -183,7 +183,7 @@ class ByHand:
             self._running.configure([where[0]])
         except RegistryError as error:
             _log.warning("%s.%s follows its wire again when its part comes back: %s", *where, error)
-        self._running.note(EditKind.HAND, said("{where} is driven by hand no more", where=".".join(where)), hold.who)
+        self._running.note(EditKind.HAND, said("{where} is no longer driven by hand", where=".".join(where)), hold.who)
 
     def _drop(self, hold: _Hold) -> None:
         if hold.timer is not None:

@@ -44,7 +44,7 @@ class Operations:
         self.settings = settings
         self.undoing = undoing
         self.asked = 0
-        """Operations that were asked for and may have changed something: whoever keeps what they saw looks anew."""
+        """Operations that were asked for and may have changed something: whoever keeps what they saw looks again."""
         self._methods: dict[str, Callable[..., object]] = {
             name: getattr(group, name)
             for group in (settings, undoing, *groups)

@@ -164,7 +164,7 @@ class Placement:
         )
 
     def close_window(self, who: str) -> Outcome:
-        """Let no strangers in any more; does nothing when the window is closed."""
+        """Close the adoption window; does nothing when it is closed."""
         self._window.close()
         _log.info("the adoption window is closed by %s", who)
         return Outcome(said("the adoption window is closed"))
@@ -172,7 +172,7 @@ class Placement:
     # Undoing
 
     def check_undo(self, edit: EditRecord) -> None:
-        """A part that shall get a slot back must be there, or the robot would lose the one it has.
+        """A part that is to get a slot back must be there, or the robot would lose the one it has.
 
         Raises:
             ConfigError: it is not.

@@ -50,7 +50,7 @@ class Right(Enum):
     STOP = "press STOP"
     """Whoever sees a robot run wild must be able to end it."""
     OPERATE = "play with simulated parts"
-    """And have a part identify itself."""
+    """And make a part identify itself."""
     SET = "change settings"
     """Parameters of slots, by hand."""
     ARRANGE = "arrange parts"

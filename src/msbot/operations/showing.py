@@ -38,11 +38,11 @@ class Showing:
         return Outcome(answer={"lines": master.why(part) if is_known else [], "troubles": master.troubles(part)})
 
     def ignore(self, part: str, who: str) -> Outcome:
-        """Show a part that is not let in no more among the arrivals, until the master ends."""
+        """Hide a part that is not let in from the arrivals, until the master ends."""
         info = self._running.part(part, prefer=lambda one: not one.state.is_registered)
         self._ignored.add(_identity(info))
         _log.info("%s ignores %s", who, describe(info))
-        return Outcome(said("{part} is not shown among the arrivals any more", part=info.part))
+        return Outcome(said("{part} is no longer shown among the arrivals", part=info.part))
 
     def is_ignored(self, info: PartInfo) -> bool:
         """Whether somebody asked not to be shown this part among the arrivals."""

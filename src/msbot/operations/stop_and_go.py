@@ -1,4 +1,4 @@
-"""STOP and GO as a person's deeds: said to the robot's master, and kept in its journal with who said it."""
+"""STOP and GO said by a person: passed to the robot's master, and journalled with who said it."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The table of operations: each thing a person can do to a robot, or ask about it, once.
 
-Commands, calls of the API, deeds of the pages, requests of other processes and the lines of the journal are made
+Commands, calls of the API, actions of the pages, requests of other processes and the lines of the journal are made
 from it. To add an operation, add a row here and a method of the same name to the class that carries it out
 (`carried_out` says where to look); `tests/operations/test_table.py` tells what is missing.
 """
@@ -150,7 +150,7 @@ _ROWS = (
         (), Right.ARRANGE, Where.RUNNING, Kept.NOTHING, "", "DELETE /window",
     ),
     Operation(
-        "block", "Let a part, or all parts of a number, in no more.",
+        "block", "Keep a part, or all parts of a number, out.",
         (_part("A name, slot or UID; or a part number, for all parts of that kind."),
          Argument("reason", default="", longest=1000, option="--reason", shown_as="TEXT", help=_REASON_HELP)),
         Right.ARRANGE, Where.ANYWHERE, Kept.UNDOABLE, "block", "POST /parts/{part}/block",
@@ -163,7 +163,7 @@ _ROWS = (
         "A part, or all parts of a number; they come back by themselves.",
     ),
     Operation(
-        "ignore", "Do not show a part among the arrivals any more.",
+        "ignore", "Hide a part from the arrivals.",
         (_part("A part that is not let in."),),
         Right.ARRANGE, Where.RUNNING, Kept.NOTHING, "", "POST /parts/{part}/ignore",
     ),
@@ -221,7 +221,7 @@ _ROWS = (
         "Its wire is not heard meanwhile. Afterwards the port gets its safe value and follows its wire again.",
     ),
     Operation(
-        "let_go", "Drive a port by hand no more.",
+        "let_go", "Stop driving a port by hand.",
         (Argument("port", is_needed=True, shown_as="SLOT.PORT", help="A port that somebody drives by hand."),),
         Right.OPERATE, Where.RUNNING, Kept.LINE, "hand", "POST /ports/{port}/let_go",
     ),

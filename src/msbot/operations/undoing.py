@@ -16,7 +16,7 @@ from msbot.registry.edits.undo import undo
 from msbot.runtime.sentence import said
 
 NEAR_EDITS = 50
-"""Among so many there is nearly always one that can be undone."""
+"""Among this many there is nearly always one that can be undone."""
 ALL_EDITS = 10_000
 """More than are kept."""
 
@@ -70,7 +70,7 @@ class Undoing(StoredUndoing):
         """Take back a change, the newest that was not taken back if none is named.
 
         Raises:
-            ConfigError: there is none, it was changed again since, or a part that shall come back is not plugged in.
+            ConfigError: there is none, it was changed again since, or a part that is to come back is not plugged in.
             RegistryError: it cannot be stored; nothing has changed.
         """
         if (meant := await self._meant(edit)) is not None:

@@ -29,7 +29,7 @@ STUCK_S = 0.5
 """A function that has not returned for that long is told of."""
 
 SILENCE_S = (2.0, 10.0, 60.0)
-"""After so many seconds a part that is still waiting says for what."""
+"""After this many seconds a part that is still waiting says for what."""
 
 _PACKAGE = str(Path(__file__).parents[1])
 _log = logging.getLogger("msbot.part")
@@ -111,7 +111,7 @@ class HandlerWatch:
         self._thread.start()
 
     def end(self) -> None:
-        """Look no more."""
+        """Stop looking."""
         self._ended.set()
         self._thread.join(1.0)
 

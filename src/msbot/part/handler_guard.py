@@ -117,13 +117,13 @@ class Every:
         self._arm(loop, loop.time(), guard)
 
     def cancel(self) -> None:
-        """Call it no more."""
+        """Stop calling it."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = self._guard = None
 
     def change(self, period_s: float) -> None:
-        """Have another period; one that runs begins anew with it, at once."""
+        """Have another period; one that runs starts over with it, at once."""
         if period_s == self.period_s:
             return
         self.period_s = period_s

@@ -94,7 +94,7 @@ class Part:
             period: seconds, or the name of the setting that has them; a change of the setting counts at once.
 
         Raises:
-            ConfigError: the period is not positive, or what is below is no plain function without arguments.
+            ConfigError: the period is not positive, or what is below is not a plain function without arguments.
         """
         if callable(period):
             name = getattr(period, "__name__", "...")

@@ -1,4 +1,4 @@
-"""A part's ports: tied to topics by the configuration, tied anew while the part runs when it changes.
+"""A part's ports: tied to topics by the configuration, tied again while the part runs when it changes.
 
 The student's code names ports only; which topic a port means is the robot's business (context independence and
 location transparency, thesis 2.2.7.3).

@@ -4,7 +4,7 @@ A port that drives something has a safe value in the library, which comes with t
 `PORT.safe.FIELD`. When the master, the agent or the port's partner is lost, or on STOP, the part hands the safe value
 to the port's own function as if it had come in, and then calls the functions below `@part.safe_state`.
 
-STOP holds: no message reaches a function until GO, or until the part has joined anew (the master says STOP again then
+STOP holds: no message reaches a function until GO, or until the part has joined again (the master says STOP again then
 if it still holds). A part that is plugged out of its robot cannot be told GO, and need not be.
 
 The master numbers its STOPs, and repeats STOP and GO in case one is lost. A repeated GO of an earlier STOP may still

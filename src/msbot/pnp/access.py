@@ -33,7 +33,7 @@ TRUSTED_LINK = "inproc"
 GOODBYE = "session deleted"
 """The agent's words for a session that its client ended; other reasons mean that it vanished."""
 REPLACED = "replaced"
-"""How the agent's words begin for a session that its own client opens anew; `joined` follows at once."""
+"""How the agent's words begin for a session that its own client reopens; `joined` follows at once."""
 
 RESERVED_TOPICS = frozenset(
     {PROFILE_TOPIC, INVENTORY_REQUEST_TOPIC, INVENTORY_REPLY_TOPIC, compat.REQUEST_TOPIC, compat.REPLY_TOPIC}
@@ -151,7 +151,7 @@ class Access:
         )  # fmt: skip
 
     def left(self, client: AskingClient, reason: str) -> None:
-        """The session has ended; one that its own client opens anew keeps its slot meanwhile."""
+        """The session has ended; one that its own client reopens keeps its slot meanwhile."""
         if reason.startswith(REPLACED):
             return
         self._links.pop(client.key, None)

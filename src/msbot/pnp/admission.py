@@ -129,7 +129,7 @@ class Admission:
             )
 
     def _again(self, record: InventoryRecord, claim: Claim, now: float) -> Verdict:
-        """A registered part claims once more: an answer was lost, it started anew, or it knows no beats (compat)."""
+        """A registered part claims once more: an answer was lost, it restarted, or it knows no beats (compat)."""
         if claim.layout == "compact" and record.claim is not None and claim.nonce != record.claim.nonce:
             self._index.grant(record, str(record.slot))
             record.life.register(now)

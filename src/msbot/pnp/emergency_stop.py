@@ -133,7 +133,7 @@ class EmergencyStop:
         return True
 
     def begin_anew(self, identity: bytes, name: str, now: float) -> None:
-        """A part has begun anew (it has another lease): what it confirmed before counts no more."""
+        """A part has started over (it has another lease): what it confirmed before no longer counts."""
         self._confirmed.pop(identity, None)
         self._waiting.pop(identity, None)
         self.tell(identity, name, now)

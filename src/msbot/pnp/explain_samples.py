@@ -110,7 +110,7 @@ class _Session:
         self._pieces: dict[bool, _Pieces] = {True: _Pieces(), False: _Pieces()}
 
     def notes(self, header: Header, submessage: Submessage, *, up: bool) -> list[str]:
-        """What can be said about a submessage besides what stands in it."""
+        """What can be said about a submessage besides what is in it."""
         match submessage:
             case CreateClient():
                 self._objects.clear()

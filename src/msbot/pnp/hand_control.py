@@ -47,7 +47,7 @@ class HandControl:
         return held
 
     def let_go(self, slot: str, port: str) -> None:
-        """Hold a port no more; its slot's configuration has changed if it was held."""
+        """Let go of a port; its slot's configuration has changed if it was held."""
         if self._held.get(slot, {}).pop(port, None) is not None:
             self._turn(slot)
 

@@ -162,7 +162,7 @@ class Inventory:
         self, key: int, address: str, now: float, *, quiet: bool = False, plugged_in_at: float | None = None,
         client_key: int = 0, patience_s: float = 0.0,
     ) -> None:  # fmt: skip
-        """A session was opened, or opened again: earlier rights are void, both steps start anew.
+        """A session was opened, or opened again: earlier rights are void, both steps start over.
 
         Args:
             key: what the agent knows the client by.
@@ -342,7 +342,7 @@ class Inventory:
         return self._store.blocked(uid, number)
 
     def reload(self, now: float) -> None:
-        """Read the slots again; a part whose slot is no more is delisted.
+        """Read the slots again; a part whose slot is gone is delisted.
 
         Raises:
             RegistryError: they cannot be read.

@@ -140,7 +140,7 @@ class InventoryIndex:
             self.forget(next(iter(self._ended)))
 
     def forget(self, record: InventoryRecord) -> None:
-        """Show a part no more."""
+        """Forget a part, so that it is no longer shown."""
         session = self.sessions.get(record.client_key)
         if session is not None and session.record is record:
             session.record = None

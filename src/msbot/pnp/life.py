@@ -103,7 +103,7 @@ class Life:
         return self.status == 0
 
     def end(self) -> None:
-        """Count no more: the part is delisted."""
+        """Stop counting: the part is delisted."""
         self.status = 0
 
     def silence_s(self, now: float) -> float:

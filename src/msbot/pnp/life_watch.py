@@ -16,7 +16,7 @@ from msbot.pnp.state_changes import StateChanges
 from msbot.runtime.sentence import said
 
 STANDBY_SILENCE_S = 6.0
-"""A part that stands by and claims no more for that long, or for the longest detection time, is gone."""
+"""A part that stands by and has not claimed for that long, or for the longest detection time, is gone."""
 
 
 class LifeWatch:

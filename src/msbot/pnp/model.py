@@ -62,7 +62,7 @@ class LifeTiming:
     life: int = 3
     """Life status after registration and after each beat, at least 1."""
     late_after_beats: float = 1.5
-    """A part is late, and a contest is decided, after so many beat periods of silence."""
+    """A part is late, and a contest is decided, after this many beat periods of silence."""
 
     def __post_init__(self) -> None:
         if not 0.02 <= self.beat_s <= 65.0:

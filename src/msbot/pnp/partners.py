@@ -25,7 +25,7 @@ class Partners:
         self._readers: dict[str, dict[InventoryRecord, None]] = {}
 
     def touch(self, record: InventoryRecord) -> None:
-        """Note that a part was registered, delisted, or configured anew."""
+        """Note that a part was registered, delisted, or configured again."""
         self._touched.append(record)
 
     def settle(self) -> list[PartnerChange]:

@@ -28,7 +28,7 @@ STATUS_TIMEOUT_S = 5.0
 """How long the agent may take to create what a service needs; then it is asked again."""
 
 LONGEST_BEST_EFFORT = 512
-"""Answers up to so many octets go best effort: they need no window, and a part repeats what is not answered. Longer
+"""Answers up to this many octets go best effort: they need no window, and a part repeats what is not answered. Longer
 ones (configurations) go reliably, because only then can they be cut to the size of a packet."""
 
 MOST_ASKERS = 16_384
@@ -38,7 +38,7 @@ _GUID_BYTES = 16
 _NOBODYS_REQUEST = bytes(8)
 """Sequence number 0: the reply answers no request."""
 GO_TIMES = 3
-"""With so many answers to beats GO is said again, in case one is lost; STOP with every one until the part confirms."""
+"""GO is repeated in this many answers to beats, in case one is lost; STOP in every one until the part confirms."""
 
 _COMPACT = ServiceNames(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
 _COMPAT = ServiceNames(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
@@ -287,7 +287,7 @@ class InventoryService:
             self._leases[client_key] = answer.lease
             member = self._inventory.member(client_key)
             if self.stop.holds and before != answer.lease and member is not None:
-                self.stop.begin_anew(*member, asyncio.get_running_loop().time())  # the part has started anew
+                self.stop.begin_anew(*member, asyncio.get_running_loop().time())  # the part has restarted
 
     def _forget(self, client_key: int) -> None:
         self._askers.pop(client_key, None)
@@ -299,7 +299,7 @@ class InventoryService:
             return
         standing = self._inventory.standing_of(client_key)
         if standing is None or standing.state in (PartState.NEW, PartState.CHECKING):
-            # A session that has ended, or was opened anew; that one's requester will ask first.
+            # A session that has ended, or was reopened; that one's requester will ask first.
             self._forget(client_key)
         elif not standing.lease:
             self._leases[client_key] = 0

@@ -28,5 +28,5 @@ class SessionSeals:
         self._changed(client_key)
 
     def drop(self, client_key: int) -> None:
-        """A session has ended, or begun anew."""
+        """A session has ended, or started over."""
         self._seals.pop(client_key, None)

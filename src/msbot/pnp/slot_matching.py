@@ -114,7 +114,7 @@ class Matcher:
         self._free.get(self._by_name[slot].part_number, {}).pop(slot, None)
 
     def release(self, slot: str) -> None:
-        """Note that a slot is free again; a slot that exists no more is forgotten."""
+        """Note that a slot is free again; a slot that no longer exists is forgotten."""
         known = self._by_name.get(slot)
         if known is not None:
             self._free.setdefault(known.part_number, {})[slot] = known

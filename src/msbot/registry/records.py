@@ -141,7 +141,7 @@ class ValueRecord:
         """The value that a person means by this text.
 
         Raises:
-            ConfigError: it is no value of this parameter; the text says what would be right.
+            ConfigError: it is not a value of this parameter; the text says what would be right.
         """
         parameter = Parameter(self.name, ParameterKind(self.kind), self.default, self.unit, self.least, self.most)
         value = _scalar(parameter.kind, text)

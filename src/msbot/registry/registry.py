@@ -27,7 +27,7 @@ from msbot.registry.robots import Robots
 from msbot.registry.running.runs import Runs
 
 BUSY_TIMEOUT_S = 2.0
-"""So long another program may hold the database before it counts as locked."""
+"""How long another program may hold the database before it counts as locked."""
 
 
 def open_registry(

@@ -100,7 +100,7 @@ class Robots:
         """The newest lines of the journal, the oldest of them first.
 
         Args:
-            limit: so many at most.
+            limit: this many at most.
             part: only those about this part: its name, slot, local name, part number or UID; capitals do not matter.
             robot: only those of this robot.
         """

@@ -48,7 +48,7 @@ class Acceptor:
         self._listen()
 
     def stop(self) -> None:
-        """Accept no more."""
+        """Stop accepting."""
         self._loop.remove_reader(self._listening)
         if self._pause is not None:
             self._pause.cancel()

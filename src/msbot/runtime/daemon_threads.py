@@ -20,7 +20,7 @@ class DaemonThreads(Executor):
     """An executor whose threads nobody waits for.
 
     Args:
-        most: so many threads at most; they begin when they are needed.
+        most: this many threads at most; they begin when they are needed.
         name: of the threads.
     """
 
@@ -58,7 +58,7 @@ class DaemonThreads(Executor):
         return future
 
     def shutdown(self, wait: bool = False, *, cancel_futures: bool = False) -> None:  # noqa: ARG002 - `Executor`'s own
-        """Take no more work; what was handed over is done if the process lasts so long."""
+        """Take no more work; what was handed over is done if the process lasts that long."""
         with self._lock:
             if self._is_shut:
                 return

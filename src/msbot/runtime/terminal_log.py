@@ -17,7 +17,7 @@ from typing import TextIO, TypeVar
 
 SAME = 5
 REPEAT_S = 60.0
-"""The same line is written so often in that time."""
+"""How often the same line is written in that time."""
 
 BURST = 20
 """Lines of one kind, from one place in the code, that are written within `BURST_S`."""

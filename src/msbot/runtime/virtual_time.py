@@ -4,7 +4,7 @@ Theory of operation. An asyncio loop asks its selector to wait until the next ti
 wait: it sets the clock to exactly that timer's time and returns. Everything that takes its time from
 `asyncio.get_running_loop().time()` then runs as fast as the machine can, in the same order every time. Sockets are
 still served, but time does not wait for them, so only what has no socket (the simulated bus, the in-process link)
-behaves as in real time. While a job of `run_in_executor` is at work the clock stands still.
+behaves as in real time. While a job of `run_in_executor` is at work the clock stays still.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         return self._now
 
     def run_in_executor(self, executor: Executor | None, func: Callable[[*_Ts], _T], *args: *_Ts) -> asyncio.Future[_T]:
-        """As in every loop; virtual time stands still until the job is done."""
+        """As in every loop; virtual time stays still until the job is done."""
         job = super().run_in_executor(executor, func, *args)
         self._at_work += 1
         job.add_done_callback(self._job_done)

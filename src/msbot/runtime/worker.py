@@ -26,9 +26,9 @@ _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
 AT_ONCE = 2
-"""So many workers of one robot run at the same time."""
+"""How many workers of one robot run at the same time."""
 MOST_WAITING = 8
-"""So many more wait for their turn; the next one is sent away."""
+"""How many more wait for their turn; the next one is sent away."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from msbot.sim.simulated_reading import Gauge, as_number, number
 STEP_S = 0.02
 """Longest step in which something that moves is computed."""
 MOST_STEPS = 250
-"""Longest series of steps; a longer time is cut into so many."""
+"""Longest series of steps; a longer time is cut into this many."""
 MOST_WAITING = 32
 """Changes that wait to be said; with more the oldest is dropped."""
 

@@ -29,7 +29,7 @@ from msbot.web.timeline import Timeline
 from msbot.web.views import BusMeter, Views
 
 SESSIONS_S = 1.0
-"""So often it is looked who may still be signed in."""
+"""How often to look who may still be signed in."""
 LOOK_S = 0.25
 """The robot is looked at that often, whether or not a page is open: for beat intervals and newly bound topics."""
 

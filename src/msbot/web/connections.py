@@ -22,9 +22,9 @@ from msbot.runtime.accept_connections import Acceptor
 from msbot.runtime.tally import Tally
 
 HEAD_S = 10.0
-"""So long a connection may take until its request has come with all its headers; TLS gets as long."""
+"""How long a connection may take until its request has come with all its headers; TLS gets as long."""
 BODY_S = 20.0
-"""So long a request's body may pause."""
+"""How long a request's body may pause."""
 MOST_PER_ADDRESS = 300
 """A class behind one router has one address; each browser opens up to seven connections."""
 MOST = 600

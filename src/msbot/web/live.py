@@ -17,7 +17,7 @@ from msbot.part.messages.message import fields_of
 from msbot.space import Qos, Reader, Sample, Space, Topic
 
 HISTORY_S = 300.0
-"""Values are kept for so long, every one of them."""
+"""Values are kept for this long, every one of them."""
 MOST_KEPT = 30_000
 """Values kept of one topic: five minutes at 100 a second; of a quicker one, the newest."""
 MOST_KEPT_IN_ALL = 200_000
@@ -97,7 +97,7 @@ class TopicWatch:
         return True
 
     def keep_at_most(self, most: int) -> None:
-        """Keep so many values from now on."""
+        """Keep this many values from now on."""
         if self.kept.samples.maxlen != most:
             self.kept.samples = deque(self.kept.samples, maxlen=most)
 
@@ -179,7 +179,7 @@ class Live:
         return dict(_flat("", message))
 
     def series(self, name: str, field: str) -> list[tuple[float, float]]:
-        """(time, value) of a numeric field, oldest first, every value of the last minutes; nothing if it is no number.
+        """(time, value) of a numeric field, oldest first, every value of the last minutes; empty if it is not a number.
 
         What has not been taken apart yet is, a part of it each time: after a long silence of the pages it takes a few
         looks until all is there.
@@ -207,7 +207,7 @@ class Live:
     def _follow(
         self, curve: _Curve, watch: TopicWatch, field: str, kept: _Kept
     ) -> None:  # fmt: skip
-        """Take apart what came since the last look, at most so many at once."""
+        """Take apart what came since the last look, at most this many at once."""
         curve.asked_at = self._clock()
         newer = kept.after(curve.taken)
         curve.taken = kept.total - len(newer)

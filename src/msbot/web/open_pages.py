@@ -18,7 +18,7 @@ from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
 
 MADE_ANEW = "Implicit handshake failed"
-"""NiceGUI's own words to a browser whose page is not there any more, or is not its own: it loads the page anew."""
+"""NiceGUI's own words to a browser whose page is not there any more, or is not its own: it loads the page again."""
 _CHECKED = ("handshake", "event", "javascript_response", "ack", "log")
 """What a browser can say of a page; each names it by `client_id`."""
 

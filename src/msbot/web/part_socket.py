@@ -20,7 +20,7 @@ from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
 
 CHECK_S = 3.0
-"""So long at most a part stays whose person was signed out, or may not have parts any more."""
+"""How long at most a part stays after its person was signed out, or lost the right to run parts."""
 REFUSED = 4403
 WRONG = 4400
 AGAIN = 4503

@@ -1,6 +1,6 @@
 """What a signed-in person can see and do: the pages and the API both go through here, so rights are checked once.
 
-Every deed names the session it is done for. The right is checked at that moment, not when the page was opened: a
+Every action names the session it is done for. The right is checked at that moment, not when the page was opened: a
 role that was taken away, or a session that has ended, counts at once, also for a page that is still open.
 """
 
@@ -37,11 +37,11 @@ from msbot.web.records import Records
 from msbot.web.views import Views
 
 SHARED_S = 0.2
-"""So long one look at the robot serves every page."""
+"""How long one look at the robot serves every page."""
 MAX_BLUEPRINT = 256 * 1024
 """Octets of a blueprint."""
 CLASS_S = 2.0
-"""So long one look at the whole database serves every class view."""
+"""How long one look at the whole database serves every class view."""
 
 
 class Service:
@@ -250,7 +250,7 @@ class Service:
         return Done(words=said("{name} has a new password; sessions and API tokens of {name} have ended", name=name))
 
     async def remove_user(self, session: Session, name: str) -> Done:
-        """Let a person in no more."""
+        """Remove a person, who can no longer sign in."""
         self._need(session, Right.ADMINISTER)
         await self.accounts.remove_user(name, who=session.name)
         return Done(words=said("{name} is removed", name=name))

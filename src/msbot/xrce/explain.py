@@ -122,7 +122,7 @@ def submessage_words(submessage: Submessage) -> str:
 
 
 def definition_words(definition: Definition) -> str:
-    """What an object shall be."""
+    """What an object should be."""
     match definition:
         case ParticipantDef():
             return f"named {_short(definition.name)!r}"

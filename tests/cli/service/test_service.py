@@ -93,7 +93,7 @@ def test_it_is_installed_asked_after_and_removed(folder: Path, played: Played) -
     assert facts["running"] is True
     assert facts["database"] == f"{folder}/robot.db"
     gone = ask("remove")
-    assert "starts no more" in gone.output
+    assert "will not start again" in gone.output
     assert list(units.iterdir()) == []
     assert f"systemctl --user disable --now {both}" in played.asked
     assert (folder / "robot.toml").exists()

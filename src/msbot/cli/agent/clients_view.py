@@ -11,7 +11,7 @@ from rich.table import Table
 from msbot.agent import AgentStatus, ClientView, StreamView
 
 PIPE_WIDTH = 1000
-"""Columns when the output is no terminal: nothing is cut or wrapped that a program may want to find."""
+"""Columns when the output is not a terminal: nothing is cut or wrapped that a program may want to find."""
 
 
 def show(statuses: Iterable[AgentStatus], console: Console | None = None) -> None:

@@ -123,7 +123,7 @@ def domain_override(text: str | None) -> int:
     """The domain that the environment names; 0 without one.
 
     Raises:
-        ConfigError: it is no domain.
+        ConfigError: it is not a domain.
     """
     if not text:
         return 0

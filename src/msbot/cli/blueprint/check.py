@@ -19,7 +19,7 @@ from msbot.config import Blueprint, FoundProblems, Library, open_blueprint, prob
 def command(blueprint: Path, folders: tuple[Path, ...], *, as_json: bool) -> None:
     """Check BLUEPRINT (robot.toml) against the part library; nothing is started and nothing is changed.
 
-    Every problem is told with file, line and key; status 2 when there are any. Hints are no mistakes.
+    Every problem is shown with file, line and key; status 2 when there are any. Hints are not mistakes.
     """
     if not as_json:
         robot, library = open_blueprint(blueprint, *folders)

@@ -60,7 +60,7 @@ def add(
 
 
 def _replace(path: Path, content: bytes) -> None:
-    """Write a file anew, whole or not at all."""
+    """Rewrite a file, whole or not at all."""
     draft = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         draft.write_bytes(content)

@@ -37,7 +37,7 @@ class Second:
     by_id: dict[str, Traffic] = field(default_factory=dict)
     """By identifier as it is written: 3 hexadecimal digits, 8 for an extended one."""
     uncounted: int = 0
-    """Reports of errors and the like, which are no frames of the bus."""
+    """Reports of errors and the like, which are not frames of the bus."""
 
     def add(self, frame: Frame, bitrate: int, data_bitrate: int | None) -> None:
         """One frame."""

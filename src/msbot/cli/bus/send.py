@@ -17,7 +17,7 @@ LOOK_S: Final = 0.001
 
 
 def send(address: str, texts: Sequence[str], repeat: int, period_s: float, complain: Callable[[str], None]) -> None:
-    """Send frames, so often, and wait until the last has left.
+    """Send frames, this often, and wait until the last has left.
 
     Args:
         address: the bus.

@@ -17,7 +17,7 @@ def serve(name: str, bitrate: int, data_bitrate: int | None) -> None:
     """Serve a bus until Ctrl-C; with a data bit rate it is CAN FD.
 
     Raises:
-        ConfigError: it is no name.
+        ConfigError: it is not a name.
         LinkDown: another process serves a bus of that name.
     """
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])

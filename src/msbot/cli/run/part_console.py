@@ -20,7 +20,7 @@ MOST_TYPED = 4096
 SHARE = 0.02
 SIGMAS = 8
 """A number is said again when it has changed by more than this share of itself and by so much of its noise; without
-noise also when it stands still at another value than was said: the last small step of a ramp."""
+noise also when it stays still at another value than was said: the last small step of a ramp."""
 
 
 class PartConsole:
@@ -86,7 +86,7 @@ class PartConsole:
         if self._listening or self._source is None or not _is_ours(self._source):
             return
         self._listening = True
-        # A file that is no terminal or pipe, or a loop that cannot watch one: then nobody types.
+        # A file that is not a terminal or pipe, or a loop that cannot watch one: then nobody types.
         with contextlib.suppress(OSError, ValueError, NotImplementedError):
             asyncio.get_running_loop().add_reader(self._source, self._hear)
 

@@ -70,13 +70,13 @@ def install(
 @blueprint_argument
 @all_option
 def remove(blueprint: Path, *, for_all: bool) -> None:
-    """Have the robot of BLUEPRINT start no more; blueprint, database and backups stay as they are."""
+    """Stop the robot of BLUEPRINT from starting; blueprint, database and backups stay as they are."""
     wanted = _service(blueprint, for_all=for_all)
     _need_systemd()
     gone = systemd.Systemd(for_all=for_all).remove(wanted.unit)
     if not gone:
         raise ConfigError(f"{wanted.name} is not installed as a service{_other_kind(wanted)}")
-    click.echo(f"{wanted.name} has ended and starts no more; removed: {', '.join(gone)}.")
+    click.echo(f"{wanted.name} has ended and will not start again; removed: {', '.join(gone)}.")
 
 
 @command.command("status")

@@ -27,7 +27,7 @@ class RobotService:
     backup_at: str
     """When to make one, in systemd's words, for example `daily`; empty: never."""
     keep: int
-    """So many backups are kept."""
+    """How many backups are kept."""
 
     @property
     def unit(self) -> str:

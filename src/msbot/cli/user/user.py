@@ -110,11 +110,11 @@ def change_role(name: str, role: str, db: str | None) -> None:
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
 @db_option
 def remove(names: tuple[str, ...], db: str | None) -> None:
-    """Let NAME sign in no more; several names remove several people."""
+    """Remove NAME, who can no longer sign in; several names remove several people."""
     with _accounts(db) as accounts:
         for name in names:
             asyncio.run(accounts.remove_user(name, who=user_name()))
-            click.echo(f"{name} may sign in no more")
+            click.echo(f"{name} can no longer sign in")
 
 
 def _add_class(path: Path, tickets: Path | None, role: str, db: str | None) -> None:

@@ -23,7 +23,7 @@ RESERVED_TOPICS = (
 """Plug-and-play's own topics: the profile, the inventory's service, and the original programs' service."""
 
 _LATE_AFTER_BEATS = 1.5
-"""A part is late after so many beat periods; it must be late before it can be delisted."""
+"""A part is late after this many beat periods; it must be late before it can be delisted."""
 
 
 class Complaints(Protocol):
@@ -34,7 +34,7 @@ class Complaints(Protocol):
 
 
 class _Sentences:
-    """Problems of bindings that stand in no file."""
+    """Problems of bindings that are in no file."""
 
     def __init__(self) -> None:
         self.found: list[str] = []

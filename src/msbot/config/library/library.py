@@ -57,7 +57,7 @@ __all__ = [
 SHIPPED = "msbot library, "
 """What the source of a part type begins with that MsBOT brings."""
 MOST_FILES = 1000
-"""A folder with more TOML files is no part library."""
+"""A folder with more TOML files is not a part library."""
 
 
 class Library:

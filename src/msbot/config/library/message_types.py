@@ -102,7 +102,7 @@ class MessageType:
         for kind in self.fields.values():
             if kind is FieldKind.TEXT:
                 return None
-            size += -size % kind.size_bytes + kind.size_bytes  # each number stands at a multiple of its own size
+            size += -size % kind.size_bytes + kind.size_bytes  # each number is at a multiple of its own size
         return size
 
     def same_as(self, other: MessageType) -> bool:

@@ -109,7 +109,7 @@ class Reading:
     text: str = ""
     """In place of `follows`: a text with sources in braces, `{red:02x}`."""
     random_every: Operand | None = None
-    """In place of `follows`: drawn anew from `least` to `most` every so many seconds."""
+    """In place of `follows`: drawn afresh from `least` to `most` every so many seconds."""
     lasts: Operand = 0.0
     """Seconds after the message that it follows until it goes back to `start`; 0 = stays."""
     pattern: str = ""
@@ -142,7 +142,7 @@ class Reading:
     """It is a multiple of this; 0 = every value."""
     rows: int = 0
     columns: int = 0
-    """A text is shown in so many rows and columns; what does not fit is cut off."""
+    """A text is shown in this many rows and columns; what does not fit is cut off."""
 
 
 @dataclass(frozen=True, slots=True)

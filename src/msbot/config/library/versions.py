@@ -28,7 +28,7 @@ class Versions:
     """Pairs of a sign and a version."""
 
     def __contains__(self, version: object) -> bool:
-        """Whether a version, as text, is in the range; what is no version is in no range but the one of all."""
+        """Whether a version, as text, is in the range; what is not a version is in no range but the one of all."""
         if not self.rules:
             return True
         numbers = parse_version(version) if isinstance(version, str) else None
@@ -43,7 +43,7 @@ ANY_VERSION = Versions()
 
 
 def parse_version(text: str) -> tuple[int, ...] | None:
-    """`1.2` as numbers, or None when it is no version."""
+    """`1.2` as numbers, or None when it is not a version."""
     return tuple(map(int, text.split("."))) if _VERSION.fullmatch(text) else None
 
 

@@ -13,15 +13,15 @@ from difflib import get_close_matches
 from msbot.errors import ConfigError
 
 MOST_TOLD = 50
-"""So many mistakes are told; reading ends there."""
+"""This many mistakes are reported; reading ends there."""
 LONGEST_SENTENCE = 600
 LONGEST_STEP = 60
 """Characters of a sentence, and of one key in a path, that are shown."""
 MOST_COMPARED = 200
 LONGEST_COMPARED = 40
-"""So many known words, of so many characters at most, are looked at for one that is like a wrong one."""
+"""This many known words, of this many characters at most, are looked at for one that is like a wrong one."""
 MOST_LISTED = 12
-"""So many known words are listed when none is near."""
+"""How many known words are listed when none is near."""
 
 KeyPath = tuple[str | int, ...]
 """The way to a value: table names, keys, and positions in lists (counted from 0, as Python does)."""

@@ -1,6 +1,6 @@
 """CAN buses as people write them: `can:can0?bitrate=500000&fd=1`, `can:slcan:/dev/ttyACM0?bitrate=500000`.
 
-What stands behind `can:` is an interface of Linux (SocketCAN), or an interface of python-can and its channel.
+What follows `can:` is an interface of Linux (SocketCAN), or an interface of python-can and its channel.
 `canfd:` and `can-legacy:` take the same, and speak as eProsima's CAN FD and as the firmware of the thesis.
 """
 
@@ -69,7 +69,7 @@ class CanTarget:
     fd: bool | None = None
     """None: the address does not say."""
     others: dict[str, str] = field(default_factory=dict)
-    """Further options as they stand in the address."""
+    """Further options as they are in the address."""
 
 
 def open_can_bus(address: str, *, filters: Sequence[IdFilter] | None = None, error_frames: bool = False) -> CanDriver:
@@ -77,7 +77,7 @@ def open_can_bus(address: str, *, filters: Sequence[IdFilter] | None = None, err
 
     Args:
         address: as for `open_link`.
-        filters: what shall be heard; None = everything.
+        filters: what should be heard; None = everything.
         error_frames: hand the controller's reports over as frames, too.
 
     Raises:
@@ -166,7 +166,7 @@ def open_can_legacy(rest: str, serve: bool, settings: CanSettings) -> Link:
 
 
 def parse_target(rest: str) -> CanTarget:
-    """What stands behind the scheme: `can0?bitrate=500000&fd=1` or `slcan:/dev/ttyACM0?bitrate=500000`.
+    """What follows the scheme: `can0?bitrate=500000&fd=1` or `slcan:/dev/ttyACM0?bitrate=500000`.
 
     Raises:
         ConfigError: it names no bus, or an option makes no sense.

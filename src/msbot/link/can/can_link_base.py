@@ -1,4 +1,4 @@
-"""What every link on a CAN bus has alike, in the native mode and in those of others: its port, and what that tells."""
+"""What every link on a CAN bus has in common, in the native mode and in those of others: its port and its events."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class PortOwner(Protocol):
         """The controller takes part in the bus: after opening, and after each bus-off."""
 
     def bus_down(self, reason: str, lost_frames: int, now: float) -> None:
-        """The controller has left the bus; so many frames that waited are lost."""
+        """The controller has left the bus; this many frames that waited are lost."""
 
     def timer(self) -> float | None:
         """When `handle_timer` wants to be called."""
@@ -96,7 +96,7 @@ class CanPort:
                 self._owner.room_again(peer)
 
     def send_urgent(self, frames: list[Frame], now: float) -> int:
-        """Queue frames before all packets and set the timer anew; returns how many found no room."""
+        """Queue frames before all packets and set the timer again; returns how many found no room."""
         refused = sum(not self.queue.put_urgent(frame) for frame in frames)
         self.pump(now)
         self.arm()

@@ -76,7 +76,7 @@ class CanFdEprosimaLink(CanEnd):
         Raises:
             LinkFull: the peer's queue is full.
             LinkDown: the link is not on the bus.
-            LocalProtocolError: the packet does not fit a frame, or the peer is no identifier.
+            LocalProtocolError: the packet does not fit a frame, or the peer is not an identifier.
         """
         self._port.check_up()
         if not isinstance(peer, int):

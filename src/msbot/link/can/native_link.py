@@ -64,7 +64,7 @@ class CanMasterLink(NativeEnd):
             profile_hash: CRC-32 of the robot's name, version and serial number, for the beacon.
             random: source of the epoch.
             node_ids: where addresses are remembered; None = in memory.
-            fd: send CAN FD frames to parts that can. Every node on the bus must bear them.
+            fd: send CAN FD frames to parts that can. Every node on the bus must tolerate them.
             codec: header compression for parts that know it.
             mtu: largest packet in bytes.
             ids: identifier bases, when the bus is shared with other equipment.

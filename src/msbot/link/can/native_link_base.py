@@ -1,4 +1,4 @@
-"""What the two ends of the native CAN link have alike: sending packets over the wires of their peers, and STOP."""
+"""What the two ends of the native CAN link have in common: sending packets over the wires of their peers, and STOP."""
 
 from __future__ import annotations
 

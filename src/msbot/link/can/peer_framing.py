@@ -29,7 +29,7 @@ class CanWire:
     def __init__(
         self, send_id: int, *, use: int, info: CanBusInfo, mtu: int, counters: LinkCounters, codec: Codec | None
     ) -> None:
-        """Begin anew with a peer.
+        """Start over with a peer.
 
         Args:
             send_id: identifier of the frames to it.

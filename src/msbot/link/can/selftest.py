@@ -92,7 +92,7 @@ class _End:
         self._pump()
 
     async def wait_for(self, count: int) -> None:
-        """Wait until so many frames were heard, or none for `PATIENCE_S`."""
+        """Wait until this many frames were heard, or none for `PATIENCE_S`."""
         with contextlib.suppress(TimeoutError):
             while len(self.heard) < count:
                 self._news.clear()

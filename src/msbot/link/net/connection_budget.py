@@ -12,7 +12,7 @@ MAX_OF_ADDRESS = 512
 """Connections of one address."""
 
 IDLE_S = 10.0
-"""A connection that was silent for so long may make room for a newcomer."""
+"""A connection that was silent for this long may make room for a newcomer."""
 
 
 class OpenConnection(Protocol):

@@ -98,7 +98,7 @@ class TcpStream(Stream, asyncio.BufferedProtocol):
         return self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        """So many octets came in."""
+        """This many octets came in."""
         self.data_received(bytes(memoryview(self._buffer)[:nbytes]))
 
 

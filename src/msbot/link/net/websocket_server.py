@@ -28,7 +28,7 @@ WRITE_LIMIT = 64 * 1024
 FIRST_PACKET_S = 10.0
 """A connection that has not brought a packet by then is closed."""
 SLOW_DOWN_AGAIN_S = 30.0
-"""Who is too fast is told, but not all the time."""
+"""A part that is too fast is told, but not all the time."""
 
 TOO_MANY = "connection refused: too many are open"
 NO_PACKET = "no packet, but text or more octets than a packet has"
@@ -71,7 +71,7 @@ class SocketPeer:
             for how many seconds nothing more may be read, and a sentence for the person or "".
 
         Raises:
-            ValueError: it is no packet; the connection has to be closed with that sentence.
+            ValueError: it is not a packet; the connection has to be closed with that sentence.
         """
         if not 0 < len(packet) <= MAX_PACKET:
             self._link.counters.dropped.count(NO_PACKET)

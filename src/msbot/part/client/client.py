@@ -264,7 +264,7 @@ class Client:
 
         Args:
             entity: what was created.
-            stream_id: stream on which they shall come.
+            stream_id: stream on which they should come.
             control: how many, how long, how fast; None = exactly one sample.
         """
         self._entities.want_read(entity, RunningRead(stream_id, control))
@@ -372,4 +372,4 @@ class Client:
 
 
 ClientMaker = Callable[..., Client]
-"""Makes a client when it is called with the callbacks that it shall have: `partial(Client, link, key=1)`."""
+"""Makes a client when it is called with the callbacks that it should have: `partial(Client, link, key=1)`."""

@@ -167,7 +167,7 @@ class Connection:
         self._turn.book()
 
     def lose(self, reason: str, now: float) -> None:
-        """Give the session up and log in anew."""
+        """Give up the session and log in again."""
         self._lost_at = None
         self._watch.cancel()
         self._on_session_over()

@@ -24,7 +24,7 @@ class RunningRead:
     """The running READ_DATA of a data reader, requester or replier."""
 
     stream_id: int
-    """Stream on which the samples shall come."""
+    """Stream on which the samples should come."""
     control: DeliveryControl | None
     request_id: int = 0
     """Request id in this session; 0 = not asked yet."""

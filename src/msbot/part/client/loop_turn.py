@@ -28,7 +28,7 @@ class Turn:
         self.book()
 
     def cancel(self) -> None:
-        """Work no more."""
+        """Stop working."""
         self._loop = None
         self._cancel_timer()
 

@@ -51,7 +51,7 @@ class ClientSettings:
     answer_s: float = 2.0
     """A creation without a status for that long is asked for again."""
     stall_s: float = 5.0
-    """Creations without a status, or a full window, for that long without any progress: the session is begun anew."""
+    """Creations without a status, or a full window, for that long without any progress: the session is started over."""
     close_s: float = 1.0
     """How long a polite end waits for the agent's answer."""
 

@@ -114,7 +114,7 @@ def given_key(text: str | None, part_number: str, local_name: str) -> bytes | No
     """The key that a user gave: digits or the name of a file with them; else the file kept for that part; else None.
 
     Raises:
-        ConfigError: there is something that is no key.
+        ConfigError: there is something that is not a key.
     """
     if text is None:
         text = os.environ.get(KEY_VARIABLE) or None

@@ -96,7 +96,7 @@ class ClaimMessage(Message):
     uid: Annotated[bytes, Octets(UID_OCTETS)]
     """Identifies the piece of hardware."""
     session_nonce: uint32
-    """Drawn anew at each start of the part, so that two devices with one UID are told apart."""
+    """Drawn afresh at each start of the part, so that two devices with one UID are told apart."""
 
 
 class Challenge(Message):

@@ -67,7 +67,7 @@ class Seal:
         """The sample with its seal behind it.
 
         After 2^32 - 1 samples of a channel (50 days at 1,000 a second) the other end takes no more: the part is lost
-        to its inventory and joins anew, with other keys.
+        to its inventory and joins again, with other keys.
         """
         count = self._sent[channel] = min(self._sent.get(channel, 0) + 1, LAST_COUNTER)
         counter = _COUNTER.pack(count)

@@ -8,7 +8,7 @@
     Light(lux=3.5).encode()                # b"\\x00\\x00\\x60\\x40"
     Light.decode(b"\\x00\\x00\\x60\\x40").lux  # 3.5
 
-Fields are written in the order they stand in the class, those of a base class first. What each type looks like is in
+Fields are written in the order of the class, those of a base class first. What each type looks like is in
 `wire_types`.
 """
 

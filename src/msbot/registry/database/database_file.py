@@ -1,7 +1,7 @@
 """The file of an SQLite database while it is used: what if somebody deletes it, or puts another in its place?
 
 SQLite goes on writing into a file that has no name any more, and says nothing; everything would be gone with the end
-of the process. So the file is looked at before each transaction: one that was deleted is written anew from what is
+of the process. So the file is looked at before each transaction: one that was deleted is written again from what is
 still open, one that was replaced is not touched, and what the robot had is kept beside it.
 """
 
@@ -26,7 +26,7 @@ class DatabaseFile:
     """Looks after one file; all methods but the first belong to the writer's thread.
 
     Args:
-        engine: whose connections are given up when the file is written anew.
+        engine: whose connections are given up when the file is written again.
         path: the file; it is there.
     """
 
@@ -37,7 +37,7 @@ class DatabaseFile:
         self._open()
 
     def check(self) -> None:
-        """Look whether the file is still there; write it anew when it was deleted.
+        """Look whether the file is still there; write it again when it was deleted.
 
         Raises:
             RegistryError: it is not what it was; the text says what to do.

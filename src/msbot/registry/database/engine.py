@@ -24,7 +24,7 @@ MAGIC = b"SQLite format 3\x00"
 """The first octets of every SQLite file."""
 
 WAIT_S = "msbot_wait_s"
-"""Execution option of writing connections: wait only so long for another program."""
+"""Execution option of writing connections: wait only this long for another program."""
 AT_ONCE = "msbot_at_once"
 """Execution option of connections that begin no transaction: each statement sees what is stored when it runs."""
 
@@ -69,7 +69,7 @@ def without_password(text: str) -> str:
     """The address as messages show it.
 
     Raises:
-        RegistryError: it is no address of a database.
+        RegistryError: it is not an address of a database.
     """
     return parse_address(text).words
 

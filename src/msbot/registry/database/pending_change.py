@@ -23,7 +23,7 @@ class PendingChange(Executor, Generic[_T]):
     ) -> None:
         self.change = change
         self.wait_s = wait_s
-        """So long it waits for another program that writes."""
+        """How long it waits for another program that writes."""
         self.done: Future[_T] = Future()
         self.is_given_up = False
         self.is_being_stored = False

@@ -18,19 +18,19 @@ from msbot.registry.database.writer import Writer
 from msbot.runtime.daemon_threads import DaemonThreads
 
 SLOWEST_S = 5.0
-"""So long a person waits for a change at a running robot, besides the database's wait for another program."""
+"""How long a person waits for a change at a running robot, besides the database's wait for another program."""
 UNHURRIED_S = 60.0
-"""So long a command waits for a change while no robot runs in its process."""
+"""How long a command waits for a change while no robot runs in its process."""
 LOOP_PATIENCE_S = 0.4
-"""So long a change waits for another program when a robot runs in this process: people wait for it."""
+"""How long a change waits for another program when a robot runs in this process: people wait for it."""
 LIMIT_S = 2.5
-"""So long whoever reads for a page or a command waits; NiceGUI gives up a page that is not made within 3 s."""
+"""How long whoever reads for a page or a command waits; NiceGUI gives up a page that is not made within 3 s."""
 CATCH_UP_S = 0.5
-"""So long a reader waits for what was told before."""
+"""How long a reader waits for what was told before."""
 READERS = 4
-"""So many of them are served at the same time."""
+"""How many of them are served at the same time."""
 MOST_WAITING = 64
-"""So many more may wait; the next one is sent away."""
+"""How many more may wait; the next one is sent away."""
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -123,12 +123,12 @@ class Storage:
 
     @property
     def patience_s(self) -> float:
-        """So long a change waits for another program that writes."""
+        """How long a change waits for another program that writes."""
         return min(LOOP_PATIENCE_S, self.busy_timeout_s) if self.runs_a_robot else self.busy_timeout_s
 
     @property
     def limit_s(self) -> float:
-        """So long somebody waits for a change."""
+        """How long somebody waits for a change."""
         return (SLOWEST_S if self.runs_a_robot else UNHURRIED_S) + self.patience_s
 
     def change(self, change: Callable[[Connection], _T]) -> _T:

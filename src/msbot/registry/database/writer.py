@@ -35,9 +35,9 @@ BATCH = 256
 FIRST_RETRY_S = 0.1
 LONGEST_RETRY_S = 5.0
 SILENT_S = 2.0
-"""A database that has not answered for so long counts as silent."""
+"""A database that has not answered for this long counts as silent."""
 WATCH_S = 1.0
-"""So often an idle database is looked at."""
+"""How often an idle database is looked at."""
 
 _log = logging.getLogger(__name__)
 _T = TypeVar("_T")
@@ -298,7 +298,7 @@ class Writer:
                 self._changed.notify_all()
 
     def _store(self) -> bool:
-        """Store the notes in hand; False: the writer shall end before that could be done."""
+        """Store the notes in hand; False: the writer had to end before that could be done."""
         pause_s = self._first_retry_s
         at_once = len(self._in_hand)
         while self._in_hand:
@@ -353,7 +353,7 @@ class Writer:
             self._fault = words
 
     def _wait_after(self, error: Exception, pause_s: float) -> bool:
-        """Note a failure and wait for the next try; False: the writer shall end."""
+        """Note a failure and wait for the next try; False: the writer is to end."""
         self._note_fault(error)
         with self._changed:
             self._last_failed = self._tries

@@ -45,7 +45,7 @@ class BlockCell:
 
 
 def block(connection: Connection, author: Author, kind: str, key: str, reason: str) -> EditRecord:
-    """Let a UID or a part number in no more."""
+    """Keep a UID or a part number out."""
     reason = reason or said("no reason given")
     return _write(connection, author, BlockCell(kind, key, reason), "{part} is blocked: {reason}")
 

@@ -44,7 +44,7 @@ class Cell(Protocol):
         """The same cell with its present content."""
 
     def write(self, connection: Connection, author: Author) -> None:
-        """Make the present content this; raises ConfigError when a slot is no more."""
+        """Make the present content this; raises ConfigError when a slot is gone."""
 
 
 def record(

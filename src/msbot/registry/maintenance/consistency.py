@@ -14,7 +14,7 @@ from msbot.registry.edits import wires
 from msbot.registry.edits.user_statements import ROLES
 
 MOST_TOLD = 100
-"""So many findings are told at most."""
+"""At most this many findings are reported."""
 
 
 def find(connection: Connection) -> list[str]:

@@ -26,7 +26,7 @@ from msbot.registry.registry import BUSY_TIMEOUT_S, open_registry
 from msbot.registry.running import run_lock
 
 _ROWS = 1000
-"""So many rows are copied at a time."""
+"""How many rows are copied at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ def back_up(address: str, target: Path) -> int:
                 with told_as_registry_error(str(target)), _writing(copy) as connection, connection.begin():
                     rows = _copy(source, connection)
                 with told_as_registry_error(str(target)), copy.connect() as connection:
-                    # The copy shall be one file.
+                    # The copy should be one file.
                     connection.exec_driver_sql("COMMIT")
                     connection.exec_driver_sql("PRAGMA journal_mode = DELETE")
         finally:

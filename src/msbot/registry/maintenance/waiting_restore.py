@@ -1,4 +1,4 @@
-"""A backup that a person has handed to a running robot: it waits beside the database until the master starts anew.
+"""A backup that a person has handed to a running robot: it waits beside the database until the master restarts.
 
 A database cannot be exchanged under a running robot. What waits is one file, `robot.db.restore`; bringing it back
 removes it, and keeps what the database had, as `msbot db restore` does.
@@ -26,7 +26,7 @@ def hold(address: str, content: bytes, *, needs_administrator: bool = True) -> P
         needs_administrator: refuse one without: where people sign in, nobody could any more.
 
     Raises:
-        RegistryError: it is no usable backup, the database is no file, or the folder cannot be written.
+        RegistryError: it is not a usable backup, the database is not a file, or the folder cannot be written.
     """
     place = _place_of(address)
     if place is None:

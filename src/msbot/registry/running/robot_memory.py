@@ -1,6 +1,6 @@
 """All that a running robot needs of its database, read in one go: it never asks the database again.
 
-What people change, here or in another process, is read anew by the writer's thread after the change is stored.
+What people change, here or in another process, is read again by the writer's thread after the change is stored.
 """
 
 from __future__ import annotations

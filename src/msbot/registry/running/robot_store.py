@@ -28,7 +28,7 @@ STRANGERS_ROWS = 10_000
 STRANGERS = 1_000
 """Parts that never were in a slot and are kept nevertheless."""
 PRUNE_EVERY = 1_000
-"""So many lines are written before old ones are looked for."""
+"""How many lines are written before old ones are looked for."""
 
 
 class RobotStore:

@@ -84,7 +84,7 @@ class Neighbours:
         return any(guid[:12] == participant and not peer.is_writer for guid, peer in peers.items())
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         for reader, condition, token in self._readers:
             self._waiter.detach(condition, token)
             self._library.calls.dds_delete(reader)

@@ -24,7 +24,7 @@ SAMPLE_LOST = 1 << 5
 REQUESTED_STATUSES = SUBSCRIPTION_MATCHED | REQUESTED_INCOMPATIBLE | SAMPLE_LOST
 
 MAX_PEERS = 1024
-"""Writers of others whose samples are numbered; beyond, the numbers begin anew."""
+"""Writers of others whose samples are numbered; beyond, the numbers start over."""
 
 INTRODUCTION_S = 1.0
 """How long a request waits at most for its requester's reader to be discovered."""
@@ -130,7 +130,7 @@ class Inlet(Crossing):
 
 
 class RequestInlet(Inlet):
-    """Requests: who asked stands in front of the body.
+    """Requests: the requester's identity precedes the body.
 
     A requester may know this side a moment before this side knows where it listens, and an answer would be lost. So
     its first requests wait until its reader of the replies is known, for `INTRODUCTION_S` at most.
@@ -175,7 +175,7 @@ class RequestInlet(Inlet):
 
 
 class ReplyInlet(Inlet):
-    """Replies: whom they answer stands in front of the body."""
+    """Replies: the identity they answer precedes the body."""
 
     __slots__ = ("_asker_of",)
 

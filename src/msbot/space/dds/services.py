@@ -39,7 +39,7 @@ def request_topic(replies: str) -> str:
 
 
 def short(guid: Guid) -> bytes:
-    """The 8 octets that tell a requester of ours."""
+    """The 8 octets that identify one of our requesters."""
     return blake2b(guid, digest_size=8).digest()
 
 

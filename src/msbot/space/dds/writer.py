@@ -163,7 +163,7 @@ class DdsWriter:
 
 
 class ServiceWriter(DdsWriter):
-    """A writer of requests or replies, whose identity stands in front of the body in DDS."""
+    """A writer of requests or replies, whose identity precedes the body in DDS."""
 
     __slots__ = ()
 

@@ -100,7 +100,7 @@ class Accounts:
         return self._setup_token
 
     async def set_up(self, token: str, name: str, password: str) -> Session:
-        """Make the first administrator; the link works no more afterwards.
+        """Make the first administrator; the link no longer works afterwards.
 
         Raises:
             SignInRefused: it is not the link's word, or somebody has used it.
@@ -226,7 +226,7 @@ class Accounts:
         self.sessions.end(session)
 
     def require(self, session: Session, right: Right) -> None:
-        """Check at the moment of the deed that the session still holds and has that right.
+        """Check at the moment of the action that the session still holds and has that right.
 
         Raises:
             SignedOut: it has ended.
@@ -316,7 +316,7 @@ class Accounts:
         self.sessions.end_all_of(name)
 
     async def remove_user(self, name: str, *, who: str) -> None:
-        """Let a person in no more.
+        """Remove a person, who can no longer sign in.
 
         Raises:
             ConfigError: there is no such user, or it is the last administrator.

@@ -31,7 +31,7 @@ ADDRESS_STEP_S, ADDRESS_BURST = 0.5, 40
 TOTAL_STEP_S, TOTAL_BURST = 0.2, 80
 """The same for all addresses together."""
 LONGEST_WAIT_S = 10.0
-"""So long at most an attempt waits for its turn; more are turned away at once."""
+"""How long at most an attempt waits for its turn; more are turned away at once."""
 _EVERYWHERE = "everywhere"
 
 

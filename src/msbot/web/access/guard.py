@@ -228,7 +228,7 @@ def _cookie_in(header: str, name: str) -> str:
 
 
 def _is_own_origin(headers: Headers) -> bool:
-    """Browsers say where a changing request comes from; what says nothing is no browser, and has no cookie to steal."""
+    """Browsers say where a changing request comes from; what says nothing is not a browser, and has no cookie to steal."""
     origin = headers.get("origin")
     if origin is None:
         return headers.get("sec-fetch-site", "same-origin") in ("same-origin", "none")

@@ -52,7 +52,7 @@ class Argon2Hasher:
         return await asyncio.get_running_loop().run_in_executor(self._threads, self._argon2.hash, password)
 
     async def matches(self, stored: str, password: str) -> bool:
-        """See `Hasher.matches`; a stored text that is no hash matches nothing."""
+        """See `Hasher.matches`; a stored text that is not a hash matches nothing."""
         return await asyncio.get_running_loop().run_in_executor(self._threads, self._verify, stored, password)
 
     def is_outdated(self, stored: str) -> bool:
@@ -60,7 +60,7 @@ class Argon2Hasher:
         return self._argon2.check_needs_rehash(stored)
 
     def close(self) -> None:
-        """Work out no more hashes."""
+        """Stop working out hashes."""
         self._threads.shutdown(wait=False, cancel_futures=True)
 
     def _verify(self, stored: str, password: str) -> bool:

@@ -73,7 +73,7 @@ class Sessions:
         self._listeners: list[Callable[[Session], None]] = []
 
     def on_end(self, listener: Callable[[Session], None]) -> None:
-        """Call `listener` with every session that ends, or whose pages must be made anew because the role changed."""
+        """Call `listener` with every session that ends, or whose pages must be rebuilt because the role changed."""
         self._listeners.append(listener)
 
     def begin(self, name: str, role: Role, *, is_lasting: bool = False) -> Session:
@@ -112,7 +112,7 @@ class Sessions:
                 self.end(session)
 
     def change_role(self, name: str, role: Role) -> None:
-        """Give the sessions of a person another role; their open pages are made anew."""
+        """Give the sessions of a person another role; their open pages are rebuilt."""
         for session in self.of(name):
             if session.role is not role:
                 session.role = role

@@ -19,7 +19,7 @@ from msbot.web.language import language_of
 _LONGEST_FORM = 10_000
 _MOST_FIELDS = 10
 _DEVICE_S = 365 * 24 * 3600
-"""So long a browser remembers who has signed in with it."""
+"""How long a browser remembers who has signed in with it."""
 
 
 def make_forms(accounts: Accounts, robot: str, cookies: CookieNames) -> APIRouter:

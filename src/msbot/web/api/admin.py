@@ -43,7 +43,7 @@ def make_admin_api(service: Service) -> APIRouter:
 
     @router.delete("/users/{name}")
     async def remove_user(session: SignedIn, name: UserName) -> Done:
-        """Let a person in no more."""
+        """Remove a person, who can no longer sign in."""
         return await service.remove_user(session, name)
 
     @router.post("/users/{name}/tokens")

@@ -351,7 +351,7 @@ class UserLine(Model):
 
 
 class NewUser(Model):
-    """A person who shall be able to sign in."""
+    """A person who is to be able to sign in."""
 
     name: str
     role: str

@@ -18,7 +18,7 @@ from msbot.operations.rights import Right
 from msbot.web.pages.layout import Page
 
 HELD_S = 3.0
-"""A port is held for so long at a time."""
+"""A port is held for this long at a time."""
 RENEW_S = 1.0
 COLOUR = ["red", "green", "blue"]
 RANGES = {"%": (-100.0, 100.0), "deg": (-180.0, 180.0), "Hz": (0.0, 5000.0), "1/min": (-600.0, 600.0), "s": (0.0, 60.0)}

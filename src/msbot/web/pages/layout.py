@@ -33,7 +33,7 @@ _log = logging.getLogger(__name__)
 LOOK_S = 0.5
 """Pages look at the robot that often."""
 CHECK_S = 3.0
-"""So long at most a page stays open whose person was signed out elsewhere, or removed."""
+"""How long at most a page stays open after its person was signed out elsewhere, or removed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ Refresh = Callable[[], Coroutine[object, object, None] | None]
 
 @dataclass(slots=True)
 class Page:
-    """One opened page: for whom, in which language, and how its deeds are done."""
+    """One opened page: for whom, in which language, and how its actions are done."""
 
     service: Service
     session: Session
@@ -132,7 +132,7 @@ class Page:
         return done
 
     def every_look(self, refresh: Refresh, owner: ui.element | None = None) -> None:
-        """Call something now, twice a second, and at once after each deed, as long as page and owner are there."""
+        """Call something now, twice a second, and at once after each action, as long as page and owner are there."""
         self._call(refresh)
         self.refreshers.append((refresh, owner))
 

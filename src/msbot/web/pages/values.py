@@ -1,6 +1,6 @@
 """The parameters of one slot as a form: kind, range, unit, default and origin; a change is live at once.
 
-What stands in a field is what holds: a refused value goes back to it, and what others change shows here, too.
+What is in a field is what holds: a refused value goes back to it, and what others change shows here, too.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def values_panel(page: Page, slot: str) -> None:
 
 
 class _Form:
-    """The lines of a slot, read anew whenever somebody has changed something."""
+    """The lines of a slot, read again whenever somebody has changed something."""
 
     def __init__(self, page: Page, slot: str) -> None:
         self._page = page

@@ -1,4 +1,4 @@
-"""The wires page: who publishes what to whom, drawn with rates; wired anew by mouse or keyboard, each change undoable."""
+"""The wires page: who publishes what to whom, drawn with rates; wired again by mouse or keyboard, each change undoable."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def register(service: Service) -> None:
 
 
 class _Drawing:
-    """The graph; drawn anew only when the wiring has changed, so that it stands still under a person's hand."""
+    """The graph; drawn again only when the wiring has changed, so that it stays still under a person's hand."""
 
     def __init__(self, page: Page) -> None:
         self._page = page

@@ -112,7 +112,7 @@ def sparkline(
         return render("sparkline", width=width, height=height, points="", words=language.say("no curve yet"))
     low = min(values) if least is None else min(least, *values)
     high = max(values)
-    # The last digit of a value that stands still is no mountain.
+    # The last digit of a value that stays still is not a mountain.
     span = max(high - low, CALM * max(abs(high), abs(low))) or 1.0
     low -= (span - (high - low)) / 2 if least is None else 0.0
     step = (width - 4) / (len(values) - 1)

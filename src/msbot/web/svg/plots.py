@@ -99,7 +99,7 @@ def curve_svg(curves: Sequence[Curve], span_s: float, now: float, language: Lang
 
 
 def thinned(points: Sequence[tuple[float, float]], most: int) -> Sequence[tuple[float, float]]:
-    """At most so many points that show the same curve: of each step its least and its greatest."""
+    """At most this many points that show the same curve: of each step its least and its greatest."""
     if len(points) <= most:
         return points
     step = -(-len(points) * 2 // most)

@@ -1,6 +1,6 @@
 """Classic CDR (XCDR version 1), the way every structure of DDS-XRCE is written.
 
-Each number stands at a multiple of its own size (1, 2, 4 or 8), counted from an origin: the first octet of the message
+Each number is at a multiple of its own size (1, 2, 4 or 8), counted from an origin: the first octet of the message
 for submessages, of the blob for BINARY representations, of the sample for user data. A string has its length with the
 closing NUL in front, a sequence its count, an optional member a boolean (OMG CORBA 3 §9.3, XRCE 1.0 §8.3; seen on the
 wire). Padding is written as zero and not looked at when reading.

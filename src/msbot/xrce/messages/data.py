@@ -118,7 +118,7 @@ class ReadData:
     request_id: int
     object_id: int
     stream_id: int
-    """Stream on which the samples shall come."""
+    """Stream on which the samples should come."""
     delivery: DeliveryControl | None = None
     """None = exactly one sample."""
     data_format: int = 0

@@ -27,7 +27,7 @@ class ObjectVariant:
     """The description of an object in a CREATE, not looked into yet: `parse_variant` does that."""
 
     kind: int
-    """What shall be made; the kind in the object id does not count (seen on the wire)."""
+    """What should be made; the kind in the object id does not count (seen on the wire)."""
     format: int
     """1 reference, 2 XML, 3 binary; others have no contents and cannot be parsed."""
     text: str | None = None

@@ -1,4 +1,4 @@
-"""Submessages by which a stream works: acknowledge, announce, begin anew, carry a piece (XRCE 1.0 §8.3.5.11 to 14)."""
+"""Submessages by which a stream works: acknowledge, announce, start over, carry a piece (XRCE 1.0 §8.3.5.11 to 14)."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Heartbeat:
 
 @dataclass(slots=True)
 class Reset:
-    """All streams of the session begin anew (XRCE 1.0 §8.3.5.13); objects stay, no answer."""
+    """All streams of the session start over (XRCE 1.0 §8.3.5.13); objects stay, no answer."""
 
     ID: ClassVar[int] = SubmessageId.RESET
 

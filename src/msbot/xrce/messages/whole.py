@@ -18,7 +18,7 @@ def is_whole(packet: bytes) -> bool:
     """Whether the octets are one message without a client key in its header, and nothing but that.
 
     Its submessages are all known, make sense and fill it to the last octet. Of a message up to 32 KiB without its
-    first 7 octets this is never true: what is left begins with the high half of a length, which is no session id.
+    first 7 octets this is never true: what is left begins with the high half of a length, which is not a session id.
     """
     if len(packet) < 2 * HEADER_SIZE or packet[0] < SESSION_NONE:
         return False

@@ -1,4 +1,4 @@
-"""From an XML element to a definition: the same elements stand in a CREATE and in a profile file.
+"""From an XML element to a definition: the same elements are in a CREATE and in a profile file.
 
 The names are those of Fast DDS profiles, which eProsima's clients send. Unknown elements and attributes are ignored.
 """

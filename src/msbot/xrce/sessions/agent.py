@@ -133,9 +133,9 @@ class AgentSession(Session[AgentEvent]):
         self._sender.answer(GetInfo(REQUEST_NONE, OBJECT_CLIENT, _MASK_CONFIGURATION).encode())
 
     def relogin(self, mtu: int | None = None) -> None:
-        """The client has logged in again with the same session id: all streams begin anew.
+        """The client has logged in again with the same session id: all streams start over.
 
-        DEVIATION: the genuine agent ignores the new `mtu`; a client that was built anew may take less than before.
+        DEVIATION: the genuine agent ignores the new `mtu`; a client that was rebuilt may take less than before.
         """
         if mtu is None:
             self._restart_streams()
@@ -144,7 +144,7 @@ class AgentSession(Session[AgentEvent]):
             self._restart_streams(Envelope(self.session_id, self.client_key, self.mtu, pads=False))
 
     def reset(self) -> None:
-        """Begin all streams anew, as on RESET."""
+        """Start all streams over, as on RESET."""
         self._restart_streams()
 
     def _refusal(self, packet: bytes, stream_id: int) -> str | None:  # noqa: ARG002 - the client's end looks at it

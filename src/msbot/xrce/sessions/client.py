@@ -4,9 +4,9 @@ Theory of operation. A login or logout is repeated until it is answered or the t
 and samples that are booked in one turn of the owner are packed into as few messages as they fit, which the next
 `packets_to_send` finishes.
 
-The agent begins its streams anew with every CREATE_CLIENT it gets. A client that had to repeat itself is therefore told
+The agent starts its streams over with every CREATE_CLIENT it gets. A client that had to repeat itself is therefore told
 "yes" more than once, and the samples between two of these answers are numbered from 0 twice; so every further answer
-that repetitions explain begins the input anew. An answer that nothing explains is a copy as long as nothing was sent
+that repetitions explain starts the input over. An answer that nothing explains is a copy as long as nothing was sent
 in the session; later it may mean that a late login has reached the agent, so the owner is told (SessionRestarted).
 
 ::

@@ -74,7 +74,7 @@ class InfoRequested:
 
 @dataclass(slots=True)
 class SessionReset:
-    """The client has begun its streams anew (RESET); objects and reads stay."""
+    """The client has started its streams over (RESET); objects and reads stay."""
 
 
 @dataclass(slots=True)
@@ -103,7 +103,7 @@ class Connected:
 
 @dataclass(slots=True)
 class SessionRestarted:
-    """The agent has begun the open session anew, though it was not asked to: connect again.
+    """The agent has started the open session over, though it was not asked to: connect again.
 
     A login that was late or doubled on its way has reached it. Its streams begin at 0 and ours do not, so samples
     would be taken for repetitions, and be lost without a trace.

@@ -1,4 +1,4 @@
-"""What both ends of a session do alike: receiving through streams, acknowledging, telling the owner.
+"""What both ends of a session have in common: receiving through streams, acknowledging, telling the owner.
 
 Theory of operation. `receive_packet` runs a message through its stream and then submessage by submessage through
 `_handle`, which turns each into an event. The ACKNACK is put behind the events that the message caused and is booked
@@ -214,7 +214,7 @@ class Session(ABC, Generic[Event]):
         """Take one submessage of another kind; False ends the message."""
 
     def _restart_streams(self, envelope: Envelope | None = None) -> None:
-        """Begin all streams anew, both ways; forget what waits, what is held and what is half collected."""
+        """Start all streams over, both ways; forget what waits, what is held and what is half collected."""
         self._restart_input()
         if self._acknacks:
             # Only then: a message may consist of thousands of RESETs, each with its event.

@@ -26,6 +26,6 @@ def compare_clocks(reply: TimestampReply, asked_ns: int, arrived_ns: int) -> Tim
 
 
 def _nearest(time_ns: int, reference_ns: int) -> int:
-    """The one of the times that look alike on the wire that is nearest to the reference."""
+    """Of the times that look the same on the wire, the one nearest to the reference."""
     circles = (reference_ns - time_ns + CIRCLE_NS // 2) // CIRCLE_NS
     return time_ns + circles * CIRCLE_NS

@@ -116,7 +116,7 @@ class ReliableInput:
         return len(self._held)
 
     def reset(self) -> None:
-        """Begin anew: the next message expected is number 0."""
+        """Start over: the next message expected is number 0."""
         for packet in self._held.values():
             self._memory.give(len(packet))
         self._held.clear()

@@ -212,7 +212,7 @@ class SessionOutput:
                 self._counters.heartbeats_out += 1
 
     def reset(self, envelope: Envelope | None = None) -> list[int]:
-        """Begin all streams anew and forget what waits; returns the streams that had refused something."""
+        """Start all streams over and forget what waits; returns the streams that had refused something."""
         self._envelope = envelope or self._envelope
         self.round_trip = RoundTrip()
         refused = [stream.stream_id for stream in self._reliable.values() if stream.refused]

@@ -1,6 +1,6 @@
 """What a controller reports about its bus, in words (error frames of SocketCAN, linux/can/error.h).
 
-An error frame is no frame of the bus: its identifier word holds the classes of what happened, its 8 data octets the
+An error frame is not a frame of the bus: its identifier word holds the classes of what happened, its 8 data octets the
 details, octets 6 and 7 the error counters (ISO 11898-1:2015 12.1.4) where the driver gives them.
 """
 

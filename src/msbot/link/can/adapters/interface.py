@@ -1,7 +1,7 @@
 """What Linux knows of a CAN interface, and the commands that make it usable.
 
 One question to the kernel (rtnetlink, RTM_GETLINK) tells whether the interface is there and up, its bit rates, its
-state and whether it bears CAN FD. Nobody needs rights for that; a restart after bus-off needs CAP_NET_ADMIN.
+state and whether it supports CAN FD. Nobody needs rights for that; a restart after bus-off needs CAP_NET_ADMIN.
 """
 
 from __future__ import annotations

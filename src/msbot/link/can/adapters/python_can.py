@@ -34,12 +34,12 @@ Value = str | int | float | bool
 MAILBOXES: Final = 3
 """Frames that an adapter is given at a time; what waits behind them can be overtaken by STOP."""
 WAIT_S: Final = 0.1
-"""Longest time that a thread waits in the library before it looks whether it shall end."""
+"""Longest time that a thread waits in the library before it looks whether it should end."""
 AGAIN_S: Final = 0.005
 END_S: Final = 2.0
 """A thread that an adapter's library does not let go is left to itself after this time."""
 GIVE_UP_S: Final = 5.0
-"""An adapter that takes a frame not even after this time is opened anew."""
+"""An adapter that has not taken a frame after this time is reopened."""
 FRAMES_AT_ONCE: Final = 256
 
 _LIBRARIES: Final = {
@@ -180,7 +180,7 @@ class PythonCanChannel:
         return self._in_flight
 
     def restart(self) -> None:
-        """See `Channel`: python-can knows no restart, so the adapter is opened anew."""
+        """See `Channel`: python-can knows no restart, so the adapter is reopened."""
         self._owner.lost(self, "the adapter is opened anew after bus-off")
 
     async def close(self) -> None:

@@ -4,7 +4,7 @@ Theory of operation. The event loop's reader call-back reads frames until the ke
 in one go. Frames are sent at once; the socket's send buffer is kept as small as the kernel allows, so that few frames
 wait behind it where nothing can overtake them. A full buffer (EAGAIN) ends when the socket can be written again; a
 full queue of the interface (ENOBUFS, several programs send) never shows there, so it is tried again after a moment.
-The kernel tells of a lost interface once, by ENETDOWN or ENODEV; the driver then opens it anew when it is up again.
+The kernel tells of a lost interface once, by ENETDOWN or ENODEV; the driver then reopens it when it is up again.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class SocketCanAdapter:
         Args:
             wanted: the interface, and how it is to be used.
             info: what the driver tells of it.
-            filters: what shall be heard; None = everything.
+            filters: what should be heard; None = everything.
             error_frames: hand the controller's reports over as frames, too (for tools that show them).
             find: asks the kernel for an interface.
             connect: opens a socket; the kernel's if absent.

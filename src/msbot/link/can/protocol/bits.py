@@ -178,7 +178,7 @@ class _Writer:
     def close_fd(self) -> None:
         """Stuff count and CRC of an FD frame, with their fixed stuff bits."""
         if self.bits[-1].stuff:
-            # There shall not be two stuff bits in a row: the fixed one, of the same level, takes the place.
+            # There should not be two stuff bits in a row: the fixed one, of the same level, takes the place.
             self.bits.pop()
             self._stuffed -= 1
         width, polynomial = (17, CRC17_POLYNOMIAL) if self._size <= 16 else (21, CRC21_POLYNOMIAL)

@@ -67,7 +67,7 @@ class CanDecoder:
 
         Args:
             explain: says what a packet means.
-            decompress: undoes header compression; raises RemoteProtocolError on octets that are no short form.
+            decompress: undoes header compression; raises RemoteProtocolError on octets that are not a short form.
             ids: identifier bases, when the bus is shared with other equipment.
         """
         self._explain = explain

@@ -85,7 +85,7 @@ class Beacon:
     flags: int
     """Capabilities the master offers (`CAN_FD`, `COMPRESSION`), and whether it is `STARTING`."""
     epoch: int
-    """Drawn anew at every start of the master; 14 bits."""
+    """Drawn afresh at every start of the master; 14 bits."""
     profile_hash: int
     """CRC-32 of robot name, version and serial number."""
 

@@ -35,7 +35,7 @@ from msbot.link.can.protocol.node_ids import NodeIds
 
 BEACON_PERIOD_S: Final = 1.0
 STARTING_S: Final = 1.5
-"""So long after its first beacon has left the controller a master counts as starting: another one's beacon stops it.
+"""How long after its first beacon has left the controller a master counts as starting: another one's beacon stops it.
 The other answers ours at once, so this is ample."""
 HEARD_S: Final = 0.3
 """Whoever was on the bus for this long was there before a master that says that it starts: that one heard nothing."""
@@ -94,7 +94,7 @@ class JoinedPart:
     heard_at: float
     """When the last frame of it came; set by the link, which sees the data frames."""
     spoke: bool = False
-    """It has sent data since it joined: another JOIN means that it has started anew."""
+    """It has sent data since it joined: another JOIN means that it has restarted."""
 
 
 @dataclass(slots=True)

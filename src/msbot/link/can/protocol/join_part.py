@@ -1,7 +1,7 @@
 """Addresses that nobody types: how a part gets its node id. The master's side is `join_master.py`.
 
 Theory of operation. A part says JOIN with its UID, again after 10, 20, 40, ... ms (at most 1 s, +-25 % at random)
-until an ASSIGN with its UID comes. The master says BEACON each second; in it stands the `epoch`, drawn anew whenever
+until an ASSIGN with its UID comes. The master says BEACON each second; it carries the `epoch`, drawn afresh whenever
 a master starts, so that a part notices a restart and joins again at once.
 
 ====================  =======================================  ======================================================

@@ -117,7 +117,7 @@ class SimAdapter:
             folder: where the names of buses are; the user's folder for such files if absent.
 
         Raises:
-            ConfigError: it is no name.
+            ConfigError: it is not a name.
         """
         check_name(wish.name)
         self._wish = wish

@@ -49,7 +49,7 @@ class SimBusDriver:
 
         Args:
             name: unique on this bus, for `plug` and `unplug`.
-            fd: whether it bears CAN FD; None = as the bus.
+            fd: whether it supports CAN FD; None = as the bus.
 
         Raises:
             LinkDown: the name is taken.

@@ -101,7 +101,7 @@ def find_bus(name: str, folder: Path | None = None) -> NamedBus | None:
     """The bus of that name, when a running process serves one.
 
     Raises:
-        ConfigError: it is no name, or the folder is not the user's own.
+        ConfigError: it is not a name, or the folder is not the user's own.
     """
     folder = folder or running_folder()
     path = _path(check_name(name), folder)
@@ -120,7 +120,7 @@ def check_free(name: str, folder: Path | None = None) -> None:
 
     Raises:
         LinkDown: a running process serves one.
-        ConfigError: it is no name, or the folder is not the user's own.
+        ConfigError: it is not a name, or the folder is not the user's own.
     """
     other = find_bus(name, folder)
     if other is not None:
@@ -135,7 +135,7 @@ def existing_bus(name: str, folder: Path | None = None) -> NamedBus:
 
     Raises:
         LinkDown: there is none; the text says how to start it, and which there are.
-        ConfigError: it is no name, or the folder is not the user's own.
+        ConfigError: it is not a name, or the folder is not the user's own.
     """
     bus = find_bus(name, folder)
     if bus is None:

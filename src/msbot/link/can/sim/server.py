@@ -2,9 +2,10 @@
 
 Theory of operation. The bus runs on the event loop's clock (`SimBusDriver`), so frames of other programs take part in
 arbitration at the moment they arrive here. A program may hand over as many frames as a controller holds; each is
-answered, in whatever order they leave. Who only listens is no controller: it hears every frame that went well, and
-the bus does not notice it. Whoever talks nonsense is dropped, counted and said once. A program that does not read
-loses frames, as one with a full receive buffer does, and is told how many; meanwhile nothing more is taken from it.
+answered, in whatever order they leave. A program that only listens is not a controller: it hears every frame that got
+through, and the bus does not notice it. A program that talks nonsense is dropped, counted and logged once. One that
+does not read loses frames, as a controller with a full receive buffer does, and is told how many; meanwhile nothing
+more is taken from it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Simulated buses as people write them: `sim:classroom`, `sim:classroom?bitrate=250000&fd=1`.
 
-What stands behind `sim:` is the name of a bus that any program of this user can join; options matter to whoever
+What follows `sim:` is the name of a bus that any program of this user can join; options matter to whoever
 serves it (the master, when nobody does yet), and for others they are what the bus must be.
 """
 
@@ -41,7 +41,7 @@ def open_sim_bus(rest: str, *, node: str, listen_only: bool) -> CanDriver:
     """A controller on a simulated bus that is being served, for tools that work with frames.
 
     Args:
-        rest: what stands behind `sim:`.
+        rest: what follows `sim:`.
         node: what the controller is called, for people who watch the bus.
         listen_only: neither send nor acknowledge.
 
@@ -52,7 +52,7 @@ def open_sim_bus(rest: str, *, node: str, listen_only: bool) -> CanDriver:
 
 
 def parse_sim(rest: str) -> SimBusWish:
-    """What stands behind the scheme.
+    """What follows the scheme.
 
     Raises:
         ConfigError: it names no bus, or an option makes no sense.

@@ -109,7 +109,7 @@ class BusThread(threading.Thread):
 
 @atexit.register
 def _end_all() -> None:
-    """Who forgets to shut a bus down leaves no name behind."""
+    """A bus that somebody forgot to shut down leaves no name behind."""
     with _lock:
         threads = [thread for thread, _ in _served.values()]
         _served.clear()

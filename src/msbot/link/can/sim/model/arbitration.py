@@ -197,7 +197,7 @@ def plan_attempt(start: float, senders: list[SimNode], listeners: list[SimNode],
 
 
 def fall_silent(attempt: Attempt, now: float, rates: Rates, *, stuck: bool) -> Attempt:
-    """Work out an attempt anew whose bus turns recessive at `now`.
+    """Work out again an attempt whose bus turns recessive at `now`.
 
     Args:
         attempt: as planned.

@@ -3,9 +3,9 @@
 Theory of operation. The bus knows no clock. `submit` puts a frame into a node's controller at a time; whenever the
 bus can be free, the next attempt is worked out to its end (`arbitration.py`), and `next_event_at` says when its effects
 show. `advance` lets them happen. Nodes that get ready within the first bit of an attempt still take part in its
-arbitration: the attempt is worked out anew. A failed attempt leaves the frame in the controller, so it is repeated,
+arbitration: the attempt is worked out again. A failed attempt leaves the frame in the controller, so it is repeated,
 as every CAN controller does. Of the frames in a controller the one with the lowest identifier is tried first, of equal
-ones the oldest (as in bxCAN and M_CAN), so STOP need not wait for what stands before it.
+ones the oldest (as in bxCAN and M_CAN), so STOP need not wait for what precedes it.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class SimBus:
     # Nodes
 
     def attach(self, name: str, *, fd: bool | None = None) -> int:
-        """Add a controller, plugged in and integrated; `fd` says whether it bears CAN FD (None = as the bus)."""
+        """Add a controller, plugged in and integrated; `fd` says whether it supports CAN FD (None = as the bus)."""
         self._next_id += 1
         self._nodes[self._next_id] = SimNode(name, self.fd if fd is None else fd, self._next_id)
         self._hearing = None

@@ -47,7 +47,7 @@ class Hello:
     listen_only: bool = False
     """It neither sends nor acknowledges."""
     classic: bool = False
-    """The controller does not bear CAN FD."""
+    """The controller does not support CAN FD."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ class StateTold:
 
 @dataclass(frozen=True, slots=True)
 class FramesLost:
-    """So many frames could not be handed over because the program did not read."""
+    """This many frames could not be handed over because the program did not read."""
 
     count: int
 
