@@ -7,11 +7,13 @@ wire). A CREATE_CLIENT inside a session is ignored.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Hashable
 from dataclasses import replace
 
 from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.gate import ClientInfo, Gate
+from msbot.agent.join_queue import JoinQueue
 from msbot.agent.limits import MIN_MTU, AgentSettings
 from msbot.agent.proxy import Proxy
 from msbot.agent.rivals import PATIENCE_ON_A_BUS_S, PATIENCE_S, Rivals
@@ -21,6 +23,7 @@ from msbot.link import Peer
 from msbot.runtime.sentence import said
 from msbot.xrce import Status
 from msbot.xrce.messages import (
+    ASKS_AGAIN,
     COOKIE,
     SESSION_NONE,
     SESSION_NONE_KEYED,
@@ -60,13 +63,14 @@ class Handshake:
 
     def __init__(
         self, clients: ClientTable, gate: Gate, settings: AgentSettings, *, budget: SessionBudget, rivals: Rivals,
-        open_session: OpenSession, end_session: EndSession,
+        queue: JoinQueue, open_session: OpenSession, end_session: EndSession,
     ) -> None:  # fmt: skip
         self._clients = clients
         self._gate = gate
         self._settings = settings
         self._budget = budget
         self._rivals = rivals
+        self._queue = queue
         self._open_session = open_session
         self._end_session = end_session
 
@@ -80,8 +84,12 @@ class Handshake:
             return None
         match submessage:
             case CreateClient() if header.session_id in (SESSION_NONE, SESSION_NONE_KEYED):
+                wait_s = self._wait_s(port, peer, submessage, now)
+                if wait_s:
+                    port.dropped.count("login put off: many join at once")
+                    return _come_back(header, submessage, wait_s)
                 status = self._log_in(port, peer, submessage, now)
-                return _status_agent(header, submessage, status)
+                return _status_agent(header, submessage, StatusAgent(status))
             case GetInfo():
                 # In a session of another id than its present one a client is unknown, so that it logs in again.
                 is_outside = header.session_id in (SESSION_NONE, SESSION_NONE_KEYED)
@@ -90,6 +98,15 @@ class Handshake:
                 return _deleted(header, submessage)
         port.dropped.count("packet without a session")
         return None
+
+    def _wait_s(self, port: ServedLink, peer: Peer, request: CreateClient, now: float) -> float:
+        """How long this login has to wait for its turn; a client that has a session, or needs none, has not."""
+        link = port.link
+        if port.batch is not None or _check(request) is not Status.OK or self._clients.sharing(request.client_key):
+            return 0.0
+        if self._gate.is_settled(ClientInfo(request.client_key, link.info.name, peer, "")):
+            return 0.0
+        return self._queue.wait_s((link.info.name, peer), (link.info.name, link.origin(peer)), now)
 
     def _log_in(self, port: ServedLink, peer: Peer, request: CreateClient, now: float) -> Status:
         owner = port.clients.get(peer)
@@ -120,6 +137,8 @@ class Handshake:
                 return Status.ERR_RESOURCES
             known = self._open_session(info, port, request, now)
             self._budget.add(known, (link.info.name, origin))
+            if port.batch is None and not self._gate.is_settled(info):
+                self._queue.enter(known, (link.info.name, origin), now)
             if others:
                 self._rivals.begin(known, others, (link.info.name, origin), now)
         self._clients.place(known, port, peer)
@@ -176,10 +195,18 @@ def _check(request: CreateClient) -> Status:
     return Status.OK
 
 
-def _status_agent(header: Header, request: CreateClient, status: Status) -> bytes:
+def _come_back(header: Header, request: CreateClient, wait_s: float) -> bytes | None:
+    """Stock clients give up when they are refused, so they get no answer, and repeat their question."""
+    if ASKS_AGAIN not in (request.properties or ()):
+        return None
+    tenths = min(255, math.ceil(wait_s * 10))
+    return _status_agent(header, request, StatusAgent(Status.ERR_RESOURCES, tenths))
+
+
+def _status_agent(header: Header, request: CreateClient, status: StatusAgent) -> bytes:
     key = request.client_key if request.session_id < SESSION_NONE else None
     answer = Header(request.session_id, header.stream_id, header.sequence_nr, key)
-    return encode_message(answer, [StatusAgent(status)], pad_end=False)
+    return encode_message(answer, [status], pad_end=False)
 
 
 def _info(header: Header, request: GetInfo, *, is_known: bool) -> bytes:

@@ -44,6 +44,9 @@ class AgentSettings:
     """Sessions of clients that the gate does not call settled; beyond, the oldest of them goes."""
     max_unsettled_of_address: int = 2048
     """The same for those of one address: a computer, a serial port, a node of a bus."""
+    max_joining: int = 64
+    """Clients that may be on their way from their login to being settled at a time; the others are told when to ask
+    again, or left to ask again by themselves. Not on links whose rate is bounded by their medium."""
     max_objects: int = 256
     """Objects of one client; more are answered ERR_RESOURCES."""
     max_objects_unsettled: int = 64

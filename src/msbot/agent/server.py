@@ -17,6 +17,7 @@ from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.flushing import Flusher
 from msbot.agent.gate import ClientInfo, Gate, OpenGate
 from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
+from msbot.agent.join_queue import JoinQueue
 from msbot.agent.limits import AgentSettings
 from msbot.agent.object_tree import ObjectBudget
 from msbot.agent.proxy import Proxy, Surroundings
@@ -63,12 +64,16 @@ class Agent:
         self._clients = ClientTable()
         self._budget = SessionBudget(self._gate, self._settings)
         self._rivals = Rivals(self._clients, self._gate, self._call_at, self._end_session)
+        self._queue = JoinQueue(
+            self._gate, places=self._settings.max_joining, most_waiting=self._settings.max_unsettled
+        )
         self._handshake = Handshake(
             self._clients,
             self._gate,
             self._settings,
             budget=self._budget,
             rivals=self._rivals,
+            queue=self._queue,
             open_session=self._open_session,
             end_session=self._end_session,
         )
@@ -310,6 +315,7 @@ class Agent:
             return
         proxy.is_over = True
         self._budget.remove(proxy)
+        self._queue.leave(proxy)
         self._rivals.forget(proxy)
         self._flusher.forget(proxy)
         proxy.close()

@@ -10,7 +10,7 @@ import asyncio
 import logging
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from random import Random
 
@@ -161,7 +161,7 @@ class ProgramRunner:
                 Client,
                 link,
                 key=key,
-                settings=settings,
+                settings=settings or replace(ClientSettings.for_link(link.info), asks_again=not link.info.shared_bus),
                 epoch_ns=epoch_ns,
                 random=random,
                 on_signal=self._signal_received,

@@ -24,8 +24,8 @@ from msbot.link import Link, Peer, Signal, SignalHandler
 from msbot.part.client.agent_watch import Watch, WatchStep
 from msbot.part.client.loop_turn import News, Turn
 from msbot.part.client.settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
-from msbot.xrce import ClientSession, ClientSessionSettings
-from msbot.xrce.messages import status_words
+from msbot.xrce import ClientSession, ClientSessionSettings, Status
+from msbot.xrce.messages import ASKS_AGAIN, status_words
 from msbot.xrce.sessions import (
     ClientEvent,
     Connected,
@@ -206,6 +206,7 @@ class Connection:
                 heartbeat_s=settings.heartbeat_s,
                 heartbeat_min_s=settings.heartbeat_min_s,
                 ids_by_rule=self.link.info.compresses,
+                login_properties=(ASKS_AGAIN,) if settings.asks_again else None,
             ),
             epoch_ns=self._epoch_ns,
         )
@@ -258,7 +259,7 @@ class Connection:
                 case SessionRestarted():
                     self.lose("the agent has begun the session anew: a late login has reached it", now)
                 case ConnectFailed():
-                    self._connect_failed(event.status, now)
+                    self._connect_failed(event, now)
                 case SessionClosed():
                     self._close_at = now
                 case _:
@@ -276,9 +277,15 @@ class Connection:
         if not pong.agent_knows_us and self.state is ConnectionState.CONNECTED:
             self.lose("the agent does not know this session any more", now)
 
-    def _connect_failed(self, status: int | None, now: float) -> None:
-        words = "no answer" if status is None else status_words(status)
+    def _connect_failed(self, failed: ConnectFailed, now: float) -> None:
         self._lost_at = None
+        wait_s = failed.implementation_status / 10
+        if failed.status == Status.ERR_RESOURCES and wait_s:
+            # The agent is there, and many join at once: it says when our turn may be.
+            self.reason = f"many join {self.link.info.name} at once: this one is asked to wait {wait_s:.1f} s"
+            self._login_at = now + wait_s * self._random.uniform(1.0, 1.25)
+            return
+        words = "no answer" if failed.status is None else status_words(failed.status)
         self._set_state(ConnectionState.LOST, f"the agent refused the session: {words}")
         self._login_at = now + self.settings.reopen_s * self._random.uniform(0.75, 1.25)
 

@@ -40,6 +40,9 @@ class ClientSettings:
     """Wait for an acknowledgement before a HEARTBEAT asks for it, as long as the round trip is not known."""
     heartbeat_min_s: float = 0.005
     """The same at least where messages get lost: there the wait follows the round trip."""
+    asks_again: bool = False
+    """Whether the login says that this client understands when it shall ask again, where many join at once; else it is
+    the login of a C client, octet by octet, and an agent that has no place yet does not answer it."""
     reopen_s: float = 1.0
     """Before the next try after the agent refused the session, or the link broke."""
     quiet_s: float = 2.0

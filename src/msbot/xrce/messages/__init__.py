@@ -2,6 +2,7 @@
 
 from msbot.xrce.messages.cdr import CdrReader, CdrWriter
 from msbot.xrce.messages.ids import (
+    ASKS_AGAIN,
     COOKIE,
     FIRST_REQUEST,
     OBJECT_AGENT,
@@ -51,6 +52,7 @@ from msbot.xrce.messages.message import (
 )
 
 __all__ = [
+    "ASKS_AGAIN",
     "COOKIE",
     "FIRST_REQUEST",
     "OBJECT_AGENT",

@@ -15,6 +15,10 @@ VERSION = b"\x01\x00"
 VENDOR = b"\x01\x0f"
 """Vendor id of eProsima, whose dialect is spoken here (the thesis builds on its client and agent)."""
 
+ASKS_AGAIN = ("msbot_asks_again", "1")
+"""Property of a client that, refused for want of resources, reads the octet of the implementation in STATUS_AGENT as
+the tenths of a second after which it shall ask again (MsBOT's own; agents pass over what they do not know)."""
+
 SESSION_NONE_KEYED = 0x00
 """No session yet; the client key follows in the header."""
 SESSION_NONE = 0x80

@@ -120,7 +120,7 @@ class ClientSession(Session[ClientEvent]):
         self._time_asked_ns: int | None = None
         outside = SESSION_NONE if session_id >= SESSION_NONE else SESSION_NONE_KEYED
         self._outside = Header(outside, client_key=client_key)
-        login = CreateClient(client_key, session_id, self.mtu)
+        login = CreateClient(client_key, session_id, self.mtu, options.login_properties)
         self._login = encode_message(self._outside, [login], pad_end=False)
         self._logout = Delete(REQUEST_LOGOUT, OBJECT_CLIENT).encode()
 
@@ -345,7 +345,7 @@ class ClientSession(Session[ClientEvent]):
             case SubmessageId.STATUS:
                 self._take_status(StatusReply.decode(contents, 0, size, flags), stream_id)
             case SubmessageId.STATUS_AGENT if stream_id == STREAM_NONE:
-                self._take_login_answer(StatusAgent.decode(contents, 0, size, flags).status)
+                self._take_login_answer(StatusAgent.decode(contents, 0, size, flags))
             case SubmessageId.INFO:
                 self._take_info(Info.decode(contents, 0, size, flags))
             case SubmessageId.GET_INFO:
@@ -364,10 +364,10 @@ class ClientSession(Session[ClientEvent]):
         else:
             self.counters.dropped.count(NOT_ASKED)
 
-    def _take_login_answer(self, status: int) -> None:
+    def _take_login_answer(self, answer: StatusAgent) -> None:
         if self._state is ClientState.CONNECTING:
-            if status >= Status.ERR_DDS_ERROR:
-                self._end(ClientState.FAILED, ConnectFailed(status))
+            if answer.status >= Status.ERR_DDS_ERROR:
+                self._end(ClientState.FAILED, ConnectFailed(answer.status, answer.implementation_status))
                 return
             self._state = ClientState.CONNECTED
             self._retries.end()
@@ -382,7 +382,7 @@ class ClientSession(Session[ClientEvent]):
         else:
             self.counters.dropped.count(NOT_ASKED)
             is_used = self._state is ClientState.CONNECTED and self.counters.packets_out > self._sent_before
-            if is_used and status < Status.ERR_DDS_ERROR:
+            if is_used and answer.status < Status.ERR_DDS_ERROR:
                 self._events.append(SessionRestarted())
 
     def _take_info(self, info: Info) -> None:

@@ -116,6 +116,8 @@ class ConnectFailed:
 
     status: int | None = None
     """The agent's status octet; None = no answer."""
+    implementation_status: int = 0
+    """The octet after it, whose meaning is the agent's own."""
 
 
 @dataclass(slots=True)

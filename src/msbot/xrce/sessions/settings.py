@@ -41,6 +41,8 @@ class ClientSessionSettings(SessionSettings):
     """Between two tries of a login or of the deletion of the session."""
     login_tries: int | None = 10
     """How often they are tried; None = without end."""
+    login_properties: tuple[tuple[str, str], ...] | None = None
+    """What the login says besides; an agent passes over what it does not know."""
     pads: bool = True
     """Whether messages of streams are filled up to a multiple of 4, as C clients do; agents do not need it."""
     ids_by_rule: bool = False

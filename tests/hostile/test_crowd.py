@@ -1,0 +1,80 @@
+"""Many parts at once: all come in, a bounded number at a time, and who is in stays in. In virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from dataclasses import replace
+from random import Random
+
+from msbot.agent import AgentSettings
+from msbot.config import Blueprint, PartType, RobotProfile, Slot
+from msbot.link import InprocHub
+from msbot.master import Master
+from msbot.part import JoinState, Part
+from msbot.pnp import Configuration, MemoryStore, PartEvent, PartState
+from msbot.runtime.virtual_time import run_virtual
+
+SIZE = 120
+AT_A_TIME = 8
+NAMES = [f"p{number}" for number in range(SIZE)]
+
+
+def test_a_crowd_comes_in_a_few_at_a_time_also_after_the_master_was_killed() -> None:
+    async def scene() -> None:
+        random, loop = Random(1), asyncio.get_running_loop()
+        store = MemoryStore(
+            types=(PartType("X", "x"),),
+            slots=tuple(Slot(name, "X") for name in NAMES),
+            configurations=tuple(Configuration(1, name, (), ()) for name in NAMES),
+        )
+        hub = InprocHub()
+        hub.server.info = replace(hub.server.info, name="wire")  # whoever is on "inproc" is trusted
+        states: Counter[PartState] = Counter()
+        most_at_a_time = 0
+
+        async def start() -> tuple[Master, asyncio.Task[None]]:
+            settings = AgentSettings(max_joining=AT_A_TIME)
+            blueprint = Blueprint(RobotProfile("R", "1", "1", "today", "us"), ())
+            master = Master(blueprint, store, random=random, agent_settings=settings)
+
+            def changed(event: PartEvent) -> None:
+                nonlocal most_at_a_time
+                states[event.to_state] += 1
+                infos = master.inventory.view(event.at) if event.to_state is PartState.NEW else ()
+                at_a_time = sum(info.state in {PartState.NEW, PartState.CHECKING} for info in infos)
+                most_at_a_time = max(most_at_a_time, at_a_time)
+
+            master.inventory.on_event(changed)
+            master.add_link(hub.server)
+            task = loop.create_task(master.run())
+            await master.ready.wait()
+            return master, task
+
+        async def all_active(master: Master) -> None:
+            async with asyncio.timeout(120):
+                while len(master.inventory.members()) < SIZE or any(  # noqa: ASYNC110 - virtual time costs nothing
+                    part.state is not JoinState.ACTIVE for part in parts
+                ):
+                    await asyncio.sleep(0.1)
+
+        parts = [Part("X", local_name=name, uid=random.randbytes(8), random=Random(name)) for name in NAMES]
+        master, serving = await start()
+        tasks = [loop.create_task(part.run_async(hub.connect(), epoch_ns=lambda: 0)) for part in parts]
+        await all_active(master)
+        assert sum(master.agent.dropped().values()) > 0, "some were put off"
+        serving.cancel()
+        await asyncio.gather(serving, return_exceptions=True)
+        await asyncio.sleep(1.0)
+        states.clear()  # what the old master said at its end
+        master, serving = await start()
+        await all_active(master)
+        await asyncio.sleep(10.0)
+        assert states[PartState.LATE] == states[PartState.LOST] == 0
+        assert len(master.inventory.members()) == SIZE
+        assert most_at_a_time <= AT_A_TIME
+        for task in (*tasks, serving):
+            task.cancel()
+        await asyncio.gather(*tasks, serving, return_exceptions=True)
+
+    run_virtual(scene())
