@@ -44,7 +44,7 @@ def test_a_part_joins_a_robot_with_keys_only_with_its_key(folder: Path) -> None:
         with running("part", "CC", "--link", link, cwd=folder):
             line = master.wait_for("WXYZ-local", "refused")
             assert "this robot asks for keys, and has none for this part" in line
-    why = run("why", "WXYZ-local", "--last", "2", cwd=folder)
+            why = run("why", "WXYZ-local", "--last", "2", cwd=folder)
     assert "this robot asks for keys, and has none for this part" in why.stdout
 
 

@@ -6,87 +6,32 @@ How many milliseconds it takes is in docs/explain/reliability.md.
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
 
 from msbot.agent.status_files import find_files
-from msbot.cli.options import database_identity
-from msbot.runtime.stop_datagram import ask_masters
-from tests.e2e.processes import Process, run, running
-from tests.e2e.test_processes import free_port
-from tests.registry import postgres
+from msbot.config import SAMPLE_ROBOT_TOML
+from tests.e2e.processes import Process, run
+from tests.hostile.robot import Robot, until
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="this system has no Unix sockets")
 
 PATIENCE_S = 30.0
 
 
-class Robot:
-    """A master and its parts as processes, in folders of their own."""
-
-    def __init__(self, folder: Path, stack: ExitStack, db: str | None = None) -> None:
-        self.folder, self.stack, self.db = folder, stack, db
-        self.link = f"udp:127.0.0.1:{free_port()}"
-        (folder / "run").mkdir(mode=0o700)
-        self.env = {"XDG_STATE_HOME": str(folder / "state"), "XDG_RUNTIME_DIR": str(folder / "run")}
-        assert run("init", cwd=folder).returncode == 0
-
-    def master(self) -> Process:
-        options = () if self.db is None else ("--db", self.db)
-        process = running("master", "--no-page", "--link", self.link, *options, cwd=self.folder, env=self.env)
-        started = self.stack.enter_context(process)
-        started.wait_for("is up on", self.link)
-        return started
-
-    def part(self, name: str) -> Process:
-        process = running("part", name, "--link", self.link, cwd=self.folder, env=self.env)
-        return self.stack.enter_context(process)
-
-    def parts(self, *names: str) -> dict[str, Process]:
-        started = {name: self.part(name) for name in names}
-        for one in started.values():
-            one.wait_for("is active")
-        return started
-
-    def ask(self, *words: str) -> dict[str, object]:
-        """A command with --json."""
-        options = () if self.db is None else ("--db", self.db)
-        done = run(*words, *options, "--json", cwd=self.folder, env=self.env)
-        assert done.returncode == 0, done.stderr
-        answer = json.loads(done.stdout)
-        assert isinstance(answer, dict)
-        return answer
-
-    def tell(self, do: str) -> dict[str, object]:
-        """The same without the time that a command takes to start; STOP waits for its confirmations."""
-        database = database_identity(self.db or str(self.folder / "robot.db"))
-        ((answer,), _) = ask_masters({"do": do, "who": "ann", "database": database}, PATIENCE_S)
-        until(lambda: do != "stop" or not self.tell("status")["silent"])
-        return answer | ({"silent": []} if do == "stop" else {})
-
-
 @pytest.fixture
 def robot(tmp_path: Path) -> Iterator[Robot]:
     with ExitStack() as stack:
         yield Robot(tmp_path, stack)
-
-
-def until(condition: Callable[[], bool]) -> None:
-    """Wait for a condition, and not for ever."""
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, "it does not come to that"
-        time.sleep(0.05)
 
 
 def test_stop_survives_the_end_of_the_master_until_go(robot: Robot) -> None:
@@ -189,10 +134,39 @@ def no_file_can_be_written(robot: Robot, _master: Process) -> Iterator[None]:
         aside.rename(kept)
 
 
+@contextmanager
+def a_blueprint_is_compared(robot: Robot, master: Process) -> Iterator[None]:
+    """Somebody compares a blueprint, and whoever does it for the master does not come to an end."""
+    before = children(master)
+    with ThreadPoolExecutor(1) as aside:
+        answer = aside.submit(robot.call, "POST", "/blueprint/diff", {"toml": SAMPLE_ROBOT_TOML})
+        until(lambda: bool(children(master) - before))
+        (worker,) = children(master) - before
+        os.kill(worker, signal.SIGSTOP)
+        try:
+            yield
+            assert not answer.done()
+        finally:
+            os.kill(worker, signal.SIGCONT)
+        assert answer.result(PATIENCE_S) == (200, {"changes": []})
+
+
+def children(master: Process) -> set[int]:
+    """The processes that a master has started."""
+    found = subprocess.run(["pgrep", "-P", str(master.pid)], capture_output=True, text=True, check=False).stdout
+    return {int(pid) for pid in found.split()}
+
+
 def test_stop_gets_through_when_everything_else_is_stuck(robot: Robot) -> None:
-    master = robot.master()
+    master = robot.master(page=True)
     robot.parts("AA")
-    for state in (silent_connections, somebody_elses_folder, no_descriptor_left, no_file_can_be_written):
+    for state in (
+        a_blueprint_is_compared,
+        silent_connections,
+        somebody_elses_folder,
+        no_descriptor_left,
+        no_file_can_be_written,
+    ):
         with state(robot, master):
             said = robot.tell("stop")
             assert (said["told"], said["stored"]) == (1, True), state.__doc__
@@ -204,51 +178,3 @@ def test_stop_gets_through_when_everything_else_is_stuck(robot: Robot) -> None:
         master.send(signal.SIGCONT)
     assert done.returncode == 2
     assert "NOT delivered" in done.stderr
-
-
-@contextmanager
-def frozen(folder: Path) -> Iterator[None]:
-    """A PostgreSQL server that does not answer any more: all of its processes stand still."""
-    leader = int((folder / "data/postmaster.pid").read_text().split()[0])
-    children = subprocess.run(["pgrep", "-P", str(leader)], capture_output=True, text=True, check=False).stdout
-    everybody = [leader, *(int(pid) for pid in children.split())]
-    for pid in everybody:
-        os.kill(pid, signal.SIGSTOP)
-    try:
-        yield
-    finally:
-        for pid in everybody:
-            os.kill(pid, signal.SIGCONT)
-
-
-@pytest.fixture
-def server() -> Iterator[str]:
-    programs = postgres.find_server()
-    if programs is None:
-        if os.environ.get(postgres.NEEDED):
-            pytest.fail(postgres.MISSING)
-        pytest.skip(postgres.MISSING)
-    with postgres.running_server(programs) as address:
-        yield address
-
-
-def test_with_a_frozen_database_server(server: str, tmp_path: Path) -> None:
-    with ExitStack() as stack:
-        robot = Robot(tmp_path, stack, server.format("postgres"))
-        robot.master()
-        robot.parts("AA")
-        with frozen(Path(server.partition("host=")[2])):
-            robot.part("BB").wait_for("is active")  # what it claims is looked up in memory
-            assert robot.tell("stop")["stored"] is True, "the file has it"
-
-
-def test_with_the_database_server_gone(server: str, tmp_path: Path) -> None:
-    with ExitStack() as stack:
-        robot = Robot(tmp_path, stack, server.format("postgres"))
-        master = robot.master()
-        robot.parts("AA")
-        leader = int((Path(server.partition("host=")[2]) / "data/postmaster.pid").read_text().split()[0])
-        os.kill(leader, signal.SIGQUIT)
-        said = robot.tell("stop")
-        assert (said["told"], said["stored"]) == (1, True)
-        master.end(signal.SIGKILL)

@@ -43,6 +43,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "close_window": await ask(stage, "close_window"),
             "stop": await ask(stage, "stop", reason="hand in the gear"),
             "stop_report": await ask(stage, "stop_report"),
+            "stored": await ask(stage, "stored"),
             "go": await ask(stage, "go"),
             "ignore": await ask(stage, "ignore", part="DD"),
             "identify": await ask(stage, "identify", part="AA"),
@@ -54,6 +55,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
         assert done.keys() == set(OPERATIONS)
         assert {name: answer["error"] for name, answer in done.items() if "error" in answer} == {}
         assert done["set"] == {"words": "period_s of AA: 1 s -> 2 s", "edit": done["set"]["edit"]}
+        assert done["stored"] == {"trouble": "", "waiting": 0}
         assert done["stop_report"]["reason"] == "hand in the gear"
         edits = done["edits"]["edits"]
         assert isinstance(edits, list)

@@ -16,7 +16,8 @@ MISSING = "no PostgreSQL server on this machine: apt-get install postgresql"
 NEEDED = "MSBOT_NEED_POSTGRES"
 """Set where tests must not be skipped for want of a server."""
 
-_QUICK = ("fsync=off", "synchronous_commit=off", "full_page_writes=off", "autovacuum=off", "shared_buffers=8MB",
+# What was committed survives a crash of the server, not one of the computer.
+_QUICK = ("fsync=off", "full_page_writes=off", "autovacuum=off", "shared_buffers=8MB",
           "max_connections=40", "listen_addresses=", "log_min_messages=fatal")  # fmt: skip
 _START_S = 20.0
 _PR_SET_PDEATHSIG = 1
@@ -43,16 +44,25 @@ def running_server(programs: Path) -> Iterator[str]:
         data = folder / "data"
         arguments = ["--username=msbot", "--auth=trust", "--no-sync", "--encoding=UTF8", "--locale=C"]
         _run(user, [str(programs / "initdb"), f"--pgdata={data}", *arguments]).communicate()
-        settings = [word for setting in _QUICK for word in ("-c", setting)]
-        server = _run(user, [str(programs / "postgres"), "-D", str(data), "-k", str(folder), *settings])
-        try:
-            _wait_until_ready(server, programs, folder)
+        with serving(programs, folder):
             yield f"postgresql://msbot@/{{}}?host={folder}"
-        finally:
-            server.send_signal(signal.SIGINT)
-            server.communicate(timeout=_START_S)
     finally:
         shutil.rmtree(folder)
+
+
+@contextmanager
+def serving(programs: Path, folder: Path) -> Iterator[None]:
+    """The server of a cluster that is there: also once more, after it has crashed."""
+    settings = [word for setting in _QUICK for word in ("-c", setting)]
+    server = _run(
+        _unprivileged(), [str(programs / "postgres"), "-D", str(folder / "data"), "-k", str(folder), *settings]
+    )
+    try:
+        _wait_until_ready(server, programs, folder)
+        yield
+    finally:
+        server.send_signal(signal.SIGINT)
+        server.communicate(timeout=_START_S)
 
 
 def _unprivileged() -> pwd.struct_passwd | None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 
-from msbot.errors import ConfigError
+from msbot.errors import ConfigError, RegistryError
 from msbot.operations.outcome import Outcome
 from msbot.operations.part_names import describe
 from msbot.operations.running_robot import RunningRobot
 from msbot.pnp import PartInfo
 from msbot.runtime.sentence import said
+
+STORED_S = 2.0
+"""How long who asks waits at most for what was said to be stored."""
 
 _log = logging.getLogger(__name__)
 
@@ -30,6 +34,17 @@ class Showing:
             )
         _log.info("%s has %s show itself", who, describe(info))
         return Outcome(said("{part} shows itself", part=info.part))
+
+    async def stored(self) -> Outcome:
+        """Wait a moment until all that the robot has said is stored, for who reads it in the database then."""
+        registry = self._running.registry
+        if registry is None:
+            return Outcome(answer={"trouble": "", "waiting": 0})
+        storage = registry.storage
+        with contextlib.suppress(RegistryError):  # what is wrong is in the answer
+            await storage.in_time(storage.flush, STORED_S)
+        health = storage.health
+        return Outcome(answer={"trouble": health.trouble or "", "waiting": health.waiting})
 
     def why(self, part: str) -> Outcome:
         """In sentences: how a part stands and which rules led there; none when no part is known by that word."""

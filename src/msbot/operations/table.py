@@ -253,6 +253,7 @@ _ROWS = (
         Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /parts/{part}/identify",
         "It shows itself to the people in the room: it blinks, beeps, or does whatever its program can.",
     ),
+    Operation("stored", "Wait until what the robot has said is in its database, as far as that is possible."),
     Operation("why", "How a part stands, and which rules led there.", (_part("The part."),)),
 )  # fmt: skip
 

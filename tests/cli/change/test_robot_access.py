@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import sqlite3
+import threading
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from pathlib import Path
 
 import click
@@ -18,6 +20,8 @@ from msbot.cli.options import database_identity
 from msbot.errors import ConfigError, MsbotError
 from msbot.operations.dispatch import perform as perform_request
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
+
+PATIENCE_S = 60.0
 
 
 @pytest.fixture(autouse=True)
@@ -140,11 +144,48 @@ def test_a_mistake_of_the_person_is_said_by_the_command(tmp_path: Path) -> None:
 
 def test_why_says_how_the_part_stands_now(tmp_path: Path) -> None:
     async def act(stage: Stage) -> None:
-        await asyncio.to_thread(stage.registry.storage.flush)  # the command reads what is stored
         said = await typed("why", "DD")
         assert "checking -> standby: every fitting slot is taken" in said
         assert said.splitlines()[-1].startswith("now: DD (EFGH) is standby since"), said
         assert stage.state("DD") == "standby"
+
+    scene_with(tmp_path, act)
+
+
+def test_what_the_master_has_said_is_seen_by_who_reads_the_database(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def act(stage: Stage) -> None:
+        storage, asked = stage.registry.storage, threading.Event()
+        flush = storage.flush
+
+        def slow_disk(_: object) -> None:
+            assert asked.wait(PATIENCE_S)
+
+        def asked_for(timeout_s: float = 10.0) -> bool:
+            asked.set()
+            return flush(timeout_s)
+
+        monkeypatch.setattr(storage, "flush", asked_for)
+        reading = (("DD", ("why", "DD"), "standby -> lost"), ("BB", ("parts", "--json"), '"state": "lost"'))
+        for name, words, lost in reading:
+            storage.writer.put(slow_disk)
+            stage.pull(name)
+            await asyncio.sleep(30.0)
+            assert lost in await typed(*words)
+            asked.clear()
+
+    scene_with(tmp_path, act)
+
+
+def test_what_is_not_stored_is_said_by_who_reads_the_database(tmp_path: Path) -> None:
+    async def act(stage: Stage) -> None:
+        with closing(sqlite3.connect(tmp_path / "robot.db", isolation_level=None)) as other:
+            other.execute("BEGIN IMMEDIATE")
+            stage.pull("DD")
+            await asyncio.sleep(30.0)
+            for words in (("why", "DD"), ("parts", "--json"), ("robots", "--json")):
+                assert "what follows may be older than the robot: the database" in await typed(*words)
 
     scene_with(tmp_path, act)
 

@@ -7,6 +7,8 @@ import os
 import shutil
 import signal
 import sqlite3
+import subprocess
+import sys
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, closing
 from functools import partial
@@ -215,3 +217,28 @@ async def test_a_change_that_nobody_waits_for_any_more_is_not_made(
     registry.storage.flush()
     await registry.edits.make_soon(robot, "Bob", partial(PERIOD, value=4))
     assert _period(registry, robot) == 4
+
+
+LOOK = """
+import sqlite3, sys
+connection = sqlite3.connect(sys.argv[1])
+print(connection.execute("select max(id) from edits").fetchone()[0])
+connection.close()
+"""
+
+
+def _newest_edit(path: Path) -> int:
+    """As another process sees it, which closes the file afterwards."""
+    return int(subprocess.run([sys.executable, "-c", LOOK, str(path)], capture_output=True, check=True).stdout)
+
+
+def test_who_looks_into_the_file_and_leaves_takes_nothing_along(running: Running, path: Path, tmp_path: Path) -> None:
+    """The last to leave a database tidies its log up; it must know that the robot is still there."""
+    registry, robot, _store = running
+    for value in (3, 4):
+        edit = registry.edits.make(robot, "Ann", partial(PERIOD, value=value))
+        assert _newest_edit(path) == edit.id
+    upkeep.back_up(str(path), tmp_path / "copy.db")
+    for value in (5, 6):
+        edit = registry.edits.make(robot, "Ann", partial(PERIOD, value=value))
+        assert _newest_edit(path) == edit.id

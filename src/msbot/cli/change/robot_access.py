@@ -94,6 +94,23 @@ def running_master(db: str | None, robot: str | None) -> RunningProcess | None:
     return _find(database_identity(path) if is_named else None, robot)
 
 
+def until_stored(db: str) -> None:
+    """Before a database is read: have the masters that run with it store what they have said.
+
+    What cannot be stored is said on standard error: what is read then is older than the robot.
+    """
+    logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])
+    for master in running_processes():
+        if master.what != MASTER or master.details.get("database") != database_identity(db):
+            continue
+        try:
+            trouble = master.ask({"do": "stored", "args": {}, "who": user_name()}).get("trouble")
+        except ConfigError as error:
+            trouble = str(error)
+        if trouble:
+            click.echo(f"msbot: what follows may be older than the robot: {trouble}", err=True)
+
+
 def database_to_read(db: str | None, robot: str | None) -> str:
     """The database that a command reads: the one that is named, robot.db here, or that of the master that runs here.
 

@@ -7,7 +7,7 @@ from datetime import datetime
 
 import click
 
-from msbot.cli.change.robot_access import database_to_read
+from msbot.cli.change.robot_access import database_to_read, until_stored
 from msbot.cli.look.one_robot import one_robot
 from msbot.cli.options import json_option, robot_options
 from msbot.registry import PartRecord, open_registry
@@ -21,7 +21,9 @@ def command(db: str | None, robot: str | None, *, as_json: bool) -> None:
 
     States come from the journal of transitions, which the master writes; heartbeats are never stored.
     """
-    with open_registry(database_to_read(db, robot), read_only=True) as registry:
+    path = database_to_read(db, robot)
+    until_stored(path)
+    with open_registry(path, read_only=True) as registry:
         several = robot is None and len(registry.robots.all()) > 1
         rows = registry.robots.parts(None if robot is None else one_robot(registry, robot))
     if as_json:

@@ -7,6 +7,7 @@ from datetime import datetime
 
 import click
 
+from msbot.cli.change.robot_access import until_stored
 from msbot.cli.options import db_option, existing_database
 from msbot.pnp import PartState
 from msbot.registry import Registry, RobotRecord, open_registry
@@ -17,7 +18,9 @@ from msbot.registry import Registry, RobotRecord, open_registry
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list instead of a table.")
 def command(db: str | None, *, as_json: bool) -> None:
     """List the robots of a database, the one whose blueprint was applied last first."""
-    with open_registry(existing_database(db), read_only=True) as registry:
+    path = existing_database(db)
+    until_stored(path)
+    with open_registry(path, read_only=True) as registry:
         rows = [_row(registry, robot) for robot in registry.robots.all()]
     if as_json:
         click.echo(json.dumps(rows))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.change.robot_access import perform, running_master
+from msbot.cli.change.robot_access import perform, running_master, until_stored
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, existing_database, json_option, robot_options
 from msbot.errors import ConfigError, RegistryError
 from msbot.registry import JournalEntry, Registry, open_registry
@@ -81,7 +81,9 @@ def _texts(found: object) -> list[str]:
 
 
 def _read(part: str, last: int, db: str | None, *, must_be_there: bool) -> list[JournalEntry]:
-    with open_registry(existing_database(db), read_only=True) as registry:
+    path = existing_database(db)
+    until_stored(path)
+    with open_registry(path, read_only=True) as registry:
         entries = registry.robots.journal(last, part)
         if not entries and must_be_there:
             raise ConfigError(f"no part {part!r} is in the journal; {_seen(registry)}")

@@ -17,7 +17,7 @@ from pathlib import Path
 from sqlalchemy import Engine
 
 from msbot.errors import RegistryError
-from msbot.registry.database.engine import MAGIC, make_private, sqlite_address
+from msbot.registry.database.engine import MAGIC, identity_of, in_use, make_private, sqlite_address
 
 _log = logging.getLogger(__name__)
 
@@ -34,6 +34,7 @@ class DatabaseFile:
         self._engine = engine
         self._path = path
         self._rescued: Path | None = None
+        self._is_closed = False
         self._open()
 
     def check(self) -> None:
@@ -43,32 +44,38 @@ class DatabaseFile:
             RegistryError: it is not what it was; the text says what to do.
         """
         try:
-            if self._identity() != self._known:
+            if identity_of(self._path) != self._known:
                 raise RegistryError(self._replaced())
-            with self._path.open("rb") as stream:
-                if stream.read(len(MAGIC)) != MAGIC:
-                    raise RegistryError(
-                        "was overwritten by something else while the robot ran: stop the master, and put a backup in "
-                        "its place"
-                    )
+            os.lseek(self._descriptor, 0, os.SEEK_SET)
+            if os.read(self._descriptor, len(MAGIC)) != MAGIC:
+                raise RegistryError(
+                    "was overwritten by something else while the robot ran: stop the master, and put a backup in its "
+                    "place"
+                )
         except FileNotFoundError:
             self._put_back()
         except OSError as error:
             raise RegistryError(f"cannot be reached ({error.strerror}): look at the disk and its folder") from None
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Let go of the file; after all other connections. Once more does nothing."""
         self._anchor.close()
+        if not self._is_closed:
+            self._is_closed = True
+            self._forget()
+
+    def _forget(self) -> None:
+        os.close(self._descriptor)
+        in_use[self._known] -= 1
 
     def _open(self) -> None:
         """Keep one connection open: what has no name any more can be read by it."""
         self._anchor = sqlite3.connect(sqlite_address(self._path), uri=True, check_same_thread=False)
         self._anchor.execute("PRAGMA schema_version").fetchone()
-        self._known = self._identity()
-
-    def _identity(self) -> tuple[int, int]:
-        found = self._path.stat()
-        return found.st_dev, found.st_ino
+        self._known = identity_of(self._path)
+        in_use[self._known] += 1
+        self._descriptor = os.open(self._path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+        """Stays open as long as any connection, see `engine.in_use`."""
 
     def _put_back(self) -> None:
         part = self._path.with_name(f"{self._path.name}.part{os.getpid()}")
@@ -84,6 +91,7 @@ class DatabaseFile:
             ) from None
         self._anchor.close()
         self._engine.dispose()
+        self._forget()
         self._open()
         _log.warning("the database %s was deleted while the robot ran; it is written anew with all it had", self._path)
 

@@ -6,6 +6,7 @@ import contextlib
 import os
 import re
 import sqlite3
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -110,8 +111,28 @@ def check_file(address: Address, *, create: bool, read_only: bool) -> None:
     _check_magic(path)
 
 
+in_use: Counter[tuple[int, int]] = Counter()
+"""Files (device, number) that this process has open as databases.
+
+They are never opened and closed besides SQLite: when a process closes a file, POSIX takes all its locks on it away, and
+whoever looks into the database next would believe that nobody uses it, and tidy the log away that is being written.
+"""
+
+
+def identity_of(path: Path) -> tuple[int, int]:
+    """Which file it is, whatever its name.
+
+    Raises:
+        OSError: it is not there, or cannot be looked at.
+    """
+    found = path.stat()
+    return found.st_dev, found.st_ino
+
+
 def _check_magic(path: Path) -> None:
     try:
+        if in_use[identity_of(path)]:
+            return
         with path.open("rb") as stream:
             beginning = stream.read(len(MAGIC))
     except OSError as error:
@@ -131,12 +152,11 @@ def make_private(path: Path) -> None:
     Raises:
         OSError: it cannot be made.
     """
-    descriptor = os.open(path, os.O_CREAT | os.O_RDWR, 0o600)
     try:
+        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600))
+    except FileExistsError:
         with contextlib.suppress(OSError):  # a file of somebody else, or of a system without such rights
             os.chmod(path, 0o600)
-    finally:
-        os.close(descriptor)
 
 
 _SERVER_READ_ONLY = "-c default_transaction_read_only=on"

@@ -177,10 +177,10 @@ class Storage:
         """Store what is waiting and let go of the database."""
         if self._writer is not None:
             self._writer.close()
-        if self._file is not None:
-            self._file.close()
         self._threads.shutdown()
         self.engine.dispose()
+        if self._file is not None:
+            self._file.close()
 
     def _no_answer(self) -> str:
         return self.health.trouble or f"the database {self.words} does not answer: try again in a moment"
