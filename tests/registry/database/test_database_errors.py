@@ -6,7 +6,7 @@ import pytest
 from sqlalchemy.exc import IntegrityError, InterfaceError, NoSuchModuleError, OperationalError, ProgrammingError
 
 from msbot.errors import RegistryError
-from msbot.registry.database.database_errors import fault_words, is_about_the_database, told_as_registry_error
+from msbot.registry.database.database_errors import fault_words, is_about_the_database, refusal, told_as_registry_error
 
 
 def _sqlite(name: str) -> OperationalError:
@@ -74,3 +74,19 @@ def test_errors_become_a_registry_error_that_names_the_database() -> None:
 def test_other_errors_are_left_alone() -> None:
     with pytest.raises(KeyError), told_as_registry_error("robot.db"):
         raise KeyError
+
+
+@pytest.mark.parametrize(
+    ("is_lost", "is_being_stored", "words"),
+    [
+        (True, True, "it is not known yet whether this change is stored: x. If it is, it counts: look at what was"),
+        (True, False, "nothing was changed: x"),
+        (False, True, "nothing was changed: x"),
+    ],
+)
+def test_a_change_whose_commit_was_in_hand_when_the_server_went_is_not_called_undone(
+    is_lost: bool, is_being_stored: bool, words: str
+) -> None:
+    error = RegistryError("x")
+    error.__cause__ = OperationalError("COMMIT", {}, Exception("gone"), connection_invalidated=is_lost)
+    assert str(refusal(error, is_being_stored=is_being_stored)).startswith(words)

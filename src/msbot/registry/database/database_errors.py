@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from sqlalchemy.exc import DBAPIError, NoSuchModuleError, SQLAlchemyError
 
 from msbot.errors import RegistryError
+from msbot.runtime.sentence import said
 
 ELSE = "or choose another --db"
 
@@ -64,6 +65,30 @@ def told_as_registry_error(database: str) -> Iterator[None]:
         ) from None
     except (SQLAlchemyError, sqlite3.Error) as error:
         raise RegistryError(f"the database {database} {fault_words(error)}") from error
+
+
+def refusal(error: RegistryError, *, is_being_stored: bool) -> RegistryError:
+    """What whoever asked for a change is told when the database did not take it.
+
+    Args:
+        error: from `told_as_registry_error`.
+        is_being_stored: the commit was in hand.
+    """
+    cause = error.__cause__
+    if is_being_stored and isinstance(cause, DBAPIError) and cause.connection_invalidated:
+        return not_known(str(error))  # the server went away with it
+    return RegistryError(said("nothing was changed: {why}", why=str(error)))
+
+
+def not_known(why: str) -> RegistryError:
+    """Nobody can say whether a change is stored."""
+    return RegistryError(
+        said(
+            "it is not known yet whether this change is stored: {why}. If it is, it counts: look at what was changed "
+            "when the database answers again",
+            why=why,
+        )
+    )
 
 
 def _sqlite_name(error: BaseException) -> str:

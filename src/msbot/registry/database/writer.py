@@ -20,10 +20,15 @@ from time import monotonic
 from typing import TypeVar, cast
 
 from sqlalchemy import Connection, Engine
-from sqlalchemy.exc import DBAPIError
 
 from msbot.errors import MsbotError, RegistryError
-from msbot.registry.database.database_errors import fault_words, is_about_the_database, told_as_registry_error
+from msbot.registry.database.database_errors import (
+    fault_words,
+    is_about_the_database,
+    not_known,
+    refusal,
+    told_as_registry_error,
+)
 from msbot.registry.database.engine import WAIT_S, WRITE
 from msbot.registry.database.pending_change import PendingChange
 from msbot.runtime.sentence import said
@@ -178,7 +183,7 @@ class Writer:
                 return job.done.result()
             why = self.trouble or self._busy
             if job.is_being_stored:
-                raise _not_known(why)
+                raise not_known(why)
             with contextlib.suppress(ValueError):
                 self._waiting.remove(cast("PendingChange[object]", job))
         raise RegistryError(said("nothing was changed: {why}", why=why))
@@ -279,7 +284,7 @@ class Writer:
                             raise RegistryError(said("nobody waits for this change any more"))
                         job.is_being_stored = True
         except RegistryError as error:
-            self._answer(job, error=_refusal(error, job))
+            self._answer(job, error=refusal(error, is_being_stored=job.is_being_stored))
         except MsbotError as error:
             self._answer(job, error=error)
         except Exception as error:
@@ -382,21 +387,3 @@ class Writer:
             self.lost += 1
             _log.error("the database %s does not take a change", self._database, exc_info=error)
             self._changed.notify_all()
-
-
-def _refusal(error: RegistryError, job: PendingChange[_T]) -> RegistryError:
-    """What whoever asked for a change is told when the database did not take it."""
-    cause = error.__cause__
-    if job.is_being_stored and isinstance(cause, DBAPIError) and cause.connection_invalidated:
-        return _not_known(str(error))  # the server went away with the commit in hand
-    return RegistryError(said("nothing was changed: {why}", why=str(error)))
-
-
-def _not_known(why: str) -> RegistryError:
-    return RegistryError(
-        said(
-            "it is not known yet whether this change is stored: {why}. If it is, it counts: look at what was changed "
-            "when the database answers again",
-            why=why,
-        )
-    )
