@@ -6,10 +6,12 @@ from msbot.hardware.hardware_part import HardwarePart
 from msbot.hardware.host import PartsHost, Workbench
 from msbot.hardware.machine import Machine
 from msbot.hardware.parts_file import HostedPart, read_parts
+from msbot.hardware.scan import FoundThing, ScanResult, scan
 from msbot.hardware.wiring import PartWiring, make_wiring
 
 __all__ = [
     "Driver",
+    "FoundThing",
     "HardwareFault",
     "HardwarePart",
     "HostedPart",
@@ -17,9 +19,11 @@ __all__ = [
     "Mount",
     "PartWiring",
     "PartsHost",
+    "ScanResult",
     "Values",
     "Workbench",
     "driver_class",
     "make_wiring",
     "read_parts",
+    "scan",
 ]

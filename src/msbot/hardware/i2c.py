@@ -16,6 +16,12 @@ _STUCK = (errno.ETIMEDOUT, errno.EAGAIN, errno.EBUSY)
 class SmBus(Protocol):
     """What is used of `smbus2.SMBus`."""
 
+    def write_quick(self, i2c_addr: int) -> None:
+        """Only the address."""
+
+    def read_byte(self, i2c_addr: int) -> int:
+        """One octet."""
+
     def write_byte(self, i2c_addr: int, value: int) -> None:
         """One octet."""
 
