@@ -34,7 +34,8 @@ def machine_of(item: pytest.Item) -> str:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Declare the marker; inside a machine, keep the reports."""
-    config.addinivalue_line("markers", "controllers: wants emulated CAN controllers with their drivers")
+    words = "controllers: wants emulated CAN controllers with their drivers, or modules of a stock kernel"
+    config.addinivalue_line("markers", words)
     if INSIDE and REPORT in os.environ:
         config.pluginmanager.register(Recorder(config, Path(os.environ[REPORT])))
 

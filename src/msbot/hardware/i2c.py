@@ -8,7 +8,7 @@ from typing import Protocol
 
 from msbot.hardware.faults import HardwareFault, missing_library
 
-_ABSENT = (errno.ENXIO, errno.EREMOTEIO, errno.EIO)
+_ABSENT = (errno.ENXIO, errno.ENODEV, errno.EREMOTEIO, errno.EIO)
 """What adapters say when nobody acknowledges an address (kernel: Documentation/i2c/fault-codes.rst)."""
 _STUCK = (errno.ETIMEDOUT, errno.EAGAIN, errno.EBUSY)
 
