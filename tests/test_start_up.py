@@ -31,3 +31,20 @@ def test_help_imports_no_command() -> None:
 @pytest.mark.parametrize("room", ["xrce", "link", "space", "agent", "part"])
 def test_the_core_rooms_need_only_the_standard_library(room: str) -> None:
     assert modules_after(f"import msbot.{room}") - set(sys.stdlib_module_names) == {"msbot"}
+
+
+@pytest.mark.parametrize("command", ["parts", "why", "robots"])
+def test_a_look_at_a_robot_waits_for_no_large_library(command: str) -> None:
+    loaded = modules_after(f"import msbot.cli.look.{command}, msbot.cli.look.looking")
+    assert not loaded & ((HEAVY | {"pydantic"}) - {"asyncio"})
+
+
+@pytest.mark.parametrize("room", ["agent", "pnp", "registry"])
+def test_a_lazy_room_has_all_names_that_it_shows(room: str) -> None:
+    script = (
+        f"import msbot.{room} as room; lazy = {{name for names in room._NAMES.values() for name in names}};"
+        "missing = [name for name in room.__all__ if not hasattr(room, name)];"
+        "print(sorted(lazy ^ set(room.__all__)), missing, hasattr(room, 'nothing'))"
+    )
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[] [] False"

@@ -50,7 +50,7 @@ class Shot:
 def _take_apart(page: Page) -> None:
     page.get_by_role("switch").first.click()
     page.get_by_role("textbox").first.fill("power")
-    row = page.locator("tr[data-number]", has_text="fan_power").first
+    row = page.locator("tr[data-number]", has_text="power").first
     row.click()
     page.locator(".ms-side h2").wait_for()
 
@@ -101,14 +101,14 @@ def demo(folder: str) -> Iterator[str]:
         process.communicate()
 
 
-def take(browser: Browser, link: str, shots: list[Shot], form: tuple[str, str], folder: Path) -> None:
+def take(browser: Browser, link: str, shots: list[Shot], form: tuple[str, str], folder: Path, *, locale: str) -> None:
     """Take pictures of pages in one form: width and look."""
     width, look = form
     size = WIDTHS[width]
     context = browser.new_context(
         viewport={"width": size[0], "height": size[1]},
         color_scheme="dark" if look == "dark" else "light",
-        locale="en-GB",
+        locale=locale,
         reduced_motion="reduce",
     )
     context.set_default_timeout(PATIENCE_MS)
@@ -134,6 +134,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="copy those of the documentation there")
     parser.add_argument("--only", default="", help="names of pages, with commas between")
     parser.add_argument("--forms", default="", help="only these of desk-light, desk-dark, phone-light, phone-dark")
+    parser.add_argument("--locale", default="en-GB", help="what the browser prefers, as de-DE")
     options = parser.parse_args()
     path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if path is None:
@@ -145,7 +146,7 @@ def main() -> None:
         browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
         for form in product(WIDTHS, LOOKS):
             if not options.forms or "-".join(form) in options.forms.split(","):
-                take(browser, link, shots, form, options.folder)
+                take(browser, link, shots, form, options.folder, locale=options.locale)
         browser.close()
     if options.keep is not None:
         options.keep.mkdir(parents=True, exist_ok=True)

@@ -1,13 +1,56 @@
 """The agent: serves DDS-XRCE clients on any number of links and acts for them in a data space."""
 
-from msbot.agent.discovery import DiscoveryResponder, host_ipv6_addresses
-from msbot.agent.gate import ClientInfo, Gate, OpenGate
-from msbot.agent.limits import AgentSettings
-from msbot.agent.pending_requests import client_key_of
-from msbot.agent.server import Agent, AgentSignalHandler
-from msbot.agent.statistics import ClientView, ObjectView, StreamView
-from msbot.agent.status_reader import AgentStatus, LinkView, RunningProcess, read_statuses, running_processes
-from msbot.agent.status_server import Control, StatusServer
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msbot.runtime.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from msbot.agent.discovery import DiscoveryResponder, host_ipv6_addresses
+    from msbot.agent.gate import ClientInfo, Gate, OpenGate
+    from msbot.agent.limits import AgentSettings
+    from msbot.agent.pending_requests import client_key_of
+    from msbot.agent.server import Agent, AgentSignalHandler
+    from msbot.agent.statistics import ClientView, ObjectView, StreamView
+    from msbot.agent.status_reader import AgentStatus, LinkView, RunningProcess, read_statuses, running_processes
+    from msbot.agent.status_server import Control, StatusServer
+
+_NAMES = {
+    "msbot.agent.discovery": (
+        "DiscoveryResponder",
+        "host_ipv6_addresses",
+    ),
+    "msbot.agent.gate": (
+        "ClientInfo",
+        "Gate",
+        "OpenGate",
+    ),
+    "msbot.agent.limits": ("AgentSettings",),
+    "msbot.agent.pending_requests": ("client_key_of",),
+    "msbot.agent.server": (
+        "Agent",
+        "AgentSignalHandler",
+    ),
+    "msbot.agent.statistics": (
+        "ClientView",
+        "ObjectView",
+        "StreamView",
+    ),
+    "msbot.agent.status_reader": (
+        "AgentStatus",
+        "LinkView",
+        "RunningProcess",
+        "read_statuses",
+        "running_processes",
+    ),
+    "msbot.agent.status_server": (
+        "Control",
+        "StatusServer",
+    ),
+}
+
+__getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = [
     "Agent",

@@ -16,6 +16,11 @@ from pathlib import Path
 from msbot.errors import ConfigError
 from msbot.runtime.user_folders import check_owner, is_running, running_folder
 
+FORMAT = 1
+"""Version of the lines."""
+DESCRIBE = "describe"
+"""The request that every process answers."""
+
 PREFIX = "status-"
 
 

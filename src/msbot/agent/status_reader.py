@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from msbot.agent.statistics import ClientView, ObjectView, StreamView
-from msbot.agent.status_files import StatusFile, find_files, status_folder
-from msbot.agent.status_server import DESCRIBE, FORMAT
+from msbot.agent.status_files import DESCRIBE, FORMAT, StatusFile, find_files, status_folder
 from msbot.errors import ConfigError
 
 logger = logging.getLogger(__name__)

@@ -18,15 +18,13 @@ from collections.abc import Awaitable, Callable, Iterator, Mapping
 from pathlib import Path
 
 from msbot.agent.server import Agent
-from msbot.agent.status_files import leave_word, status_folder
+from msbot.agent.status_files import DESCRIBE, FORMAT, leave_word, status_folder
 from msbot.errors import ConfigError
 from msbot.runtime.accept_connections import Acceptor
 from msbot.runtime.tally import Tally
 
 logger = logging.getLogger(__name__)
 
-FORMAT = 1
-"""Version of the lines."""
 
 TOKEN_S = 2.0
 """Time to show the token."""
@@ -34,8 +32,6 @@ TOKEN_S = 2.0
 MAX_REQUEST = 65_536
 """Octets of a request with its token at most."""
 
-DESCRIBE = "describe"
-"""The request that every process answers."""
 
 Control = Callable[[Mapping[str, object]], Awaitable[Mapping[str, object]]]
 """Does what a request asks for and gives the answer; a mistake is `{"error": words}`."""

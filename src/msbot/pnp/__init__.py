@@ -1,34 +1,100 @@
 """Plug-and-play: who may join the robot, who is in which slot, who is alive, and who may use which topic."""
 
-from msbot.part.join.plug import Refusal
-from msbot.pnp.access import RESERVED_TOPICS, Access
-from msbot.pnp.emergency_stop import StopConfirmation, StopRecord, StopStatus
-from msbot.pnp.explain_samples import KNOWN_TYPES, KnownObject, Overhearer
-from msbot.pnp.hand_control import HandControl, HeldPort
-from msbot.pnp.inventory import Inventory
-from msbot.pnp.key_proof import Keys
-from msbot.pnp.life import TRANSITIONS
-from msbot.pnp.load_forecast import Flow, Forecast, forecast
-from msbot.pnp.model import (
-    FAST_TIMING,
-    THESIS_TIMING,
-    Claim,
-    Configuration,
-    Evidence,
-    LifeTiming,
-    MemoryStore,
-    PartEvent,
-    PartInfo,
-    PartState,
-    PartStore,
-    SlotBinding,
-    Standing,
-    Verdict,
-)
-from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
-from msbot.pnp.services import InventoryService, MasterService
-from msbot.pnp.slot_assignment import TakeOver
-from msbot.pnp.slot_matching import Match, Matcher
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msbot.runtime.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from msbot.part.join.plug import Refusal
+    from msbot.pnp.access import RESERVED_TOPICS, Access
+    from msbot.pnp.emergency_stop import StopConfirmation, StopRecord, StopStatus
+    from msbot.pnp.explain_samples import KNOWN_TYPES, KnownObject, Overhearer
+    from msbot.pnp.hand_control import HandControl, HeldPort
+    from msbot.pnp.inventory import Inventory
+    from msbot.pnp.key_proof import Keys
+    from msbot.pnp.life import TRANSITIONS
+    from msbot.pnp.load_forecast import Flow, Forecast, forecast
+    from msbot.pnp.model import (
+        FAST_TIMING,
+        THESIS_TIMING,
+        Claim,
+        Configuration,
+        LifeTiming,
+        MemoryStore,
+        PartInfo,
+        PartStore,
+        SlotBinding,
+        Standing,
+        Verdict,
+    )
+    from msbot.pnp.part_events import Evidence, PartEvent, PartState
+    from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
+    from msbot.pnp.services import InventoryService, MasterService
+    from msbot.pnp.slot_assignment import TakeOver
+    from msbot.pnp.slot_matching import Match, Matcher
+
+_NAMES = {
+    "msbot.part.join.plug": ("Refusal",),
+    "msbot.pnp.access": (
+        "RESERVED_TOPICS",
+        "Access",
+    ),
+    "msbot.pnp.emergency_stop": (
+        "StopConfirmation",
+        "StopRecord",
+        "StopStatus",
+    ),
+    "msbot.pnp.explain_samples": (
+        "KNOWN_TYPES",
+        "KnownObject",
+        "Overhearer",
+    ),
+    "msbot.pnp.hand_control": (
+        "HandControl",
+        "HeldPort",
+    ),
+    "msbot.pnp.inventory": ("Inventory",),
+    "msbot.pnp.key_proof": ("Keys",),
+    "msbot.pnp.life": ("TRANSITIONS",),
+    "msbot.pnp.load_forecast": (
+        "Flow",
+        "Forecast",
+        "forecast",
+    ),
+    "msbot.pnp.model": (
+        "FAST_TIMING",
+        "THESIS_TIMING",
+        "Claim",
+        "Configuration",
+        "LifeTiming",
+        "MemoryStore",
+        "PartInfo",
+        "PartStore",
+        "SlotBinding",
+        "Standing",
+        "Verdict",
+    ),
+    "msbot.pnp.part_events": ("Evidence", "PartEvent", "PartState"),
+    "msbot.pnp.profile": (
+        "PROFILE_PERIOD_S",
+        "PROFILE_TOPIC",
+        "PROFILE_TYPE",
+        "Profile",
+    ),
+    "msbot.pnp.services": (
+        "InventoryService",
+        "MasterService",
+    ),
+    "msbot.pnp.slot_assignment": ("TakeOver",),
+    "msbot.pnp.slot_matching": (
+        "Match",
+        "Matcher",
+    ),
+}
+
+__getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = [
     "FAST_TIMING",

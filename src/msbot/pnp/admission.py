@@ -20,7 +20,8 @@ from msbot.part.join.plug import Refusal
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import Contest, InventoryRecord
 from msbot.pnp.life_watch import LifeWatch
-from msbot.pnp.model import MAX_TEXT, Claim, Configuration, Evidence, PartState, PartStore, Verdict, identity_of
+from msbot.pnp.model import MAX_TEXT, Claim, Configuration, PartStore, Verdict, identity_of
+from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.slot_matching import NO_UID, Match, Matcher
 from msbot.pnp.state_changes import StateChanges
 from msbot.runtime.sentence import said

@@ -23,18 +23,8 @@ from msbot.pnp.hand_control import HandControl
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.life_watch import LifeWatch
-from msbot.pnp.model import (
-    THESIS_TIMING,
-    Claim,
-    Configuration,
-    LifeTiming,
-    PartEvent,
-    PartInfo,
-    PartState,
-    PartStore,
-    Standing,
-    Verdict,
-)
+from msbot.pnp.model import THESIS_TIMING, Claim, Configuration, LifeTiming, PartInfo, PartStore, Standing, Verdict
+from msbot.pnp.part_events import PartEvent, PartState
 from msbot.pnp.session_seals import SessionSeals
 from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
 from msbot.pnp.slot_matching import Match, Matcher

@@ -6,7 +6,8 @@ from collections import deque
 
 from msbot.part.join.plug import Refusal
 from msbot.pnp.life import Life, check_transition
-from msbot.pnp.model import Claim, Configuration, Evidence, LifeTiming, PartEvent, PartInfo, PartState
+from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo
+from msbot.pnp.part_events import Evidence, PartEvent, PartState
 from msbot.runtime.sentence import said
 
 HISTORY = 32

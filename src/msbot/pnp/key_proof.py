@@ -27,7 +27,8 @@ from typing import TypeVar
 from msbot.errors import RegistryError
 from msbot.part.join import keys, plug
 from msbot.part.join.plug import Refusal
-from msbot.pnp.model import Claim, Evidence, PartState, PartStore
+from msbot.pnp.model import Claim, PartStore
+from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.slot_matching import NO_UID, Match
 from msbot.runtime.sentence import said
 

@@ -13,7 +13,8 @@ DEVIATION: the thesis says "at zero" (3.10.3) and "after three missed in a row" 
 from __future__ import annotations
 
 from msbot.errors import LocalProtocolError
-from msbot.pnp.model import LifeTiming, PartState
+from msbot.pnp.model import LifeTiming
+from msbot.pnp.part_events import PartState
 
 _NEW, _CHECKING, _ACTIVE, _LATE = PartState.NEW, PartState.CHECKING, PartState.ACTIVE, PartState.LATE
 _LOST, _REFUSED, _STANDBY, _LEFT = PartState.LOST, PartState.REFUSED, PartState.STANDBY, PartState.LEFT

@@ -11,7 +11,8 @@ from collections.abc import Callable
 
 from msbot.pnp.inventory_index import InventoryIndex
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.model import LifeTiming, PartState
+from msbot.pnp.model import LifeTiming
+from msbot.pnp.part_events import PartState
 from msbot.pnp.state_changes import StateChanges
 from msbot.runtime.sentence import said
 

@@ -8,43 +8,17 @@ a `PartStore`: the registry in a master, `MemoryStore` in tests and robots witho
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import Protocol
 
 from msbot.config import PartType, Slot
 from msbot.errors import ConfigError
 from msbot.part.join.plug import Refusal
 from msbot.pnp.emergency_stop import StopRecord
+from msbot.pnp.part_events import PartEvent, PartState
 from msbot.runtime.sentence import said
 
 MAX_TEXT = 254
 """Longest part number or local name in characters: the thesis' `char[255]` with its NUL."""
-
-Evidence = tuple[tuple[str, str], ...]
-"""Why something was decided: pairs of (rule or message, outcome), in the order they were tried."""
-
-
-class PartState(Enum):
-    """How a part stands with the inventory; the legal changes are `msbot.pnp.life.TRANSITIONS`."""
-
-    NEW = "new"
-    CHECKING = "checking"
-    ACTIVE = "active"
-    LATE = "late"
-    LOST = "lost"
-    REFUSED = "refused"
-    STANDBY = "standby"
-    LEFT = "left"
-
-    @property
-    def is_registered(self) -> bool:
-        """Whether the part holds a lease and may use its slot's topics."""
-        return self is PartState.ACTIVE or self is PartState.LATE
-
-    @property
-    def is_over(self) -> bool:
-        """Whether the part is delisted: gone, politely or not."""
-        return self is PartState.LOST or self is PartState.LEFT
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,43 +151,6 @@ class Standing:
     lease: int
     """0 = it holds none."""
     configuration_version: int
-
-
-@dataclass(frozen=True, slots=True)
-class PartEvent:
-    """One change of one part's state."""
-
-    at: float
-    """Seconds of the caller's monotonic clock."""
-    part: str
-    """The part's name for people: local name, else slot, else part number, else address."""
-    slot: str | None
-    """The slot it holds, or has lost by this change."""
-    from_state: PartState | None
-    """None: the part was not there before."""
-    to_state: PartState
-    reason: str
-    evidence: Evidence = ()
-    part_number: str = ""
-    local_name: str = ""
-    uid: bytes = b""
-    client_key: int = 0
-    """The session it happened to."""
-    address: str = ""
-    """The peer in words."""
-    identity: bytes = b""
-    """Who it is: `identity_of` its claim; empty before it has claimed."""
-
-    def sentences(self) -> list[str]:
-        """The event in plain words: one sentence, then one indented line for each piece of evidence."""
-        change: str = said(self.to_state.value)
-        if self.from_state is not None:
-            change = said("{before} -> {after}", before=said(self.from_state.value), after=change)
-        if self.slot:
-            change = said("{change} in slot {slot}", change=change, slot=self.slot)
-        lines: list[str] = [said("{part}: {change}: {reason}", part=self.part, change=change, reason=self.reason)]
-        lines.extend(said("  - {rule}: {outcome}", rule=rule, outcome=outcome) for rule, outcome in self.evidence)
-        return lines
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,8 @@ from msbot.pnp import thesis_programs as compat
 from msbot.pnp.emergency_stop import EmergencyStop
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
-from msbot.pnp.model import PartEvent, PartState, Verdict
+from msbot.pnp.model import Verdict
+from msbot.pnp.part_events import PartEvent, PartState
 from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
 from msbot.pnp.requests import RequestHandler, verdict_message
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE

@@ -13,7 +13,8 @@ from msbot.errors import RegistryError
 from msbot.part.join.plug import Refusal
 from msbot.pnp.inventory_index import InventoryIndex
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.model import Claim, Evidence, PartState, PartStore
+from msbot.pnp.model import Claim, PartStore
+from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.slot_matching import Matcher
 from msbot.pnp.state_changes import StateChanges
 from msbot.runtime.sentence import said

@@ -20,7 +20,8 @@ from dataclasses import dataclass
 from msbot.config import PartType, Slot
 from msbot.errors import RegistryError
 from msbot.part.join.plug import Refusal
-from msbot.pnp.model import MAX_TEXT, Claim, Evidence, PartState, PartStore
+from msbot.pnp.model import MAX_TEXT, Claim, PartStore
+from msbot.pnp.part_events import Evidence, PartState
 from msbot.runtime.sentence import said
 
 UID_BYTES = 8

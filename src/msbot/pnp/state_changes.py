@@ -10,7 +10,8 @@ from msbot.part.join.plug import Refusal
 from msbot.pnp.hand_control import HandControl
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.model import Configuration, Evidence, PartEvent, PartState, PartStore
+from msbot.pnp.model import Configuration, PartStore
+from msbot.pnp.part_events import Evidence, PartEvent, PartState
 from msbot.pnp.partners import Partners
 from msbot.pnp.slot_matching import Matcher
 from msbot.runtime.sentence import said

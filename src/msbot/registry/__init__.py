@@ -1,8 +1,13 @@
 """The registry: robots, slots, parts, library and journal in a SQL database; the only room that touches SQL."""
 
-from msbot.errors import RegistryError
+from __future__ import annotations
 
-try:
+from typing import TYPE_CHECKING
+
+from msbot.errors import RegistryError
+from msbot.runtime.lazy_face import lazy_face
+
+if TYPE_CHECKING:
     from msbot.registry.database.engine import without_password
     from msbot.registry.database.storage import StorageHealth
     from msbot.registry.edits.user_statements import ROLES
@@ -19,10 +24,40 @@ try:
     from msbot.registry.registry import Registry, open_registry
     from msbot.registry.running.node_ids import StoredNodeIds
     from msbot.registry.running.robot_store import RobotStore
-except ModuleNotFoundError as error:
-    if error.name != "sqlalchemy":
-        raise
-    raise RegistryError("the database needs SQLAlchemy and Alembic: pip install 'msbot[master]'") from None
+
+_NAMES = {
+    "msbot.registry.database.engine": ("without_password",),
+    "msbot.registry.database.storage": ("StorageHealth",),
+    "msbot.registry.edits.user_statements": ("ROLES",),
+    "msbot.registry.records": (
+        "EditKind",
+        "EditRecord",
+        "JournalEntry",
+        "KeyRecord",
+        "PartRecord",
+        "RobotRecord",
+        "UserRecord",
+        "ValueRecord",
+    ),
+    "msbot.registry.registry": (
+        "Registry",
+        "open_registry",
+    ),
+    "msbot.registry.running.node_ids": ("StoredNodeIds",),
+    "msbot.registry.running.robot_store": ("RobotStore",),
+}
+
+_find = lazy_face(__name__, _NAMES)
+
+
+def __getattr__(name: str) -> object:
+    try:
+        return _find(name)
+    except ModuleNotFoundError as error:
+        if error.name != "sqlalchemy":
+            raise
+        raise RegistryError("the database needs SQLAlchemy and Alembic: pip install 'msbot[master]'") from None
+
 
 __all__ = [
     "ROLES",

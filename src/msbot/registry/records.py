@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
-from msbot.config import Parameter, ParameterKind, Scalar
 from msbot.errors import ConfigError
-from msbot.pnp import PartEvent
+
+if TYPE_CHECKING:
+    from msbot.config import ParameterKind, Scalar
+    from msbot.pnp import PartEvent
 
 NO_UID = bytes(8)
 
@@ -143,6 +146,8 @@ class ValueRecord:
         Raises:
             ConfigError: it is not a value of this parameter; the text says what would be right.
         """
+        from msbot.config import Parameter, ParameterKind  # whoever lists parts needs no library
+
         parameter = Parameter(self.name, ParameterKind(self.kind), self.default, self.unit, self.least, self.most)
         value = _scalar(parameter.kind, text)
         fault = parameter.fault(value)
@@ -153,6 +158,8 @@ class ValueRecord:
 
 def _scalar(kind: ParameterKind, text: str) -> Scalar:
     """The text as a value of this kind, or the text itself when it is none."""
+    from msbot.config import ParameterKind
+
     text = text if kind is ParameterKind.TEXT else text.strip()
     match kind:
         case ParameterKind.BOOL:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 from msbot.config import Blueprint, Library
-from msbot.pnp import PartState
 from msbot.registry.blueprint import blueprint_reader
 from msbot.registry.database import statements as store
 from msbot.registry.database.storage import Storage
 from msbot.registry.edits import slot_values as values
 from msbot.registry.edits import undo
+from msbot.registry.quick_look import without_master
 from msbot.registry.records import EditRecord, JournalEntry, PartRecord, RobotRecord, ValueRecord
 from msbot.registry.running.runs import Runs
 
@@ -91,7 +90,7 @@ class Robots:
         records = []
         for one in self.all() if robot is None else [robot]:
             found = self._storage.read(partial(store.list_parts, robot_id=one.id))
-            records.extend(found if self._runs.is_run(one) else [_without_master(record) for record in found])
+            records.extend(found if self._runs.is_run(one) else [without_master(record) for record in found])
         return records
 
     def journal(
@@ -107,9 +106,3 @@ class Robots:
         robot_id = None if robot is None else robot.id
         self._storage.catch_up()
         return self._storage.read(partial(store.read_journal, robot_id=robot_id, part=part, limit=limit))
-
-
-def _without_master(record: PartRecord) -> PartRecord:
-    if not PartState(record.state).is_registered:
-        return record
-    return replace(record, state=PartState.LOST.value, reason="its robot has no master at the moment")

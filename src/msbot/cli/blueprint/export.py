@@ -25,7 +25,7 @@ def command(file: Path | None, robot: str | None, db: str | None, *, without_han
     """
     address = existing_database(db)
     with open_registry(address, read_only=True) as registry:
-        record = one_robot(registry, robot)
+        record = one_robot(registry.database, registry.robots.all(), robot)
         blueprint = registry.robots.blueprint(record, by_hand=not without_hand)
         notes = {} if without_hand else registry.robots.made_by_hand(record)
         where = registry.database

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import logging
 from collections.abc import Mapping
@@ -154,5 +153,7 @@ def _on_database(path: str, robot: str | None, request: Mapping[str, object]) ->
 
         async def act() -> dict[str, object]:
             return await perform(stored_operations(registry, robots[0]), request)
+
+        import asyncio
 
         return asyncio.run(act())

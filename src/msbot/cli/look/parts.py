@@ -8,9 +8,10 @@ from datetime import datetime
 import click
 
 from msbot.cli.change.robot_access import database_to_read, until_stored
+from msbot.cli.look.looking import looking_at
 from msbot.cli.look.one_robot import one_robot
 from msbot.cli.options import json_option, robot_options
-from msbot.registry import PartRecord, open_registry
+from msbot.registry import PartRecord
 
 
 @click.command("parts")
@@ -23,9 +24,10 @@ def command(db: str | None, robot: str | None, *, as_json: bool) -> None:
     """
     path = database_to_read(db, robot)
     until_stored(path)
-    with open_registry(path, read_only=True) as registry:
-        several = robot is None and len(registry.robots.all()) > 1
-        rows = registry.robots.parts(None if robot is None else one_robot(registry, robot))
+    with looking_at(path) as look:
+        robots = look.robots()
+        several = robot is None and len(robots) > 1
+        rows = look.parts(None if robot is None else one_robot(look.database, robots, robot))
     if as_json:
         click.echo(json.dumps([_as_json(row) for row in rows]))
         return

@@ -8,9 +8,10 @@ from datetime import datetime
 import click
 
 from msbot.cli.change.robot_access import until_stored
+from msbot.cli.look.looking import Look, looking_at
 from msbot.cli.options import db_option, existing_database
 from msbot.pnp import PartState
-from msbot.registry import Registry, RobotRecord, open_registry
+from msbot.registry import RobotRecord
 
 
 @click.command("robots")
@@ -20,8 +21,8 @@ def command(db: str | None, *, as_json: bool) -> None:
     """List the robots of a database, the one whose blueprint was applied last first."""
     path = existing_database(db)
     until_stored(path)
-    with open_registry(path, read_only=True) as registry:
-        rows = [_row(registry, robot) for robot in registry.robots.all()]
+    with looking_at(path) as look:
+        rows = [_row(look, robot) for robot in look.robots()]
     if as_json:
         click.echo(json.dumps(rows))
         return
@@ -42,15 +43,15 @@ def command(db: str | None, *, as_json: bool) -> None:
     Console().print(table)
 
 
-def _row(registry: Registry, robot: RobotRecord) -> dict[str, str | int | bool]:
-    active = {part.slot for part in registry.robots.parts(robot) if PartState(part.state).is_registered}
+def _row(look: Look, robot: RobotRecord) -> dict[str, str | int | bool]:
+    active = {part.slot for part in look.parts(robot) if PartState(part.state).is_registered}
     return {
         "name": robot.name,
         "serial_number": robot.serial_number,
         "version": robot.version,
         "manufacturer": robot.manufacturer,
-        "running": registry.runs.is_run(robot),
-        "slots": len(registry.robots.slot_names(robot)),
+        "running": look.is_run(robot),
+        "slots": len(look.slot_names(robot)),
         "filled": len(active),
         "applied_at_ms": robot.applied_ns // 1_000_000,
     }

@@ -9,9 +9,10 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.robot_access import perform, running_master, until_stored
+from msbot.cli.look.looking import Look, looking_at
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, existing_database, json_option, robot_options
 from msbot.errors import ConfigError, RegistryError
-from msbot.registry import JournalEntry, Registry, open_registry
+from msbot.registry import JournalEntry
 
 
 @click.command("why")
@@ -83,13 +84,13 @@ def _texts(found: object) -> list[str]:
 def _read(part: str, last: int, db: str | None, *, must_be_there: bool) -> list[JournalEntry]:
     path = existing_database(db)
     until_stored(path)
-    with open_registry(path, read_only=True) as registry:
-        entries = registry.robots.journal(last, part)
+    with looking_at(path) as look:
+        entries = look.journal(last, part)
         if not entries and must_be_there:
-            raise ConfigError(f"no part {part!r} is in the journal; {_seen(registry)}")
+            raise ConfigError(f"no part {part!r} is in the journal; {_seen(look)}")
     return entries
 
 
-def _seen(registry: Registry) -> str:
-    names = sorted({record.name for record in registry.robots.parts()})
+def _seen(look: Look) -> str:
+    names = sorted({record.name for record in look.parts()})
     return f"seen so far: {', '.join(names)}" if names else "nothing has been plugged in yet"

@@ -17,6 +17,7 @@ from sqlalchemy.exc import OperationalError
 from msbot.errors import RegistryError
 from msbot.registry.database.database_errors import told_as_registry_error
 from msbot.registry.database.engine import Address, make_private
+from msbot.registry.quick_look import lock_file
 from msbot.registry.records import RobotRecord
 
 _SERVER_CLASS = 0x4D734254
@@ -54,7 +55,7 @@ class RunLock:
 
 def is_run(engine: Engine, address: Address, robot: RobotRecord) -> bool:
     """Whether a master runs this robot at the moment."""
-    if address.path is not None and not _lock_file(address.path, robot).exists():
+    if address.path is not None and not lock_file(address.path, robot.id).exists():
         return False
     try:
         RunLock(engine, address, robot, 0.0).release()
@@ -63,16 +64,12 @@ def is_run(engine: Engine, address: Address, robot: RobotRecord) -> bool:
     return False
 
 
-def _lock_file(database: Path, robot: RobotRecord) -> Path:
-    return database.with_name(f"{database.name}.running{robot.id}")
-
-
 def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> Callable[[], None] | None:
     """Take the lock; gives the way to release it, or None when somebody else has it."""
     # The file is left behind: taking it away could let two waiting masters lock two files of one name.
     with contextlib.suppress(OSError):  # the next line says what is wrong
-        make_private(_lock_file(database, robot))
-    connection = sqlite3.connect(_lock_file(database, robot), timeout=timeout_s, isolation_level=None)
+        make_private(lock_file(database, robot.id))
+    connection = sqlite3.connect(lock_file(database, robot.id), timeout=timeout_s, isolation_level=None)
     try:
         connection.execute("BEGIN EXCLUSIVE")
     except sqlite3.OperationalError as error:
