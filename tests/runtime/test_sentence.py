@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.errors import ConfigError
-from msbot.runtime.sentence import Sentence, counted, from_json, said, to_json
+from msbot.runtime.sentence import Sentence, counted, from_json, said, to_json, without
 
 BY_HAND = said("{part} is {state}: {reason}", part="AA", state=said("lost"),
                reason=said("no beat for {seconds:.1f} s", seconds=5.04))  # fmt: skip
@@ -60,3 +60,14 @@ def test_whatever_its_values_are_it_reads_the_same_afterwards(given_values: dict
 )  # fmt: skip
 def test_what_makes_no_sense_is_shown_as_it_stands(content: object) -> None:
     assert isinstance(from_json(content), str)
+
+
+def test_values_of_a_name_can_be_left_out_wherever_they_stand() -> None:
+    text = said(
+        "{who}: {why}",
+        who=said("{address}", address="here"),
+        why=said("seen at {address}, {n:.1f} s", address="there", n=2),
+    )
+    assert without(text, {"address"}, "…") == "…: seen at …, 2.0 s"
+    assert without("here", {"address"}, "…") == "here"
+    assert text == "here: seen at there, 2.0 s"

@@ -112,7 +112,11 @@ class Inventory:
         lines = [line for record in self._index.find(part) for line in record.sentences(now)]
         if lines:
             return lines
-        names = ", ".join(dict.fromkeys(record.name for record in self._index.records)) or said("none yet")
+        known = ", ".join(dict.fromkeys(record.name for record in self._index.records if record.claim is not None))
+        silent = ", ".join(record.address for record in self._index.records if record.claim is None)
+        both = said("{names}, {addresses}", names=known, addresses=silent)
+        names = both if known and silent else said("{addresses}", addresses=silent) if silent else known
+        names = names or said("none yet")
         return [said("No part is known as {part!r}. Parts seen: {names}.", part=part, names=names)]
 
     def configuration_of(self, client_key: int) -> Configuration | None:

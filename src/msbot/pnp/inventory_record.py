@@ -97,9 +97,10 @@ class InventoryRecord:
     def name(self) -> str:
         """What people call it: local name, else slot, else part number, else address."""
         claim = self.claim
+        where = said("{address}", address=self.address)  # a name of its own, so that it can be kept from students
         if claim is None:
-            return self.address
-        return claim.local_name or self.slot or claim.part_number or self.address
+            return where
+        return claim.local_name or self.slot or claim.part_number or where
 
     def move(self, to: PartState, now: float, reason: str, evidence: Evidence = ()) -> PartEvent:
         """Enter another state; everything else must be up to date already.

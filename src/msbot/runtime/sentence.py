@@ -7,7 +7,7 @@ English to know what was meant.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Final
 
 JsonSentence = str | dict[str, object]
@@ -53,6 +53,17 @@ def said(form: str, /, **values: object) -> Sentence:
 def counted(count: int, one: str, many: str, /, **values: object) -> Sentence:
     """A sentence about a number of things: `one` for a single thing, else `many`; both may hold `{count}`."""
     return Sentence(one if count == 1 else many, {"count": count, **values})
+
+
+def without(text: str, names: Collection[str], instead: str) -> str:
+    """The text with other words for the values of these names, wherever they stand in it."""
+    if not isinstance(text, Sentence):
+        return text
+    values = {
+        name: instead if name in names else without(value, names, instead) if isinstance(value, str) else value
+        for name, value in text.values.items()
+    }
+    return Sentence(text.form, values)
 
 
 def to_json(text: str) -> JsonSentence:

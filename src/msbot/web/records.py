@@ -173,7 +173,7 @@ def journal_lines(registry: Registry, robot: RobotRecord) -> Callable[[int, str 
 
     async def read(limit: int, part: str | None) -> list[JournalLine]:
         entries = await registry.storage.in_time(registry.robots.journal, limit, part, robot=robot)
-        return [_line(entry) for entry in reversed(entries)]
+        return [journal_line(entry) for entry in reversed(entries)]
 
     return read
 
@@ -214,12 +214,13 @@ def _is_active(part: PartRecord) -> bool:
     return PartState(part.state).is_registered
 
 
-def _line(entry: JournalEntry) -> JournalLine:
+def journal_line(entry: JournalEntry) -> JournalLine:
+    """A line of the journal as pages and API show it."""
     event = entry.event
     return JournalLine(
         number=entry.number,
         at_ms=entry.at_ns // 1_000_000,
-        part=event.part,
+        part=event.part if event.part != event.address else said("newcomer"),
         slot=event.slot or "",
         from_state="" if event.from_state is None else event.from_state.value,
         to_state=event.to_state.value,

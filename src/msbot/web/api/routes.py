@@ -34,7 +34,7 @@ from msbot.web.api.models import (
     Wish,
 )
 from msbot.web.api.operation_routes import add_operations
-from msbot.web.api.session import Name, SignedIn, parts_for, slots_for
+from msbot.web.api.session import Name, SignedIn, journal_for, lanes_for, parts_for, slots_for, words_for
 from msbot.web.service import Service
 
 PROBLEMS: dict[int | str, dict[str, object]] = {
@@ -89,9 +89,9 @@ def _add_reads(router: APIRouter, service: Service) -> None:
         return parts_for(session, views.arrivals())
 
     @router.get("/why/{part}")
-    async def why(session: SignedIn, part: Name) -> list[str]:  # noqa: ARG001
+    async def why(session: SignedIn, part: Name) -> list[str]:
         """In sentences: how a part stands and which rules led there."""
-        return views.why(part)
+        return [words_for(session, line) for line in views.why(part)]
 
     @router.get("/topics")
     async def topics(session: SignedIn) -> list[TopicLine]:  # noqa: ARG001
@@ -108,18 +108,18 @@ def _add_reads(router: APIRouter, service: Service) -> None:
         return views.live.series(topic, field)
 
     @router.get("/timeline")
-    async def timeline(session: SignedIn) -> list[TimelineLane]:  # noqa: ARG001
+    async def timeline(session: SignedIn) -> list[TimelineLane]:
         """The states of every slot over time."""
-        return views.timeline()
+        return lanes_for(session, views.timeline())
 
     @router.get("/journal")
     async def journal(
-        session: SignedIn,  # noqa: ARG001
+        session: SignedIn,
         limit: Annotated[int, Query(ge=1, le=1000)] = 100,
         part: Annotated[str | None, Query(max_length=254)] = None,
     ) -> list[JournalLine]:
         """The newest lines of the journal, newest first."""
-        return await service.journal(limit, part)
+        return journal_for(session, await service.journal(limit, part))
 
     @router.get("/bus")
     async def bus(session: SignedIn) -> BusFigures:  # noqa: ARG001
@@ -144,9 +144,10 @@ def _add_reads(router: APIRouter, service: Service) -> None:
         return views.types(search)
 
     @router.get("/robots")
-    async def robots(session: SignedIn) -> list[RobotTile]:  # noqa: ARG001
+    async def robots(session: SignedIn) -> list[RobotTile]:
         """All robots of the database."""
-        return await service.robots()
+        tiles = await service.robots()
+        return [tile.model_copy(update={"last_event": words_for(session, tile.last_event)}) for tile in tiles]
 
 
 def _add_slots(router: APIRouter, service: Service) -> None:

@@ -8,10 +8,16 @@ from typing import Annotated
 from fastapi import Depends, Path, Request
 
 from msbot.operations.rights import Right
-from msbot.runtime.sentence import said
+from msbot.runtime.sentence import said, without
 from msbot.web.access.accounts import SignedOut
 from msbot.web.access.sessions import Session
-from msbot.web.api.models import PartLine, SlotCard
+from msbot.web.api.models import JournalLine, PartLine, SlotCard, TimelineLane
+
+PRIVATE = frozenset({"address", "addresses"})
+"""Values of sentences that only teachers read."""
+ELSEWHERE = said("an address that your teacher can see")
+NEWCOMER = said("newcomer")
+"""What a part is called that has not said its name."""
 
 Name = Annotated[str, Path(max_length=254, description="Name of the slot or part")]
 
@@ -28,11 +34,52 @@ def session_of(request: Request) -> Session:
     return session
 
 
+def words_for(session: Session, text: str) -> str:
+    """What the robot says, without the addresses of parts, unless a teacher asks: who knows them can pretend."""
+    return text if session.may(Right.ARRANGE) else without(text, PRIVATE, ELSEWHERE)
+
+
 def parts_for(session: Session, parts: Sequence[PartLine]) -> list[PartLine]:
     """The parts without what lets somebody pretend to be one of them, unless a teacher asks."""
     if session.may(Right.ARRANGE):
         return list(parts)
-    return [part.model_copy(update={"client_key": "", "address": "", "duplicates": []}) for part in parts]
+    return [
+        part.model_copy(
+            update={
+                "part": NEWCOMER if part.part == part.address else part.part,
+                "client_key": "",
+                "address": "",
+                "duplicates": [],
+                "reason": words_for(session, part.reason),
+            }
+        )
+        for part in parts
+    ]
+
+
+def journal_for(session: Session, lines: Sequence[JournalLine]) -> list[JournalLine]:
+    """The same for lines of the journal."""
+    return [
+        line.model_copy(
+            update={
+                "reason": words_for(session, line.reason),
+                "evidence": [(words_for(session, rule), words_for(session, fact)) for rule, fact in line.evidence],
+            }
+        )
+        for line in lines
+    ]
+
+
+def lanes_for(session: Session, lanes: Sequence[TimelineLane]) -> list[TimelineLane]:
+    """The same for the timeline."""
+    return [
+        lane.model_copy(
+            update={
+                "spans": [span.model_copy(update={"reason": words_for(session, span.reason)}) for span in lane.spans]
+            }
+        )
+        for lane in lanes
+    ]
 
 
 def slots_for(session: Session, slots: Sequence[SlotCard]) -> list[SlotCard]:
@@ -40,7 +87,12 @@ def slots_for(session: Session, slots: Sequence[SlotCard]) -> list[SlotCard]:
     if session.may(Right.ARRANGE):
         return list(slots)
     return [
-        card if card.part is None else card.model_copy(update={"part": parts_for(session, [card.part])[0]})
+        card.model_copy(
+            update={
+                "reason": words_for(session, card.reason),
+                "part": None if card.part is None else parts_for(session, [card.part])[0],
+            }
+        )
         for card in slots
     ]
 

@@ -9,6 +9,7 @@ from nicegui import ui
 
 from msbot.operations.rights import Right
 from msbot.web.api.models import PartLine
+from msbot.web.api.session import parts_for
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import heading, show_dialog
@@ -116,8 +117,8 @@ def _card(page: Page, part: PartLine) -> None:
     with ui.element("div").classes(f"slot is-{part.state}").style("opacity:.6" if part.ignored else ""):
         ui.html(
             render(
-                "arrival", say=page.say, part=part, chip=state_chip(part.state, page.say(part.state)),
-                may_see_address=page.may(Right.ARRANGE),
+                "arrival", say=page.say, part=parts_for(page.session, [part])[0],
+                chip=state_chip(part.state, page.say(part.state)),
             ),
             sanitize=False,
         )  # fmt: skip
@@ -160,6 +161,6 @@ def _why(page: Page, part: PartLine) -> None:
     lines = page.service.views.why(part.uid or part.part)
     with ui.dialog() as dialog, ui.card().style("max-width:min(44rem,95vw)"):
         heading(page.say("Why?"))
-        ui.html(render("lines", lines=lines), sanitize=False)
+        ui.html(render("lines", say=page.say, lines=lines), sanitize=False)
         ui.button(page.say("Close"), on_click=dialog.close).props("flat")
     show_dialog(dialog)

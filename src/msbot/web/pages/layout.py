@@ -21,6 +21,7 @@ from msbot.pnp import PartState
 from msbot.web.access.accounts import SignedOut
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done, Robot, StopState
+from msbot.web.api.session import words_for
 from msbot.web.html import Markup, render
 from msbot.web.language import COOKIE as LANGUAGE_COOKIE
 from msbot.web.language import Language, language_of, languages
@@ -82,8 +83,8 @@ class Page:
     """What waits."""
 
     def say(self, text: str, **values: object) -> str:
-        """A text in the person's language."""
-        return self.language.say(text, **values)
+        """A text in the person's language; students read no addresses of parts in it."""
+        return self.language.say(words_for(self.session, text), **values)
 
     def number(self, value: float, form: str = "") -> str:
         """A number as the person's language writes it; `form` as in `format`."""
