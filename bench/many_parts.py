@@ -29,6 +29,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from random import randbytes
 
@@ -116,8 +117,10 @@ class Crowd:
         self.active: dict[int, int] = {}
         self._losses: dict[int, Counter[str]] = {}
         self._processes = []
-        for number in range(processes):
-            first, last = (size * edge // processes for edge in (number, number + 1))
+        edges = [size * number // processes for number in range(processes + 1)]
+        if flood:
+            edges.insert(1, 1)  # the one that floods is busy with that
+        for number, (first, last) in enumerate(pairwise(edges)):
             words = ["--be-parts", str(first), "--parts", str(last - first), "--link", address, "--flood", str(flood)]
             process = subprocess.Popen(
                 [sys.executable, __file__, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -78,3 +78,53 @@ def test_a_crowd_comes_in_a_few_at_a_time_also_after_the_master_was_killed() -> 
         await asyncio.gather(*tasks, serving, return_exceptions=True)
 
     run_virtual(scene())
+
+
+def test_a_part_that_floods_gets_its_share_and_is_told_of_and_no_other_part_is_late() -> None:
+    async def scene() -> None:
+        random, loop = Random(1), asyncio.get_running_loop()
+        names = NAMES[:10]
+        store = MemoryStore(
+            types=(PartType("X", "x"),),
+            slots=tuple(Slot(name, "X") for name in names),
+            configurations=tuple(Configuration(1, name, (), ()) for name in names),
+        )
+        hub = InprocHub()
+        hub.server.info = replace(hub.server.info, name="wire")
+        master = Master(Blueprint(RobotProfile("R", "1", "1", "today", "us"), ()), store, random=random)
+        events: list[PartEvent] = []
+        master.inventory.on_event(events.append)
+        master.add_link(hub.server)
+        tasks = [loop.create_task(master.run())]
+        await master.ready.wait()
+        parts = [Part("X", local_name=name, uid=random.randbytes(8), random=Random(name)) for name in names]
+        links = [hub.connect() for _ in parts]
+        for part, link in zip(parts, links, strict=True):
+            tasks.append(loop.create_task(part.run_async(link, epoch_ns=lambda: 0)))
+        async with asyncio.timeout(30):
+            while len(master.inventory.members()) < len(names):  # noqa: ASYNC110 - virtual time costs nothing
+                await asyncio.sleep(0.1)
+        await asyncio.sleep(2.0)
+        link = links[0]
+        assert link.remote is not None
+        for _ in range(1000):  # for 2 s 50,000 a second: WRITE_DATA for an object that is not there
+            for _ in range(100):
+                link.send(bytes.fromhex("81010000 07010800 00100075 00000000"), link.remote)
+            await asyncio.sleep(0.002)
+        (flooding,) = [
+            view for view in master.agent.clients() if view.dropped.get("packet beyond its share: not read", 0)
+        ]
+        assert flooding.dropped["packet beyond its share: not read"] > 50_000
+        assert flooding.packets_in < 40_000
+        told = [event for event in events if "more than its share" in event.reason]
+        assert [event.part for event in told] == ["p0"]
+        assert any("more than its share" in line for line in master.why("p0"))
+        await asyncio.sleep(5.0)
+        bad = {PartState.LATE, PartState.LOST}
+        assert {event.part for event in events if event.to_state in bad} <= {"p0"}
+        assert all(part.state is JoinState.ACTIVE for part in parts)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    run_virtual(scene())

@@ -26,11 +26,19 @@ EndSession = Callable[[Proxy, str], None]
 class Flusher:
     """Serves the clients of one agent on its event loop."""
 
-    def __init__(self, clock: Callable[[], float], end_session: EndSession) -> None:
+    def __init__(
+        self,
+        clock: Callable[[], float],
+        end_session: EndSession,
+        compare: Callable[[float], float] = lambda _: math.inf,
+    ) -> None:
+        """`compare` is called when it is time to compare what the clients send; gives when to call it again."""
         self.in_burst = False
         """Whether somebody will call `flush` at the end of the burst that is being received."""
         self._clock = clock
         self._end_session = end_session
+        self._compare = compare
+        self._compare_at = 0.0
         self._marked: list[Proxy] = []
         self._timers: TimerHeap[Proxy] = TimerHeap()
         self._lives: TimerHeap[Proxy] = TimerHeap()
@@ -52,6 +60,8 @@ class Flusher:
         if not self._marked:
             return
         now = self._clock()
+        if now >= self._compare_at:
+            self._compare_at = self._compare(now)
         marked, self._marked = self._marked, []
         for proxy in marked:
             proxy.is_marked = False

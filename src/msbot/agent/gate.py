@@ -57,6 +57,10 @@ class Gate(Protocol):
     def is_settled(self, client: ClientInfo) -> bool:
         """Whether the client has a place that no stranger may take: its session is never put out for others."""
 
+    def limits(self, client: ClientInfo, packets_per_s: float, share: float) -> bool:
+        """Whether a client that sends more than its share of packets gets no more than that; asked again while it does
+        (`msbot.agent.fair_share`)."""
+
     def joined(self, client: ClientInfo) -> None:
         """A session was opened or opened again (also from another address): earlier grants are void."""
 
@@ -90,6 +94,10 @@ class OpenGate:
     def is_settled(self, client: ClientInfo) -> bool:  # noqa: ARG002 - the protocol's signature
         """Always True: without a blueprint nobody is a stranger."""
         return True
+
+    def limits(self, client: ClientInfo, packets_per_s: float, share: float) -> bool:  # noqa: ARG002 - the protocol's
+        """Always False: as quick as it can."""
+        return False
 
     def joined(self, client: ClientInfo) -> None:
         """Nothing to remember."""

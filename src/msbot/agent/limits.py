@@ -47,6 +47,10 @@ class AgentSettings:
     max_joining: int = 64
     """Clients that may be on their way from their login to being settled at a time; the others are told when to ask
     again, or left to ask again by themselves. Not on links whose rate is bounded by their medium."""
+    max_packets_per_s: float = 10_000.0
+    """Packets a second of one client, where the gate limits it; what is beyond is not read."""
+    max_packets_in_all_per_s: float = 30_000.0
+    """The same of all clients together, before those that send most are cut further."""
     max_objects: int = 256
     """Objects of one client; more are answered ERR_RESOURCES."""
     max_objects_unsettled: int = 64

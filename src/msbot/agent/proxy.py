@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import TYPE_CHECKING, Protocol
 
+from msbot.agent.fair_share import Limit
 from msbot.agent.gate import ClientInfo, Gate, SampleGuard
 from msbot.agent.limits import AgentSettings
 from msbot.agent.object_tree import ObjectBudget, ObjectTree
@@ -96,6 +97,8 @@ class Proxy:
         """Whether the session has ended: deleted by the client, or given up by the agent."""
         self.gone: str | None = None
         """Why the link says that the client has gone, while it may still come back."""
+        self.limit: Limit | None = None
+        """Its share, when it sends more; see `msbot.agent.fair_share`."""
         self.bytes_in = 0
         self.bytes_out = 0
         self._surroundings = surroundings
@@ -157,6 +160,11 @@ class Proxy:
         if self.is_settled():
             return self._dead_after_s
         return min(self._dead_after_s, self._settings.unsettled_dead_after_s)
+
+    @property
+    def packets_in(self) -> int:
+        """Packets that its session has taken."""
+        return self.session.counters.packets_in
 
     @property
     def last_heard(self) -> float:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from msbot.agent.client_table import ClientTable, ServedLink
+from msbot.agent.fair_share import FairShare
 from msbot.agent.flushing import Flusher
 from msbot.agent.gate import ClientInfo, Gate, OpenGate
 from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
@@ -77,7 +78,12 @@ class Agent:
             open_session=self._open_session,
             end_session=self._end_session,
         )
-        self._flusher = Flusher(self._now, self._end_session)
+        self._share = FairShare[Proxy](
+            self._settings.max_packets_per_s,
+            self._settings.max_packets_in_all_per_s,
+            lambda proxy, rate, share: self._gate.limits(proxy.info, rate, share),
+        )
+        self._flusher = Flusher(self._now, self._end_session, self._compare)
         self._surroundings = Surroundings(
             space=space,
             gate=self._gate,
@@ -237,10 +243,18 @@ class Agent:
         if session_id < 0x80 and port.members.get(proxy) != peer:
             self._receive_from_elsewhere(proxy, port, packet, peer, now)
             return
+        if proxy.limit is not None and not proxy.limit.takes(now):
+            return
         proxy.receive(packet, now)
         if proxy.is_over:
             self._flusher.send(proxy, now)
             self._end_session(proxy, said("session deleted"))
+
+    def _compare(self, now: float) -> float:
+        """See who sends too much; gives when to look again."""
+        total = sum(port.link.counters.packets_in for port in self._ports)
+        self._share.compare(total, self._clients, now)
+        return self._share.next_at
 
     def _keyed(self, client_key: int, port: ServedLink, peer: Peer) -> Proxy | None:
         """The client whose key a header shows: at its own address, or from anywhere unless the gate keeps sessions."""

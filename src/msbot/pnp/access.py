@@ -21,6 +21,7 @@ from msbot.part.join.seal import Seal
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.profile import PROFILE_TOPIC
+from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 
 INVENTORY_SERVICE = "msbot_inventory"
@@ -41,6 +42,8 @@ RESERVED_TOPICS = frozenset(
 """No binding and no free topic opens these any further than step 1 and 2 need."""
 
 _MAX_PLUGS = 1024
+FLOOD_TOLD_S = 60.0
+"""So often at most it is told of a part that it sends without measure."""
 
 
 class AskingClient(Protocol):
@@ -114,6 +117,8 @@ class Access:
         self._readable = free
         self._links: dict[int, str] = {}
         """Client key -> the link its session is open on."""
+        self._flood_told_at: dict[int, float] = {}
+        """Client key -> when it was told last that it sends without measure."""
         self._plugs: dict[tuple[str, Hashable], float] = {}
         """Peers that a link has seen come and that have no session yet -> when."""
 
@@ -137,6 +142,21 @@ class Access:
         seal = self._inventory.seals.of(client.key)
         return None if seal is None else _Guard(seal, partial(self._sample_refused, client.key))
 
+    def limits(self, client: AskingClient, packets_per_s: float, share: float) -> bool:
+        """Every part, and the journal says so once a minute; never the robot's own services."""
+        if self._is_trusted(client):
+            return False
+        now = self._clock()
+        if now - self._flood_told_at.get(client.key, -FLOOD_TOLD_S) >= FLOOD_TOLD_S:
+            self._flood_told_at[client.key] = now
+            words = said(
+                "sends {packets} packets a second, more than its share of {share}: the rest is not read",
+                packets=round(packets_per_s),
+                share=round(share),
+            )
+            self._inventory.note(client.key, words, now)
+        return True
+
     def is_latched(self, topic: str) -> bool:
         """Whether readers get the topic's last sample although they do not ask for it, as the thesis' parts do not."""
         return topic == PROFILE_TOPIC
@@ -155,6 +175,7 @@ class Access:
         if reason.startswith(REPLACED):
             return
         self._links.pop(client.key, None)
+        self._flood_told_at.pop(client.key, None)
         self._inventory.client_left(client.key, reason, self._clock(), politely=reason == GOODBYE)
 
     def may_write(self, client: AskingClient, topic: str) -> bool:

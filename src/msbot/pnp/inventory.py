@@ -216,6 +216,12 @@ class Inventory:
                 self._changes.note(record, now, words, (("seal", reason),))
                 self._publish(now)
 
+    def note(self, key: int, words: str, now: float) -> None:
+        """Something about the part behind a session that changes nothing: its history and the journal say so."""
+        if (session := self._index.sessions.get(key)) is not None and session.record is not None:
+            self._changes.note(session.record, now, words)
+            self._publish(now)
+
     # Parts
 
     def claim(self, claim: Claim, client_key: int, now: float) -> Verdict:
@@ -384,6 +390,5 @@ class Inventory:
     def _note_return(self, client_key: int, now: float) -> None:
         """A delisted part is back on its open session: its way to `active` begins here."""
         session = self._index.sessions.get(client_key)
-        record = None if session is None else session.record
-        if record is not None and record.plugged_in_at is None:
-            record.plugged_in_at = now
+        if session is not None and session.record is not None and session.record.plugged_in_at is None:
+            session.record.plugged_in_at = now
