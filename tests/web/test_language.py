@@ -71,6 +71,7 @@ def texts_of_the_library() -> set[str]:
     found = {message.description for message in library.messages.values()}
     for entry in library:
         found |= {entry.name, entry.description, entry.resolution, entry.connector, entry.specification}
+        found |= {entry.driver.none}
         found |= {port.description for port in entry.ports} | {pin.description for pin in entry.pins}
         found |= {one.description for one in entry.parameters}
         if entry.simulator is not None:

@@ -201,10 +201,10 @@ class Agent:
         """The sessions one by one, each as it is when asked for: with thousands, do something else in between."""
         return (proxy.view(self._now()) for proxy in self._clients)
 
-    def topic_at(self, peer: Peer, object_id: int) -> tuple[int, str] | None:
-        """Client key and topic (of a service: its requests) of an endpoint of the client at that peer of any link."""
+    def topic_at(self, node: Peer, object_id: int) -> tuple[int, str] | None:
+        """Client key and topic (of a service: its requests) of an endpoint of the client at that node of a bus."""
         for port in self._ports:
-            proxy = port.clients.get(peer)
+            proxy = port.clients.get(node) if port.link.info.shared_bus else None
             topic = None if proxy is None else proxy.topic_of(object_id)
             if proxy is not None and topic is not None:
                 return proxy.info.key, topic

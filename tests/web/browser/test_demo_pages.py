@@ -117,6 +117,7 @@ def test_the_bus_is_paused_and_a_frame_taken_apart(page: Page, demo: Site) -> No
     go(page, f"{demo.base}/bus")
     rows = page.locator("tr[data-number]")
     expect(rows.nth(10)).to_be_visible()
+    expect(rows.filter(has_text=re.compile(r"knob says level \d")).first).to_be_visible()
     page.get_by_role("switch", name="Pause").click()
     expect(rows.first).to_have_attribute("tabindex", "0")  # it stands still
     first = rows.first.get_attribute("data-number")

@@ -125,3 +125,14 @@ def test_a_german_reads_why_a_part_is_lost(german: BrowserContext, demo: Site) -
     page.get_by_role("button", name="bumper einstecken").click()
     expect(card).to_contain_text("aktiv")
     page.close()
+
+
+def test_the_library_is_searched_in_german(german: BrowserContext, demo: Site) -> None:
+    page = german.new_page()
+    go(page, f"{demo.base}/library")
+    page.get_by_label("Suchen").fill("Abstand")
+    expect(page.get_by_text("Ultraschall-Abstandssensor")).to_be_visible()
+    expect(page.get_by_text("Summer", exact=True)).to_have_count(0)
+    page.get_by_label("Suchen").fill("servo")
+    expect(page.get_by_text("Servo, 180 Grad", exact=True)).to_be_visible()
+    page.close()

@@ -6,6 +6,7 @@ from fastapi import Request
 from nicegui import ui
 
 from msbot.config import PartType
+from msbot.web.api.models import TypeLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.service import Service
@@ -41,7 +42,7 @@ def _catalogue(page: Page, search: str) -> None:
 
     def show() -> None:
         entries = []
-        for line in page.service.views.types(str(find.value or "")):
+        for line in _found(page, str(find.value or "")):
             found = page.service.views.library.get(line.number)
             entries.append((line, "" if found is None else picture_of(found)))
         grid.set_content(render("catalogue", say=page.say, counted=page.language.count, entries=entries))
@@ -50,16 +51,28 @@ def _catalogue(page: Page, search: str) -> None:
     show()
 
 
+def _found(page: Page, wanted: str) -> list[TypeLine]:
+    """The part types that fit, by their own words or by those of the person's language."""
+    fitting, words = page.service.views.types(wanted), wanted.casefold().split()
+    known = {line.number for line in fitting}
+    return fitting + [
+        line
+        for line in page.service.views.types("")
+        if line.number not in known
+        and all(word in f"{page.say(line.name)} {page.say(line.description)}".casefold() for word in words)
+    ]
+
+
 def _entry(page: Page, found: PartType, base: str) -> None:
     say = page.say
     facts = [
         (say("part number"), found.number),
-        (say("manufacturer"), found.manufacturer),
+        (say("manufacturer"), say(found.manufacturer)),
         (say("supply"), say(str(found.supply)) if found.supply else say(found.specification) or "–"),
         (say("resolution"), say(found.resolution) or "–"),
         (say("connector"), say(found.connector) or "–"),
         (say("fits slots for"), ", ".join((found.number, *found.compatible_with))),
-        (say("driver"), found.driver or say("has a controller of its own")),
+        (say("driver"), found.driver.entry_point or say(found.driver.none) or say("has a controller of its own")),
         (say("file"), found.source.rpartition("/")[2]),
     ]
     address = f"{base.rstrip('/')}/library/{found.number}"

@@ -12,6 +12,7 @@ from msbot.operations.rights import Right
 from msbot.web.api.models import Scalar, Value
 from msbot.web.html import render
 from msbot.web.pages.layout import Page
+from msbot.web.svg.drawings import value_words
 
 
 def values_panel(page: Page, slot: str) -> None:
@@ -135,7 +136,7 @@ class _Line:
         return field
 
     def _default(self) -> str:
-        return self._page.say("default {value}", value=self._value.default)
+        return self._page.say("default {value}", value=value_words(self._value.default, self._page.language))
 
     def _limits(self) -> str:
         least, most = self._value.least, self._value.most
