@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.homes.chromium import CHROMIUM, BrowserHome, Chromium, is_needed
 from tests.homes.runners import NODE, CPython, DoubleEngine, MicroPython, NodeEngine, as_micropython
 from tests.homes.scenes import SCENES
 from tests.homes.world import Home, World, run_virtual
@@ -51,6 +52,21 @@ def test_a_program_prints_the_same_in_every_home(name: str, home: str) -> None:
         (pytest.fail if os.environ.get(NEEDED) else pytest.skip)("there is no node here for the MicroPython VM")
     expected = (PROGRAMS / f"{name}.txt").read_text().splitlines()
     assert play(HOMES[home](), name) == expected
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Chromium]:
+    """One browser for all programs of a process."""
+    if CHROMIUM is None:
+        (pytest.fail if is_needed() else pytest.skip)("no Chromium on this machine: apt-get install chromium")
+    browser = Chromium()
+    yield browser
+    browser.close()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_program_prints_the_same_in_a_browser(name: str, chromium: Chromium) -> None:
+    assert play(BrowserHome(chromium), name) == (PROGRAMS / f"{name}.txt").read_text().splitlines()
 
 
 def test_every_program_and_every_example_has_its_story_and_its_result() -> None:

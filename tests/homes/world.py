@@ -12,12 +12,14 @@ from random import Random
 from typing import Protocol
 
 from msbot.config import Blueprint, Options, PartType, RobotProfile, Slot
+from msbot.errors import LinkDown
 from msbot.link.byte_frames import SerialReceiver, encode_serial
 from msbot.link.can import CanMasterLink, CanPartLink, Codec
 from msbot.link.can.protocol.frames import Frame, FrameJoiner, split
 from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.link.can.sim.driver import SimCanBus
 from msbot.link.contract import Signal
+from msbot.link.net import SocketPeer, Visitor, WebSocketServerLink
 from msbot.link.net.udp import UdpServerLink
 from msbot.link.serial.lines import Line, LineServer
 from msbot.master import Master
@@ -84,6 +86,7 @@ class World:
         self.driver = SimBusDriver(SimBus(500_000, random=Random(seed)))
         self.driver.attach("monitor")
         self.lines = MemoryLines()
+        self.page = WebSocketServerLink("ws:page")
         mine = [
             SlotBinding(port, port, kind, publishes=way == "out", reliable=True) for port, way, kind in robot.bindings
         ]
@@ -134,6 +137,10 @@ class World:
     async def pull_partner(self) -> None:
         self.driver.detach("partner")
         await self._end("partner")
+
+    def page_peer(self, came: Callable[[bytes], None]) -> PagePeer:
+        """The program's end of a connection with the page's server."""
+        return PagePeer(self.page, came)
 
     def configure(self, settings: tuple[tuple[str, str], ...]) -> None:
         """Somebody changes the settings of the program's slot."""
@@ -198,7 +205,48 @@ class World:
         profile_hash = master.profile.profile_hash()
         master.add_link(CanMasterLink(end, profile_hash=profile_hash, random=self.random, codec=CODEC))
         master.add_link(self.lines)
+        master.add_link(self.page)
         return master
+
+
+class PagePeer:
+    """A WebSocket at the page's server without a network; made again while the master is there, as the page does."""
+
+    def __init__(self, link: WebSocketServerLink, came: Callable[[bytes], None]) -> None:
+        self._link = link
+        self._came = came
+        self._peer: SocketPeer | None = None
+        self._task = asyncio.get_running_loop().create_task(self._carry())
+
+    def bring(self, packet: bytes) -> None:
+        """A packet for the master; nobody hears it while it is dead."""
+        if self._peer is not None and self._link.has_room(self._peer):
+            self._peer.took(packet, asyncio.get_running_loop().time())
+
+    def pull(self) -> None:
+        """The connection is torn off."""
+        self._task.cancel()
+        if self._peer is not None:
+            self._peer.gone("torn off")
+
+    def close(self) -> None:
+        """It is over."""
+        self._task.cancel()
+
+    async def _carry(self) -> None:
+        while True:
+            try:
+                peer = self._link.join(Visitor("ann", "10.0.0.7"))
+            except LinkDown:
+                await asyncio.sleep(0.1)
+                continue
+            self._peer = peer
+            while self._link.has_room(peer):
+                try:
+                    async with asyncio.timeout(0.1):
+                        self._came(await peer.next_packet())
+                except TimeoutError:
+                    continue
 
 
 class MemoryLines(LineServer):
@@ -257,6 +305,7 @@ __all__ = [
     "FrameJoiner",
     "Home",
     "MemoryLines",
+    "PagePeer",
     "Part",
     "Refusal",
     "Robot",

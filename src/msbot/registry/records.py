@@ -204,6 +204,28 @@ class KeyRecord:
     created_by: str
 
 
+@dataclass(frozen=True, slots=True)
+class ProgramRecord:
+    """A program that somebody wrote on the page."""
+
+    owner: str
+    name: str
+    """File name."""
+    share: str
+    """Word by which others may read it; empty: nobody may."""
+    changed_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramVersion:
+    """One kept version of a program."""
+
+    number: int
+    saved_ns: int
+    size: int
+    """Characters."""
+
+
 def uid_text(uid: bytes) -> str:
     """A UID as the tables hold it: 16 hexadecimal digits; empty for a part without one."""
     return "" if not uid or uid == NO_UID else uid.hex()

@@ -21,6 +21,7 @@ from msbot.web.api.models import Robot
 from msbot.web.cards import stop_state
 from msbot.web.frames import FrameRing
 from msbot.web.live import Live
+from msbot.web.programs.program_shelf import RegistryShelf
 from msbot.web.records import RegistryUsers, no_records, registry_records
 from msbot.web.server import WebServer, WebSettings
 from msbot.web.service import Service
@@ -113,8 +114,9 @@ class WebRoom:
             else registry_records(database.registry, database.robot, operations, library, address=database.address)
         )
         self.service = Service(
-            views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock
-        )
+            views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock,
+            programs=None if database is None else RegistryShelf(database.registry),
+        )  # fmt: skip
         self.server = WebServer(self.service, settings)
         master.add_link(self.server.parts)
         self._sessions = session_file(accounts, self.server.mark)

@@ -16,8 +16,10 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from msbot.errors import LinkDown, LinkFull
 from msbot.link.net import PART_PATH, SocketPeer, Visitor, WebSocketServerLink
 from msbot.operations.rights import Right
+from msbot.runtime.sentence import said
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
+from msbot.web.language import language_of
 
 CHECK_S = 3.0
 """How long at most a part stays after its person was signed out, or lost the right to run parts."""
@@ -47,17 +49,23 @@ class PartSocket:
         """One connection, from its first octet to its last."""
         session: Session = socket.scope["state"]["session"]
         may_stay = self._condition(session, socket)
+        tell = language_of(socket).say
         await socket.accept()
         if not may_stay():
-            await socket.close(REFUSED, f"{session.role.one} may not run parts; {Right.OPERATE.least.one} may")
+            why = said(
+                "{role} may not run parts; {least} may",
+                role=said(session.role.one),
+                least=said(Right.OPERATE.least.one),
+            )
+            await socket.close(REFUSED, _short(tell(why)))
             return
         try:
             peer = self._link.join(Visitor(session.name, socket.client.host if socket.client else ""))
         except LinkFull as error:
-            await socket.close(REFUSED, str(error))
+            await socket.close(REFUSED, _short(tell(str(error))))
             return
         except LinkDown as error:
-            await socket.close(AGAIN, str(error))
+            await socket.close(AGAIN, _short(tell(str(error))))
             return
         words = "connection closed"
         try:
@@ -79,7 +87,7 @@ class PartSocket:
         code, words = done.pop().result()
         if code:
             with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it went by itself meanwhile
-                await socket.close(code, words)
+                await socket.close(code, _short(language_of(socket).say(words)))
         return f"connection closed: {words}"
 
     def _condition(self, session: Session, socket: WebSocket) -> Callable[[], bool]:
@@ -99,9 +107,9 @@ class PartSocket:
 async def _watch(peer: SocketPeer, may_stay: Callable[[], bool]) -> tuple[int, str]:
     while may_stay():
         if peer.is_silent(asyncio.get_running_loop().time()):
-            return WRONG, "no packet came"
+            return WRONG, said("no packet came")
         await asyncio.sleep(CHECK_S)
-    return REFUSED, "you are signed out, or may not run parts any more"
+    return REFUSED, said("you are signed out, or may not run parts any more")
 
 
 async def _read(socket: WebSocket, peer: SocketPeer) -> tuple[int, str]:
@@ -118,7 +126,7 @@ async def _read(socket: WebSocket, peer: SocketPeer) -> tuple[int, str]:
         except ValueError as error:
             return WRONG, str(error)
         if sentence:
-            await socket.send_text(sentence)
+            await socket.send_text(language_of(socket).say(sentence))
         if pause_s:
             await asyncio.sleep(pause_s)
 
@@ -129,3 +137,8 @@ async def _write(socket: WebSocket, peer: SocketPeer) -> tuple[int, str]:
             await socket.send_bytes(await peer.next_packet())
     except (WebSocketDisconnect, RuntimeError):  # it went by itself meanwhile; Starlette says so in two ways
         return 0, "broken"
+
+
+def _short(words: str) -> str:
+    """A reason as a closing frame has room for: 123 octets (RFC 6455, 5.5)."""
+    return words if len(words.encode()) <= 123 else words.encode()[:120].decode("utf-8", "ignore") + "…"

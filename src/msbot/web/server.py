@@ -38,6 +38,7 @@ from msbot.web.open_pages import OpenPages
 from msbot.web.pages import register_pages
 from msbot.web.pages.help import picture_answer
 from msbot.web.part_socket import PartSocket
+from msbot.web.programs.browser_files import add_browser_files
 from msbot.web.service import Service
 
 DEFAULT_PORT = 8080
@@ -178,6 +179,7 @@ class WebServer:
         app.include_router(make_forms(service.accounts, service.robot_name, cookies))
         app.include_router(make_api(service))
         app.include_router(make_admin_api(service))
+        add_browser_files(app)
         app.router.routes.append(PartSocket(self.parts, service.accounts).route())
         tell_problems(app)
         app.mount("/web", StaticFiles(directory=str(files("msbot.web") / "static")), name="web")

@@ -33,6 +33,8 @@ from msbot.web.api.models import (
     Value,
 )
 from msbot.web.local_masters import LocalMaster, LocalMasters, StopForAll
+from msbot.web.programs.program_deeds import ProgramDeeds
+from msbot.web.programs.program_shelf import NoShelf, ProgramShelf
 from msbot.web.records import Records
 from msbot.web.views import Views
 
@@ -55,11 +57,13 @@ class Service:
         robot: the robot's description for `robot()`, without its slots.
         clock: the robot's clock.
         neighbours: the masters of this computer.
+        programs: where people's programs are kept; None: nowhere.
     """
 
     def __init__(
         self, *, views: Views, operations: RunningOperations, accounts: Accounts, records: Records,
         robot: Callable[[], Robot], clock: Callable[[], float], neighbours: LocalMasters | None = None,
+        programs: ProgramShelf | None = None,
     ) -> None:  # fmt: skip
         self.views = views
         self.accounts = accounts
@@ -68,6 +72,7 @@ class Service:
         self._robot = robot
         self._clock = clock
         self._neighbours = neighbours or LocalMasters()
+        self.programs = ProgramDeeds(programs or NoShelf(), accounts)
         self._looking_around = asyncio.Lock()
         self._seen_robot: tuple[float, int, Robot] | None = None
         self._seen_robots: tuple[float, list[RobotTile]] | None = None

@@ -17,6 +17,7 @@ from msbot.link.base import BaseLink
 from msbot.link.byte_frames import MAX_PACKET
 from msbot.link.contract import LinkInfo, Peer, Signal
 from msbot.link.net.rate_budget import RateBudget
+from msbot.runtime.sentence import said
 
 MOST = 256
 """Connections in all."""
@@ -75,19 +76,19 @@ class SocketPeer:
         """
         if not 0 < len(packet) <= MAX_PACKET:
             self._link.counters.dropped.count(NO_PACKET)
-            raise ValueError(f"a packet has 1 to {MAX_PACKET} octets, not {len(packet)}")
+            raise ValueError(said("a packet has 1 to {most} octets, not {size}", most=MAX_PACKET, size=len(packet)))
         self._heard = True
         self._link.peer_brought(packet, self, now)
         pause_s = self._budget.spend(len(packet), now)
         if not pause_s or (self._told_at is not None and now - self._told_at < SLOW_DOWN_AGAIN_S):
             return pause_s, ""
         self._told_at = now
-        return pause_s, "this part sends more than the robot takes from one part: send less often"
+        return pause_s, said("this part sends more than the robot takes from one part: send less often")
 
     def took_text(self) -> str:
         """A text message has come; returns the sentence with which the connection has to be closed."""
         self._link.counters.dropped.count(NO_PACKET)
-        return "a part sends packets of DDS-XRCE in binary messages, and no text"
+        return said("a part sends packets of DDS-XRCE in binary messages, and no text")
 
     def is_silent(self, now: float) -> bool:
         """Whether it has not brought a packet in time and has to be closed."""
@@ -140,17 +141,19 @@ class WebSocketServerLink(BaseLink):
             LinkDown: the robot does not serve parts now.
         """
         if not self._is_open:
-            raise LinkDown("the robot starts or ends just now: try again in a moment")
+            raise LinkDown(said("the robot starts or ends just now: try again in a moment"))
         of_person = sum(peer.visitor.person == visitor.person for peer in self._peers)
         of_address = sum(peer.visitor.address == visitor.address for peer in self._peers)
         for count, most, whose in (
-            (of_person, MOST_OF_PERSON, f"{visitor.person} has"),
-            (of_address, MOST_OF_ADDRESS, f"{visitor.address} has"),
-            (len(self._peers), MOST, "the robot has"),
+            (of_person, MOST_OF_PERSON, visitor.person),
+            (of_address, MOST_OF_ADDRESS, visitor.address),
+            (len(self._peers), MOST, said("the robot")),
         ):
             if count >= most:
                 self.counters.dropped.count(TOO_MANY)
-                raise LinkFull(f"{whose} {count} parts on the page already: end one first")
+                raise LinkFull(
+                    said("{whose} has {count} parts on the page already: end one first", whose=whose, count=count)
+                )
         now = self._now()
         peer = SocketPeer(self, visitor, now)
         self._peers.add(peer)

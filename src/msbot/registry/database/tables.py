@@ -241,3 +241,24 @@ keys = Table(
     Column("created_ns", BigInteger, nullable=False, comment="when it was made"),
     Column("created_by", Text, nullable=False, comment="who made it"),
 )
+
+programs = Table(
+    "programs",
+    metadata,
+    Column("id", BigId, primary_key=True, comment="number of the program"),
+    Column("owner", Text, nullable=False, comment="name of the user who wrote it"),
+    Column("name", Text, nullable=False, comment="its file name"),
+    Column("share", Text, nullable=False, comment="word by which others may read it, empty when nobody may"),
+    Column("changed_ns", BigInteger, nullable=False, comment="when its newest version was kept"),
+    UniqueConstraint("owner", "name"),
+    Index("ix_programs_share", "share"),
+)
+
+program_texts = Table(
+    "program_texts",
+    metadata,
+    Column("program_id", ForeignKey("programs.id", ondelete="CASCADE"), primary_key=True, comment="the program"),
+    Column("number", Integer, primary_key=True, autoincrement=False, comment="version, 1 and up"),
+    Column("text", Text, nullable=False, comment="the program as it was then"),
+    Column("saved_ns", BigInteger, nullable=False, comment="when it was kept"),
+)

@@ -11,6 +11,7 @@ from msbot.web.pages import (
     help,
     journal,
     library,
+    program,
     robot,
     settings,
     timeline,
@@ -21,7 +22,9 @@ from msbot.web.service import Service
 
 def register_pages(service: Service) -> None:
     """Make the pages of one robot known to NiceGUI; to be called once in a process."""
-    for page in (robot, arrivals, settings, bus, wires, timeline, library, journal, classroom, admin, api_docs, help):
+    for page in (
+        robot, arrivals, settings, bus, wires, program, timeline, library, journal, classroom, admin, api_docs, help,
+    ):  # fmt: skip
         page.register(service)
 
 

@@ -64,6 +64,12 @@ HELP = {
         "carry samples now, dashed ones are silent. Click a slot to change where its ports are bound.",
         "explain/plug_and_play",
     ),
+    "/program": PageHelp(
+        "Write a program in Python and press Run: it runs in this browser, and its part joins the robot as any other. "
+        "Lines with a mistake are marked, and the console shows what the program prints. Begin with an example, and "
+        "change it.",
+        "howto/program_in_the_browser",
+    ),
     "/timeline": PageHelp(
         "Each bar is a slot; its colour is the state it had at that time. Below the bars stands why each state began. "
         "Further down you draw the values of any port over time.",

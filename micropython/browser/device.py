@@ -1,0 +1,66 @@
+"""The phone, tablet or computer whose browser runs the program (docs/reference/part.md#the-device).
+
+import device
+
+tilt = device.tilt()            # Vector: degrees to the right, away from you, turned
+device.colour(255, 0, 0)        # of the panel "Device" on the page
+"""
+
+from msbot import LocalProtocolError, Vector
+
+values = {}  # what the page measures: handed in by it, about 20 times a second while the program runs
+acts = []  # what the page has to do, taken away after each step
+
+_MOST = 16
+_LONGEST_S = 10.0
+
+
+def tilt():
+    """How it is held: a `Vector`, x degrees to the right, y towards you, z turned; zeros until it is known."""
+    x, y, z = values.get("tilt", (0, 0, 0))
+    return Vector(x=float(x), y=float(y), z=float(z))
+
+
+def button(number=1):
+    """Whether that button of the panel is held down now, 1 to 4."""
+    _check("button", number, 1, 4)
+    return bool(values.get(f"button{number}", False))
+
+
+def slider():
+    """Where the slider of the panel stands, 0 to 100."""
+    return float(values.get("slider", 0))
+
+
+def clock():
+    """The device's local time: (hours, minutes, seconds)."""
+    return tuple(values.get("clock", (0, 0, 0)))
+
+
+def colour(red, green, blue):
+    """Show a colour on the panel, each 0 to 255."""
+    for name, share in (("red", red), ("green", green), ("blue", blue)):
+        _check(name, share, 0, 255)
+    _do("colour", int(red), int(green), int(blue))
+
+
+def tone(hertz, seconds=0.2):
+    """Sound a tone; 0 Hz is silence."""
+    _check("hertz", hertz, 0, 20000)
+    _do("tone", hertz, min(max(0.0, seconds), _LONGEST_S))
+
+
+def vibrate(seconds=0.2):
+    """Vibrate, where the device can; 0 s ends it."""
+    _do("vibrate", min(max(0.0, seconds), _LONGEST_S))
+
+
+def _check(name, value, least, most):
+    if not least <= value <= most:
+        raise LocalProtocolError(f"{name} is {value}, not from {least} to {most}")
+
+
+def _do(*act):
+    """The last act of each kind counts: whoever changes the colour a thousand times sees the last one."""
+    acts[:] = [known for known in acts if known[0] != act[0]][-_MOST:]
+    acts.append(act)

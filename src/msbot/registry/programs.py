@@ -1,0 +1,180 @@
+"""The programs that people write on the page: each with its versions, and a word by which it is shared."""
+
+from __future__ import annotations
+
+import secrets
+from functools import partial
+
+from sqlalchemy import Connection, delete, func, insert, select, update
+
+from msbot.errors import ConfigError, NotThere
+from msbot.registry.database.storage import Storage
+from msbot.registry.database.tables import program_texts, programs
+from msbot.registry.records import ProgramRecord, ProgramVersion
+from msbot.runtime.sentence import said
+
+MOST_PROGRAMS = 100
+"""Programs of one person."""
+MOST_VERSIONS = 50
+"""Versions that are kept of one program, the newest."""
+
+
+class Programs:
+    """See the module's docstring. Every method waits for the database."""
+
+    def __init__(self, storage: Storage) -> None:
+        self._storage = storage
+
+    def of(self, owner: str) -> list[ProgramRecord]:
+        """The programs of a person, the one changed last first.
+
+        Raises:
+            RegistryError: the database cannot be read.
+        """
+        return self._storage.read(partial(_programs_of, owner=owner))
+
+    def text(self, owner: str, name: str, number: int | None = None) -> str:
+        """A program, or an earlier version of it.
+
+        Raises:
+            NotThere: there is none.
+            RegistryError: the database cannot be read.
+        """
+        return self._storage.read(partial(_text_of, owner=owner, name=name, number=number))
+
+    def versions(self, owner: str, name: str) -> list[ProgramVersion]:
+        """The versions of a program that are kept, the newest first.
+
+        Raises:
+            NotThere: there is no such program.
+            RegistryError: the database cannot be read.
+        """
+        return self._storage.read(partial(_versions_of, owner=owner, name=name))
+
+    def keep(self, owner: str, name: str, text: str) -> int:
+        """Keep a program; returns the number of its newest version. What is the same as before makes no new one.
+
+        Raises:
+            ConfigError: the person has too many programs.
+            RegistryError: the database cannot be written; nothing has changed.
+        """
+        return self._storage.change(partial(_keep, owner=owner, name=name, text=text, now_ns=self._storage.epoch_ns()))
+
+    def remove(self, owner: str, name: str) -> None:
+        """Forget a program with all its versions.
+
+        Raises:
+            NotThere: there is none.
+            RegistryError: the database cannot be written; nothing has changed.
+        """
+        self._storage.change(partial(_remove, owner=owner, name=name))
+
+    def share(self, owner: str, name: str) -> str:
+        """The word by which others may read a program; the same each time.
+
+        Raises:
+            NotThere: there is no such program.
+            RegistryError: the database cannot be written; nothing has changed.
+        """
+        return self._storage.change(partial(_share, owner=owner, name=name))
+
+    def shared(self, word: str) -> tuple[str, str, str]:
+        """Owner, name and text of the program that is shared by that word.
+
+        Raises:
+            NotThere: there is none.
+            RegistryError: the database cannot be read.
+        """
+        return self._storage.read(partial(_shared, word=word))
+
+
+def remove_programs_of(connection: Connection, owner: str) -> None:
+    """Forget all programs of a person who is removed."""
+    for row in connection.execute(select(programs.c.id).where(programs.c.owner == owner)).all():
+        _remove_id(connection, row.id)
+
+
+def _programs_of(connection: Connection, owner: str) -> list[ProgramRecord]:
+    query = select(programs).where(programs.c.owner == owner).order_by(programs.c.changed_ns.desc(), programs.c.id)
+    return [ProgramRecord(row.owner, row.name, row.share, row.changed_ns) for row in connection.execute(query)]
+
+
+def _id_of(connection: Connection, owner: str, name: str) -> int:
+    query = select(programs.c.id).where(programs.c.owner == owner, programs.c.name == name)
+    found: int | None = connection.execute(query).scalar()
+    if found is None:
+        raise NotThere(said("{owner} has no program {name!r}", owner=owner, name=name))
+    return found
+
+
+def _text_of(connection: Connection, owner: str, name: str, number: int | None) -> str:
+    query = select(program_texts.c.text).where(program_texts.c.program_id == _id_of(connection, owner, name))
+    if number is not None:
+        query = query.where(program_texts.c.number == number)
+    text: str | None = connection.execute(query.order_by(program_texts.c.number.desc()).limit(1)).scalar()
+    if text is None:
+        raise NotThere(said("version {number} of {name} is not kept any more", number=number, name=name))
+    return text
+
+
+def _versions_of(connection: Connection, owner: str, name: str) -> list[ProgramVersion]:
+    texts = program_texts.c
+    query = select(texts.number, texts.saved_ns, func.length(texts.text).label("size"))
+    query = query.where(texts.program_id == _id_of(connection, owner, name)).order_by(texts.number.desc())
+    return [ProgramVersion(row.number, row.saved_ns, row.size) for row in connection.execute(query)]
+
+
+def _keep(connection: Connection, owner: str, name: str, text: str, now_ns: int) -> int:
+    try:
+        program = _id_of(connection, owner, name)
+    except NotThere:
+        program = _make(connection, owner, name, now_ns)
+    texts = program_texts.c
+    newest = connection.execute(
+        select(texts.number, texts.text).where(texts.program_id == program).order_by(texts.number.desc()).limit(1)
+    ).one_or_none()
+    if newest is not None and newest.text == text:
+        return int(newest.number)
+    number = 1 if newest is None else int(newest.number) + 1
+    connection.execute(insert(program_texts).values(program_id=program, number=number, text=text, saved_ns=now_ns))
+    connection.execute(delete(program_texts).where(texts.program_id == program, texts.number <= number - MOST_VERSIONS))
+    connection.execute(update(programs).where(programs.c.id == program).values(changed_ns=now_ns))
+    return number
+
+
+def _make(connection: Connection, owner: str, name: str, now_ns: int) -> int:
+    count = connection.execute(select(func.count()).select_from(programs).where(programs.c.owner == owner)).scalar()
+    if (count or 0) >= MOST_PROGRAMS:
+        raise ConfigError(
+            said("{owner} has {most} programs already: remove one first", owner=owner, most=MOST_PROGRAMS)
+        )
+    made = connection.execute(insert(programs).values(owner=owner, name=name, share="", changed_ns=now_ns))
+    assert made.inserted_primary_key is not None
+    return int(made.inserted_primary_key[0])
+
+
+def _remove(connection: Connection, owner: str, name: str) -> None:
+    _remove_id(connection, _id_of(connection, owner, name))
+
+
+def _remove_id(connection: Connection, program: int) -> None:
+    connection.execute(delete(program_texts).where(program_texts.c.program_id == program))
+    connection.execute(delete(programs).where(programs.c.id == program))
+
+
+def _share(connection: Connection, owner: str, name: str) -> str:
+    program = _id_of(connection, owner, name)
+    word: str | None = connection.execute(select(programs.c.share).where(programs.c.id == program)).scalar()
+    if not word:
+        word = secrets.token_urlsafe(12)
+        connection.execute(update(programs).where(programs.c.id == program).values(share=word))
+    return word
+
+
+def _shared(connection: Connection, word: str) -> tuple[str, str, str]:
+    row = None
+    if word:
+        row = connection.execute(select(programs).where(programs.c.share == word)).one_or_none()
+    if row is None:
+        raise NotThere(said("nobody shares a program by that link (any more)"))
+    return row.owner, row.name, _text_of(connection, row.owner, row.name, None)

@@ -1,0 +1,345 @@
+"""Writing a program and running it in this browser: an editor, a console, and the part that the program is.
+
+The program runs in a worker of the browser (`static/program`); the server keeps it and is asked for nothing else.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Awaitable
+from typing import Any
+
+from fastapi import Request
+from nicegui import ui
+from nicegui.events import GenericEventArguments
+
+from msbot.errors import MsbotError
+from msbot.operations.rights import Right
+from msbot.part import JoinState
+from msbot.web.access.sessions import Session
+from msbot.web.api.models import Done
+from msbot.web.html import Markup, render
+from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.page_elements import show_dialog
+from msbot.web.programs.browser_files import examples
+from msbot.web.programs.program_deeds import ProgramDeeds
+from msbot.web.service import Service
+from msbot.web.svg.passport import qr_svg
+
+FIRST = "01_hello.py"
+NEW = """from msbot import HelloWorld, Part
+
+part = Part("ABCD")
+
+
+@part.every(1.0)
+def speak():
+    part.publish("out", HelloWorld(index=1, message="hello"))
+
+
+part.run()
+"""
+"""What a new program begins with."""
+_MOST_MARKS = 20
+
+
+def register(service: Service) -> None:
+    """Make the page known."""
+
+    @ui.page("/program")
+    async def program(request: Request, name: str = "", shared: str = "") -> None:
+        with page_frame(service, request, "/program", "Program") as page:
+            if not page.may(Right.OPERATE):
+                ui.label(page.say("Students and teachers may run programs."))
+                return
+            desk = _Desk(page, str(request.base_url))
+            await desk.lay_out(name, shared)
+
+
+class _Desk:
+    """One person's editor and what stands around it."""
+
+    def __init__(self, page: Page, base: str) -> None:
+        self._page = page
+        self._base = base
+        self._deeds: ProgramDeeds = page.service.programs
+        self._name = ""
+        self._kept = ""
+        """The text as it was opened or kept last."""
+        self._mine: list[str] = []
+
+    async def lay_out(self, name: str, shared: str) -> None:
+        """Make everything, and open what the address names: a program, a shared one, or the last."""
+        say = self._page.say
+        ui.add_head_html('<script src="/web/program/program.js"></script>')
+        with ui.element("div").classes("row w-full ms-prog-bar"):
+            self._choice = ui.select([], label=say("Program"), on_change=self._chosen).props("dense outlined")
+            self._choice.classes("ms-prog-choice")
+            run = ui.button(say("Run"), icon="play_arrow", on_click=self._keep_if_changed).props("color=positive")
+            run.on("click", js_handler="() => msbotProgram.run()")
+            stop = ui.button(say("Stop"), icon="stop").props("outline").classes("ms-prog-stop")
+            stop.on("click", js_handler="() => msbotProgram.stop()")
+            ui.button(say("Keep"), icon="save", on_click=self._keep_now).props("flat")
+            with ui.button(icon="more_vert").props(f'flat dense aria-label="{say("More")}"'), ui.menu():
+                ui.menu_item(say("New program"), self._new)
+                ui.menu_item(say("Keep as …"), self._keep_as)
+                ui.menu_item(say("Earlier versions"), self._versions)
+                ui.menu_item(say("Share, or open on a phone"), self._share)
+                ui.menu_item(say("Remove"), self._remove)
+        with ui.element("div").classes("ms-prog"):
+            with ui.element("div").classes("ms-prog-left"):
+                self._editor = ui.codemirror("", language="Python", theme="githubLight").classes("ms-prog-editor")
+                ui.html(render("console", say=say), sanitize=False).classes("w-full")
+            ui.html(Markup(render("program", say=say, words=json.dumps(_words(self._page)))), sanitize=False).classes(
+                "ms-prog-right"
+            )
+        ui.on("ms_program_line", self._mark)
+        ui.run_javascript(f"msbotProgram.label({self._editor.id}, {json.dumps(say('Program text'))})")
+        ui.timer(0.5, self._follow_look)
+        assert self._page.client is not None
+        self._page.client.on_disconnect(self._left)
+        await self._list()
+        await self._open_first(name, shared)
+
+    async def _open_first(self, name: str, shared: str) -> None:
+        page = self._page
+        if shared:
+            try:
+                owner, name, text = await self._deeds.shared(page.session, shared)
+            except MsbotError as error:
+                ui.notify(page.say(str(error)), type="negative", timeout=10_000)
+            else:
+                self._show(name, text)
+                self._kept = text
+                ui.notify(page.say("A copy of {name} by {owner}. Read it before you run it.", name=name, owner=owner))
+                return
+        wanted = name or (self._mine[0] if self._mine else FIRST)
+        if wanted not in (*self._mine, *examples()):
+            ui.notify(page.say("There is no program {name}.", name=wanted), type="warning")
+            wanted = FIRST
+        await self._open(wanted)
+
+    async def _list(self) -> None:
+        """What can be chosen: the person's own programs first."""
+        found = await self._try(self._deeds.mine(self._page.session))
+        self._mine = [program.name for program in found or ()]
+        titles = {name: name for name in self._mine}
+        titles |= {name: self._page.say("{name} (example)", name=name) for name in examples() if name not in titles}
+        self._choice.set_options(titles, value=self._name if self._name in titles else None)
+
+    async def _chosen(self) -> None:
+        name = str(self._choice.value or "")
+        if name and name != self._name:
+            await self._keep_if_changed()
+            await self._open(name)
+
+    async def _open(self, name: str) -> None:
+        text = await self._try(self._deeds.text(self._page.session, name))
+        if text is not None:
+            self._show(name, text)
+            self._kept = text
+
+    def _show(self, name: str, text: str) -> None:
+        self._name = name
+        self._editor.decorations = []
+        self._editor.value = text
+        if self._choice.value != name and name in (self._choice.options or ()):
+            self._choice.value = name
+        ui.run_javascript(
+            f"msbotProgram.opened({self._editor.id}, {json.dumps(name)});"
+            f"history.replaceState(history.state, '', {json.dumps(f'/program?name={name}')})"
+        )
+
+    async def _keep_if_changed(self) -> None:
+        if self._editor.value != self._kept:
+            await self._keep(self._name, quiet=True)
+
+    async def _keep_now(self) -> None:
+        await self._keep(self._name)
+
+    async def _keep(self, name: str, *, quiet: bool = False) -> bool:
+        text = self._editor.value
+
+        async def deed(session: Session) -> Done:
+            number = await self._deeds.keep(session, name, text)
+            return Done(words=self._page.say("{name} is kept, version {number}.", name=name, number=number))
+
+        if await self._page.do(deed, quiet=quiet) is None:
+            return False
+        self._kept, self._name = text, name
+        if name not in self._mine:
+            await self._list()
+        return True
+
+    async def _left(self) -> None:
+        """The page is closed: what was typed is not lost."""
+        if self._editor.value != self._kept:
+            try:
+                await self._deeds.keep(self._page.session, self._name, self._editor.value)
+            except MsbotError:
+                return  # signed out, or too long: the person was told when it was kept or run
+            self._kept = self._editor.value
+
+    def _mark(self, event: GenericEventArguments) -> None:
+        """Mark the lines that an error names; `event.args` comes from the browser."""
+        lines, most = _lines_of(event.args), self._editor.value.count("\n") + 1
+        lines = [line for line in lines if line <= most]
+        known = [spec["line"] for spec in self._editor.decorations]
+        wanted = sorted({*known, *lines}) if lines else []
+        self._editor.decorations = [
+            {"kind": "line", "line": line, "class": "ms-wrong-line"} for line in wanted[:_MOST_MARKS]
+        ]
+        if lines:
+            self._editor.reveal_line(lines[0])
+
+    async def _follow_look(self) -> None:
+        is_dark = await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=5)
+        if (self._editor.theme == "githubDark") is not bool(is_dark):
+            self._editor.theme = "githubDark" if is_dark else "githubLight"
+
+    # The menu.
+
+    async def _new(self) -> None:
+        await self._keep_if_changed()
+        number = 1
+        while f"program{number}.py" in self._mine:
+            number += 1
+        self._show(f"program{number}.py", NEW)
+        await self._keep(self._name, quiet=True)
+        self._choice.value = self._name
+
+    def _keep_as(self) -> None:
+        say = self._page.say
+        with ui.dialog() as dialog, ui.card():
+            field = ui.input(say("Name"), value=self._name).props("outlined autofocus")
+
+            async def keep() -> None:
+                name = str(field.value or "").strip()
+                name = name if name.endswith(".py") else f"{name}.py"
+                if await self._keep(name):
+                    dialog.close()
+                    self._show(name, self._editor.value)
+
+            ui.button(say("Keep"), on_click=keep)
+        show_dialog(dialog)
+
+    async def _versions(self) -> None:
+        page = self._page
+        found = await self._try(self._deeds.versions(page.session, self._name))
+        if found is None:
+            return
+        with ui.dialog() as dialog, ui.card():
+            ui.label(page.say("Earlier versions of {name}", name=self._name)).props("role=heading aria-level=2")
+            for version in found:
+
+                async def back(number: int = version.number) -> None:
+                    text = await self._try(self._deeds.text(page.session, self._name, number))
+                    if text is not None:
+                        self._editor.value = text
+                        dialog.close()
+
+                when = page.when(version.saved_ns // 1_000_000)
+                words = page.say(
+                    "{number}: {when}, {size} characters", number=version.number, when=when, size=version.size
+                )
+                ui.button(words, on_click=back).props("flat no-caps align=left")
+        show_dialog(dialog)
+
+    async def _share(self) -> None:
+        page, is_example = self._page, self._name not in self._mine and self._editor.value == self._kept
+        if is_example and self._name in examples():
+            path = f"program?name={self._name}"
+        else:
+            if not await self._keep(self._name, quiet=True):
+                return
+            word = await self._try(self._deeds.share(page.session, self._name))
+            if word is None:
+                return
+            path = f"program?shared={word}"
+        link = f"{self._base}{path}"
+        with ui.dialog() as dialog, ui.card():
+            ui.label(page.say("Whoever can sign in can open a copy by this link:"))
+            ui.label(link).classes("mono").style("user-select:all;overflow-wrap:anywhere")
+            if _is_only_here(self._base):
+                ui.label(page.say(
+                    "This address leads to this computer only. For a phone start the robot with --host 0.0.0.0, and "
+                    "open the page here by the address that it prints."
+                )).classes("soft")  # fmt: skip
+            else:
+                ui.html(qr_svg(link, scale=5), sanitize=False)
+            ui.button(page.say("Close"), on_click=dialog.close).props("flat")
+        show_dialog(dialog)
+
+    def _remove(self) -> None:
+        page = self._page
+        with ui.dialog() as dialog, ui.card():
+            ui.label(page.say("Remove {name} with all its versions?", name=self._name))
+
+            async def remove() -> None:
+                async def deed(session: Session) -> Done:
+                    await self._deeds.remove(session, self._name)
+                    return Done(words=page.say("{name} is removed.", name=self._name))
+
+                dialog.close()
+                if await page.do(deed) is not None:
+                    self._kept = self._editor.value
+                    await self._list()
+                    await self._open(self._mine[0] if self._mine else FIRST)
+
+            with ui.element("div").classes("row"):
+                ui.button(page.say("Yes"), on_click=remove).props("color=negative")
+                ui.button(page.say("Cancel"), on_click=dialog.close).props("flat")
+        show_dialog(dialog)
+
+    async def _try(self, asked: Awaitable[Any]) -> Any:  # noqa: ANN401 - whatever was asked for
+        """The answer, or None when there is none, and the person has been told why."""
+        try:
+            return await asked
+        except MsbotError as error:
+            ui.notify(self._page.say(str(error)), type="negative", multi_line=True, timeout=10_000)
+            return None
+
+
+def _words(page: Page) -> dict[str, object]:
+    """What the script says, in the person's language; the states as the part calls them."""
+    say = page.say
+    titles = {
+        JoinState.LOOKING: say("looking for the robot"), JoinState.RECOGNISING: say("recognising the robot"),
+        JoinState.CLAIMING: say("registering"), JoinState.CONFIGURING: say("being configured"),
+        JoinState.ACTIVE: say("active"), JoinState.REFUSED: say("refused"), JoinState.LOST: say("lost"),
+        JoinState.WRONG_ROBOT: say("wrong robot"), JoinState.ENDED: say("ended"),
+    }  # fmt: skip
+    states = {state.value: words for state, words in titles.items()}
+    states |= {"not running": say("not running"), "starting": say("starting"), "busy": say("busy")}
+    return {
+        "states": states,
+        "slot": say("In slot {slot}"),
+        "stopped": say("STOP holds: messages do not reach the program"),
+        "adopt": say("Under Arrivals a teacher can let {number} in."),
+        "line": say("line {number}"),
+        "left": say("… and {number} more lines, too many at once"),
+        "tooFast": say(
+            "{number} messages were not sent: the program sends more than the robot takes. Send less often."
+        ),
+        "stuck": say(
+            "A function of the program does not end: the part cannot beat meanwhile. Press Stop, and end the loop in it."
+        ),
+        "stuckFor": say("For {seconds} s in one function."),
+        "killed": say("The program did not answer and was ended."),
+        "noFiles": say("The robot's computer does not answer: the program cannot start."),
+        "tilt": say("Tilt:"),
+        "noTilt": say("No tilt from this device (yet)."),
+        "tiltNeedsTls": say("Browsers tell the tilt only on pages with https: start the robot with --certificate."),
+    }
+
+
+def _lines_of(args: Any) -> list[int]:  # noqa: ANN401 - anything can come from a browser
+    if not isinstance(args, dict):
+        return []
+    lines = args.get("lines")
+    return [line for line in lines[:_MOST_MARKS] if type(line) is int and line > 0] if isinstance(lines, list) else []
+
+
+def _is_only_here(base: str) -> bool:
+    host = base.partition("://")[2]
+    return host.startswith(("127.", "localhost", "[::1]"))

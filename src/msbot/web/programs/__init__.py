@@ -1,0 +1,1 @@
+"""Programs that people write on the page, and what their browsers need to run them."""

@@ -1,0 +1,69 @@
+"""What a browser needs to run a program: MsBOT's package for MicroPython, the host, and the worker with its rules.
+
+The VM itself and the scripts are files under `/web`; here are those that lie elsewhere or need rules of their own.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+from fastapi import FastAPI, Request, Response
+
+import msbot
+
+FILES_PATH = "/program/files.json"
+WORKER_PATH = "/program/worker.js"
+
+
+def _folder(name: str, in_checkout: str) -> Path:
+    """A folder that the package brings, or that a checkout has elsewhere."""
+    package = Path(msbot.__file__).parent
+    installed = package / "web" / name
+    return installed if installed.is_dir() else package.parents[1] / in_checkout
+
+
+@cache
+def home_files() -> str:
+    """`{path: text}` as JSON: the package `msbot` for MicroPython, and what runs it in a browser."""
+    found = {
+        f"msbot/{path.name}": path.read_text("utf-8")
+        for path in sorted(_folder("micropython", "micropython/msbot").glob("*.py"))
+    }
+    ours = _folder("browser_home", "micropython/browser")
+    return json.dumps(found | {path.name: path.read_text("utf-8") for path in sorted(ours.glob("*.py"))})
+
+
+@cache
+def examples() -> dict[str, str]:
+    """The examples by their file names."""
+    return {path.name: path.read_text("utf-8") for path in sorted(_folder("examples", "examples").glob("*.py"))}
+
+
+def add_browser_files(app: FastAPI) -> None:
+    """Serve them; the guard lets only signed-in people through."""
+
+    @app.get(FILES_PATH, include_in_schema=False)
+    async def program_files() -> Response:
+        return Response(home_files(), media_type="application/json")
+
+    @app.get(WORKER_PATH, include_in_schema=False)
+    async def program_worker(request: Request) -> Response:
+        text = (files("msbot.web") / "static" / "program" / "worker.js").read_text("utf-8")
+        rules = {"content-security-policy": worker_rules(request.headers.get("host", ""))}
+        return Response(text, media_type="text/javascript", headers=rules)
+
+
+def worker_rules(host: str) -> str:
+    """What a program may reach: the VM's files and the robot's link, nothing else.
+
+    A program may be somebody else's, opened by a link, and MicroPython lets it use what a worker of the page can. It
+    must not do in the name of whoever runs it what that person may do on the page.
+    """
+    reach = " ".join(
+        [*(f"{scheme}://{host}/api/link" for scheme in ("ws", "wss")),
+         *(f"{scheme}://{host}/web/micropython/" for scheme in ("http", "https"))]
+    )  # fmt: skip
+    return f"default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; connect-src {reach}; worker-src 'none'"

@@ -1,0 +1,67 @@
+"""What a signed-in person can do with programs; rights and limits are checked here, for page and API alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from msbot.errors import NotThere
+from msbot.operations.rights import Right
+from msbot.registry import ProgramRecord, ProgramVersion
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.sessions import Session
+from msbot.web.programs.browser_files import examples
+from msbot.web.programs.program_shelf import ProgramShelf, check_program
+
+
+class ProgramDeeds:
+    """See the module's docstring. Everybody has programs of their own; others see one only by its word.
+
+    Args:
+        shelf: where they are kept.
+        accounts: who is signed in.
+    """
+
+    def __init__(self, shelf: ProgramShelf, accounts: Accounts) -> None:
+        self._shelf = shelf
+        self._accounts = accounts
+
+    async def mine(self, session: Session) -> Sequence[ProgramRecord]:
+        """The person's programs, the one changed last first."""
+        self._accounts.require(session, Right.OPERATE)
+        return await self._shelf.of(session.name)
+
+    async def text(self, session: Session, name: str, number: int | None = None) -> str:
+        """A program of the person, or an earlier version of it; an example that the person has not changed."""
+        self._accounts.require(session, Right.OPERATE)
+        try:
+            return await self._shelf.text(session.name, name, number)
+        except NotThere:
+            if number is None and name in examples():
+                return examples()[name]
+            raise
+
+    async def versions(self, session: Session, name: str) -> Sequence[ProgramVersion]:
+        """What is kept of a program, the newest first."""
+        self._accounts.require(session, Right.OPERATE)
+        return await self._shelf.versions(session.name, name)
+
+    async def keep(self, session: Session, name: str, text: str) -> int:
+        """Keep a program; returns its version."""
+        self._accounts.require(session, Right.OPERATE)
+        check_program(name, text)
+        return await self._shelf.keep(session.name, name, text)
+
+    async def remove(self, session: Session, name: str) -> None:
+        """Forget a program with all its versions."""
+        self._accounts.require(session, Right.OPERATE)
+        await self._shelf.remove(session.name, name)
+
+    async def share(self, session: Session, name: str) -> str:
+        """The word by which every signed-in person may read a program."""
+        self._accounts.require(session, Right.OPERATE)
+        return await self._shelf.share(session.name, name)
+
+    async def shared(self, session: Session, word: str) -> tuple[str, str, str]:
+        """Owner, name and text of a program that somebody shares."""
+        self._accounts.require(session, Right.OPERATE)
+        return await self._shelf.shared(word)

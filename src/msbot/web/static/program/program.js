@@ -1,0 +1,238 @@
+// The page Program: runs what is in the editor in a worker, and shows what it says and how its part is. Nothing here
+// needs the server while a program runs; texts from the program are shown as text, never as HTML.
+
+const msbotProgram = (() => {
+  const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50;
+  let worker = null, files = null, editor = 0, name = "program.py", askedAt = null, isStuck = false, watch = null, ending = null;
+  let device = {}, sent = "", audio = null, deviceTimer = null, hasTilt = false;
+
+  const at = (id) => document.getElementById(id);
+  const words = () => JSON.parse(at("ms-prog").dataset.words);
+  const say = (key, values = {}) => words()[key].replace(/{(\w+)}/g, (_, found) => values[found]);
+  const text = () => getElement(editor).editor.state.doc.toString();
+
+  function line(kind, content, where) {
+    write([[kind, content, where]]);
+  }
+
+  // All that came at once in one go: a program that prints without end must not keep the page from being drawn.
+  function write(lines) {
+    if (!lines.length) return;
+    const log = at("ms-console"), rows = document.createDocumentFragment();
+    const isAtEnd = log.scrollHeight - log.scrollTop - log.clientHeight < 40;
+    for (const [kind, content, where] of lines) {
+      const row = document.createElement("div");
+      row.className = `ms-said ms-said-${kind}`;
+      row.textContent = content;
+      if (where) {
+        const go = document.createElement("button");
+        go.type = "button";
+        go.textContent = say("line", { number: where });
+        go.onclick = () => emitEvent("ms_program_line", { lines: [where], show: true });
+        row.append(" ", go);
+      }
+      rows.append(row);
+    }
+    log.append(rows);
+    while (log.childElementCount > MOST_LINES) log.firstElementChild.remove();
+    if (isAtEnd) log.scrollTop = log.scrollHeight;
+  }
+
+  const looks = { active: "active", refused: "refused", "wrong robot": "refused", lost: "lost", ended: "empty" };
+
+  function state(word, look, reason) {
+    const chip = at("ms-prog-state"), shown = words().states[word] || word;
+    if (chip.textContent !== shown) chip.textContent = shown;
+    chip.className = `state s-${look}`;
+    chip.dataset.state = word;
+    const told = at("ms-prog-reason");
+    if (told.textContent !== reason) told.textContent = reason;
+  }
+
+  function show(seen) {
+    if (isStuck) return;
+    if (!seen.state) return;
+    const reason = (seen.slot ? say("slot", { slot: seen.slot }) + ". " : "") + (seen.stopped ? say("stopped") + ". " : "") +
+      (seen.state === "refused" ? `${seen.reason}. ${say("adopt", { number: seen.number })}` : seen.slot ? "" : seen.reason);
+    state(seen.state, looks[seen.state] || "checking", reason);
+    const rows = seen.ports.map(([port, way, type, topic, age, shown]) => {
+      const row = document.createElement("tr");
+      const cells = [`${way === "in" ? "→" : "←"} ${port}`, type, age === null ? "–" : `${shown} (${(age / 1000).toFixed(1)} s)`];
+      for (const cell of cells) row.append(Object.assign(document.createElement("td"), { textContent: cell }));
+      row.firstElementChild.title = topic;
+      row.lastElementChild.className = "ms-last num";
+      return row;
+    });
+    if (rows.length) at("ms-prog-ports").replaceChildren(...rows);
+    at("ms-prog-settings").textContent = seen.settings.map(([key, value]) => `${key} = ${value}`).join(", ");
+  }
+
+  // The device's sensors, and what the program does with it.
+
+  function measure() {
+    const now = new Date();
+    device.clock = [now.getHours(), now.getMinutes(), now.getSeconds()];
+    device.slider = Number(at("ms-device-slider").value);
+    const values = JSON.stringify(device);
+    if (worker !== null && values !== sent) worker.postMessage({ do: "device", values: device });
+    sent = values;
+    if (!hasTilt) at("ms-device-tilt").textContent = say(window.isSecureContext ? "noTilt" : "tiltNeedsTls");
+  }
+
+  function tilted({ alpha, beta, gamma }) {
+    if (beta === null) return;
+    hasTilt = true;
+    device.tilt = [gamma, beta, alpha || 0].map((angle) => Math.round(angle * 10) / 10);
+    at("ms-device-tilt").textContent = say("tilt") + " " + device.tilt.map((angle) => `${angle}°`).join(" / ");
+  }
+
+  function act([kind, ...values]) {
+    if (kind === "colour") at("ms-device-colour").style.background = `rgb(${values.map(Number).join(",")})`;
+    if (kind === "vibrate" && navigator.vibrate) navigator.vibrate(Number(values[0]) * 1000);
+    if (kind === "tone" && audio !== null) sound(Number(values[0]), Number(values[1]));
+  }
+
+  let voice = null;
+  function sound(hertz, seconds) {
+    if (voice !== null) voice.stop();
+    voice = null;
+    if (!(hertz > 0)) return;
+    const volume = audio.createGain();
+    volume.gain.value = 0.1;
+    volume.connect(audio.destination);
+    voice = audio.createOscillator();
+    voice.frequency.value = hertz;
+    voice.connect(volume);
+    voice.start();
+    voice.stop(audio.currentTime + seconds);
+  }
+
+  function useDevice(isUsed) {
+    at("ms-device").hidden = !isUsed;
+    clearInterval(deviceTimer);
+    window.removeEventListener("deviceorientation", tilted);
+    if (!isUsed) return;
+    audio = audio || new AudioContext();
+    audio.resume();
+    const ask = window.DeviceOrientationEvent && DeviceOrientationEvent.requestPermission;
+    if (ask) DeviceOrientationEvent.requestPermission().catch(() => {});
+    window.addEventListener("deviceorientation", tilted);
+    for (const button of document.querySelectorAll(".ms-device-button")) {
+      const press = (isDown) => { device[`button${button.dataset.button}`] = isDown; button.classList.toggle("down", isDown); };
+      button.onpointerdown = () => press(true);
+      button.onpointerup = button.onpointerleave = button.onpointercancel = button.onblur = () => press(false);
+      button.onkeydown = (event) => { if (event.key === " " || event.key === "Enter") press(true); };
+      button.onkeyup = () => press(false);
+    }
+    measure();
+    deviceTimer = setInterval(measure, DEVICE_MS);
+  }
+
+  // Running.
+
+  // One piece of hardware for each tab: two tabs are two parts, and one that is loaded again is the same.
+  function uid() {
+    let found = sessionStorage.getItem("msbot_uid");
+    if (!found) {
+      found = Array.from(crypto.getRandomValues(new Uint8Array(8)), (octet) => octet.toString(16).padStart(2, "0")).join("");
+      sessionStorage.setItem("msbot_uid", found);
+    }
+    return found;
+  }
+
+  async function run() {
+    finish();
+    at("ms-console").replaceChildren();
+    emitEvent("ms_program_line", { lines: [], show: false });
+    const program = text();
+    useDevice(/^\s*(import|from)\s+device\b/m.test(program));
+    state("starting", "new", "");
+    try {
+      files = files || (await (await fetch("/program/files.json")).json());
+    } catch {
+      line("error", say("noFiles"), 0);
+      return state("not running", "empty", "");
+    }
+    const mine = (worker = new Worker("/program/worker.js", { type: "module" }));
+    worker.onmessage = ({ data }) => { if (worker === mine) heard(data); };
+    worker.onerror = (event) => { if (worker === mine) { line("error", event.message || say("noFiles"), 0); finish(); } };
+    askedAt = null;
+    watch = setInterval(look, PING_MS);
+    worker.postMessage({
+      do: "run", base: location.origin, address: location.origin.replace("http", "ws") + "/api/link", files, program, name, uid: uid(), device,
+    });
+    document.documentElement.classList.add("ms-runs");
+  }
+
+  function heard(data) {
+    if (data.pong) {
+      askedAt = null; // in a hidden tab pings are rare, answers are not
+      isStuck = false;
+    }
+    const marks = [], told = [];
+    for (const [kind, content, where] of data.said || []) {
+      if (kind === "tooFast") told.push(["error", say("tooFast", { number: content }), 0]);
+      else told.push([kind === "info" || kind === "print" ? kind : "error", kind === "info" ? `# ${content}` : content, where]);
+      if (where) marks.push(where);
+    }
+    if (data.left) told.push(["error", say("left", { number: data.left }), 0]);
+    write(told);
+    if (marks.length) emitEvent("ms_program_line", { lines: marks, show: false });
+    if (data.look) show(data.look);
+    for (const one of data.acts || []) act(one);
+    if (data.over) finish();
+  }
+
+  // A function that never ends: the browser goes on, and the person is told what to do.
+  function look() {
+    const silent = askedAt === null ? 0 : performance.now() - askedAt;
+    if (silent > SILENT_MS) {
+      if (!isStuck) line("error", say("stuck"), 0);
+      isStuck = true;
+      state("busy", "lost", say("stuckFor", { seconds: Math.round(silent / 1000) }));
+    }
+    if (askedAt === null) askedAt = performance.now();
+    worker.postMessage({ do: "ping" });
+  }
+
+  function stop() {
+    if (worker === null) return;
+    if (isStuck) {
+      line("info", `# ${say("killed")}`, 0);
+      return finish();
+    }
+    worker.postMessage({ do: "stop" });
+    clearTimeout(ending);
+    ending = setTimeout(() => { if (worker !== null) { line("info", `# ${say("killed")}`, 0); finish(); } }, END_MS);
+  }
+
+  function finish() {
+    clearInterval(watch);
+    clearTimeout(ending);
+    clearInterval(deviceTimer);
+    if (voice !== null) voice.stop();
+    voice = null;
+    if (worker !== null) worker.terminate();
+    worker = null;
+    isStuck = false;
+    document.documentElement.classList.remove("ms-runs");
+    state("not running", "empty", "");
+  }
+
+  function opened(id, file) {
+    editor = id;
+    name = file;
+    const told = at("ms-prog");
+    if (told) useDevice(false);
+  }
+
+  // Named for whoever cannot see it: the editor's own field has no label.
+  function label(id, title) {
+    const found = getElement(id);
+    if (!found || !found.editor) return setTimeout(() => label(id, title), 100);
+    found.editor.contentDOM.setAttribute("aria-label", title);
+  }
+
+  addEventListener("pagehide", () => { if (worker !== null) { worker.postMessage({ do: "stop" }); } });
+  return { run, stop, opened, label, isRunning: () => worker !== null };
+})();

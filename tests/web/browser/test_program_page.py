@@ -1,0 +1,216 @@
+"""The page Program in a real browser: examples that speak to each other, mistakes, and programs that mean no good."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.e2e.processes import run, running
+from tests.web.browser.accessible import hurdles
+from tests.web.browser.conftest import Site, go, new_page
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+PASSWORD = "correct horse"
+WORK_MS = 60_000
+"""How long a program may take to become active; the machine may be busy. It takes half a second."""
+
+
+@pytest.fixture(scope="module")
+def lesson(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """The sample robot's master without a part."""
+    folder = tmp_path_factory.mktemp("lesson")
+    assert run("init", cwd=folder).returncode == 0
+    with ExitStack() as stack:
+        process = stack.enter_context(running("master", "--link", "udp:127.0.0.1:0", "--port", "0", cwd=folder))
+        site = Site(process)
+        page = new_page(browser)
+        page.goto(site.link)
+        for name, text in {"name": "ada", "password": PASSWORD, "again": PASSWORD}.items():
+            page.locator(f"[name={name}]").fill(text)
+        page.locator("button").click()
+        expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
+        page.context.close()
+        yield site
+
+
+@pytest.fixture
+def open_desk(browser: Browser, lesson: Site) -> Iterator[Callable[..., Page]]:
+    """Opens the page Program for ada in a browser of its own."""
+    opened: list[Page] = []
+
+    def open_it(query: str = "", *, width: int = 1280, height: int = 900) -> Page:
+        page = new_page(browser, width=width, height=height)
+        page.goto(lesson.base + "/login")
+        for name, text in {"name": "ada", "password": PASSWORD}.items():
+            page.locator(f"[name={name}]").fill(text)
+        page.locator("button").click()
+        expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
+        go(page, f"{lesson.base}/program{query}")
+        expect(page.locator(".cm-content")).to_be_visible()
+        opened.append(page)
+        return page
+
+    yield open_it
+    for page in opened:
+        page.context.close()
+
+
+def write(page: Page, program: str) -> None:
+    """Put a program into the editor, as if it was pasted."""
+    content = page.locator(".cm-content")
+    content.click()
+    page.keyboard.press("Control+A")
+    page.keyboard.insert_text(program)
+
+
+def press(page: Page, name: str) -> None:
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def expect_state(page: Page, word: str) -> None:
+    expect(page.locator("#ms-prog-state")).to_have_attribute("data-state", word, timeout=WORK_MS)
+
+
+def expect_said(page: Page, words: str | re.Pattern[str]) -> None:
+    expect(page.locator("#ms-console")).to_contain_text(words, timeout=WORK_MS)
+
+
+def test_two_examples_in_two_browsers_speak_to_each_other(open_desk: Callable[..., Page]) -> None:
+    speaker = open_desk("?name=01_hello.py")
+    listener = open_desk("?name=02_listen.py", width=390, height=844)
+    for page, name in ((speaker, "01_hello.py"), (listener, "02_listen.py")):
+        shown = page.evaluate(
+            "getElement(document.querySelector('.ms-prog-editor').id.slice(1)).editor.state.doc.toString()"
+        )
+        assert shown == (EXAMPLES / name).read_text(), "unchanged"
+        press(page, "Run")
+    for page in (speaker, listener):
+        expect_state(page, "active")
+    expect_said(listener, "Publisher A(1) turn-on 3")
+    expect(speaker.locator("#ms-prog-ports")).to_contain_text("HelloWorld(index=1, message='Publisher A(1) turn-on 3')")
+    expect(listener.locator("#ms-prog-reason")).to_contain_text("In slot BB")
+    for width in (1280, 390):
+        speaker.set_viewport_size({"width": width, "height": 844})
+        speaker.wait_for_function("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    for dark in (False, True):
+        assert hurdles(speaker, dark=dark) == []
+    press(speaker, "Stop")
+    expect_state(speaker, "not running")
+    expect_said(speaker, "# ABCD is ended")
+
+
+def test_a_mistake_is_said_and_marked_at_its_line(open_desk: Callable[..., Page]) -> None:
+    page = open_desk()
+    write(page, "from msbot import Part\n\npart = Part('ABCD')\nprint('begins')\nprnt('x')\npart.run()\n")
+    press(page, "Run")
+    expect_said(page, re.compile(r"begins.*program\.py|begins.*:5: NameError: name 'prnt' isn't defined", re.DOTALL))
+    expect(page.locator(".cm-line.ms-wrong-line")).to_have_text("prnt('x')")
+    expect_state(page, "not running")
+    write(page, "from msbot import Part\nif True\n    pass\n")
+    press(page, "Run")
+    expect_said(page, "SyntaxError: invalid syntax")
+    expect(page.locator(".cm-line.ms-wrong-line")).to_have_text("if True")
+
+
+def test_an_error_in_a_function_is_marked_and_the_part_goes_on(open_desk: Callable[..., Page]) -> None:
+    page = open_desk()
+    program = (EXAMPLES / "01_hello.py").read_text().replace("    part.publish", "    1 / 0\n    part.publish")
+    write(page, program)
+    press(page, "Run")
+    expect_state(page, "active")
+    expect_said(page, "in speak: ZeroDivisionError: divide by zero")
+    expect(page.locator(".cm-line.ms-wrong-line")).to_have_text("    1 / 0")
+    expect_state(page, "active")
+
+
+def test_an_endless_loop_is_told_and_ended(open_desk: Callable[..., Page]) -> None:
+    page = open_desk()
+    write(page, "n = 0\nwhile True:\n    n += 1\n    print(n)\n")
+    press(page, "Run")
+    expect_said(page, "more lines, too many at once")
+    expect_said(page, "A function of the program does not end")
+    expect_state(page, "busy")
+    assert page.locator("#ms-console > div").count() <= 500
+    press(page, "Stop")
+    expect_state(page, "not running")
+    expect_said(page, "The program did not answer and was ended.")
+
+
+def test_memory_without_end_is_an_error_of_the_program(open_desk: Callable[..., Page]) -> None:
+    page = open_desk()
+    write(page, "kept = []\nwhile True:\n    kept.append(bytes(1000000))\n")
+    press(page, "Run")
+    expect_said(page, ":3: MemoryError: memory allocation failed")
+    expect_state(page, "not running")
+
+
+def test_a_flood_is_told_and_the_part_stays(open_desk: Callable[..., Page]) -> None:
+    page = open_desk()
+    program = (EXAMPLES / "01_hello.py").read_text()
+    program = program.replace("every(1.0)", "every(0.01)").replace(
+        "    part.publish", "    for n in range(100):\n        part.publish"
+    )
+    write(page, program)
+    press(page, "Run")
+    expect_state(page, "active")
+    expect_said(
+        page,
+        re.compile(
+            "messages were not sent: the program sends more than the robot|this part sends more than the robot takes"
+        ),
+    )
+    press(page, "Stop")
+    expect_state(page, "not running")
+
+
+def test_a_program_of_somebody_else_reaches_nothing_but_the_link(open_desk: Callable[..., Page], lesson: Site) -> None:
+    page = open_desk()
+    asked: list[str] = []
+    page.context.on("request", lambda request: asked.append(request.url))
+    write(
+        page,
+        f"""import js
+print("tries")
+js.fetch("{lesson.base}/api/me")
+js.fetch("{lesson.base}/api/stop?worker")
+try:
+    js.Worker.new("{lesson.base}/web/program/worker.js")
+except Exception as error:
+    print("no worker")
+js.WebSocket.new("{lesson.base.replace("http", "ws")}/_nicegui_ws/socket.io/?transport=websocket")
+print("has tried")
+""",
+    )
+    press(page, "Run")
+    expect_said(page, re.compile("has tried|SecurityError|refused|violat", re.IGNORECASE))
+    page.wait_for_timeout(500)
+    assert [url for url in asked if "/api/me" in url or "/api/stop" in url] == []
+
+
+def test_a_program_is_kept_by_version_and_shared(open_desk: Callable[..., Page], lesson: Site) -> None:
+    page = open_desk()
+    press(page, "More")
+    page.get_by_text("New program").click()
+    expect(page.locator(".ms-prog-choice")).to_contain_text("program1.py")
+    write(page, "print('first')\n")
+    press(page, "Keep")
+    expect(page.get_by_text("program1.py is kept, version 2.")).to_be_visible()
+    write(page, "print('second')\n")
+    press(page, "Run")
+    expect_said(page, "second")
+    press(page, "More")
+    page.get_by_text("Earlier versions").click()
+    page.get_by_role("button", name=re.compile(r"^2: ")).click()
+    expect(page.locator(".cm-content")).to_contain_text("print('first')")
+    press(page, "More")
+    page.get_by_text("Share, or open on a phone").click()
+    link = page.get_by_text(re.compile(r"/program\?shared=")).text_content()
+    assert link is not None
+    other = open_desk(link[link.index("?") :], width=390, height=844)
+    expect(other.locator(".cm-content")).to_contain_text("print('first')")
+    expect(other.get_by_text("A copy of program1.py by ada. Read it before you run it.")).to_be_visible()
