@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from msbot import HelloWorld, Part
+from msbot import HelloWorld, JoinState, Part
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.part.join import plug
 from tests.part.test_part import Room, make_part, play
@@ -157,6 +159,48 @@ def test_a_refusal_is_told_with_its_reason_and_every_new_reason_too(caplog: pyte
         assert caplog.text.count(plug.Refusal.NO_SLOT.words) == 1
 
     play(scenario)
+
+
+def test_a_text_without_end_is_told_with_its_line_and_the_part_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+    async def scenario(room: Room) -> None:
+        part, text = make_part(), ["x" * 100_000]
+
+        @part.every(1.0)
+        def tell() -> None:
+            text[0] += "x" * 100_000
+            part.publish("out", HelloWorld(index=1, message=text[0]))
+
+        room.plug(part)
+        await asyncio.sleep(5.0)
+        (line,) = [record.getMessage() for record in caplog.records if "octets" in record.getMessage()]
+        assert re.match(
+            r"test_beginner\.py:\d+ in tell: LocalProtocolError: this HelloWorld has 300,0\d\d octets, ", line
+        )
+        assert "one message may have 262,000: does a text or list in it grow without end?" in line
+        assert part.state is JoinState.ACTIVE
+
+    play(scenario, {"ABCD": [publishes("out", "t")]})
+
+
+def test_verbose_shows_the_whole_traceback_of_a_handler(caplog: pytest.LogCaptureFixture) -> None:
+    async def scenario(room: Room) -> None:
+        part = make_part()
+
+        @part.every(1.0)
+        def divide() -> None:
+            _ = 1 / 0
+
+        with caplog.at_level("DEBUG"):
+            room.plug(part)
+            await asyncio.sleep(1.0)
+        (story,) = {record.getMessage(): record for record in caplog.records if record.exc_info}.values()
+        assert "in divide: the whole story (-v)" in story.getMessage()
+        assert story.levelname == "DEBUG"
+        shown = logging.Formatter().format(story)
+        assert "Traceback (most recent call last)" in shown
+        assert "_ = 1 / 0" in shown
+
+    play(scenario, {"ABCD": [publishes("out", "t")]})
 
 
 def test_on_at_a_port_that_publishes(caplog: pytest.LogCaptureFixture) -> None:

@@ -187,7 +187,8 @@ class Part:
         """Send a message out of a port; False when there was no room for it (counted as `not_sent`).
 
         Raises:
-            LocalProtocolError: the part is not active: nobody publishes before both steps are done.
+            LocalProtocolError: the part is not active: nobody publishes before both steps are done; or the message has
+                more than 262,000 octets.
             ConfigError: no such port, or a message of another type; the part ends with this sentence.
         """
         return self._runner.publish(port, message)

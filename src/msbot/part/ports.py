@@ -9,13 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from msbot.errors import ConfigError, LinkFull
+from msbot.errors import ConfigError, LinkFull, LocalProtocolError
 from msbot.part.client.client import Client
 from msbot.part.client.entities import Entity
 from msbot.part.join.plug import BindingDirection, PortBinding
 from msbot.part.messages.message import Message
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from msbot.xrce.objects import EndpointQos
+
+LARGEST_MESSAGE = 262_000
+"""Octets of a message at most: an agent joins no more (`AgentSettings.max_message`), and drops the rest unseen."""
 
 
 @dataclass(slots=True)
@@ -110,7 +113,7 @@ class Ports:
 
         Raises:
             ConfigError: no such port to publish on, or it carries another type.
-            LocalProtocolError: no session.
+            LocalProtocolError: no session, or the message is larger than any agent takes.
         """
         bound = self._bound.get(port)
         if bound is None or not bound.publishes:
@@ -120,7 +123,7 @@ class Ports:
         if message.type_name != bound.binding.topic_type:
             raise ConfigError(f"port {port!r} carries {bound.binding.topic_type}, not {message.type_name}")
         try:
-            sample = self._seal(bound.endpoint.object_id, message.encode())
+            sample = self._seal(bound.endpoint.object_id, _bounded(message))
             self._client.write(bound.endpoint, sample, stream_id=bound.stream_id)
         except LinkFull:
             return False
@@ -156,3 +159,14 @@ class Ports:
         self._by_reader.pop(bound.endpoint.object_id, None)
         self._client.delete(bound.endpoint)
         self._client.delete(bound.topic)
+
+
+def _bounded(message: Message) -> bytes:
+    """The octets of a message; a text that has grown and grown is told here, where its line is known."""
+    octets = message.encode()
+    if len(octets) > LARGEST_MESSAGE:
+        raise LocalProtocolError(
+            f"this {message.type_name} has {len(octets):,} octets, and one message may have {LARGEST_MESSAGE:,}: "
+            "does a text or list in it grow without end? Begin it anew, or send it in pieces"
+        )
+    return octets
