@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import inspect
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 
 from msbot.config import load_library
@@ -157,3 +157,9 @@ async def refusal(deed: Callable[[], object]) -> MsbotError:
     except MsbotError as error:
         return error
     raise AssertionError(f"it was done: {done}")
+
+
+async def chunks(content: bytes) -> AsyncIterator[bytes]:
+    """An upload, as it comes in."""
+    for begin in range(0, len(content), 65536):
+        yield content[begin : begin + 65536]

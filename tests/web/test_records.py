@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import sqlite3
+import tracemalloc
+from collections.abc import AsyncIterator
+from contextlib import closing
 from pathlib import Path
 
 from msbot.config import blueprint_toml
@@ -12,7 +16,7 @@ from msbot.registry.maintenance import waiting_restore as held
 from msbot.web.access.users import User
 from msbot.web.records import RegistryUsers, robot_tiles
 from tests.operations.stage import AA_IS_A_DIAL
-from tests.web.rig import Rig, refusal, show
+from tests.web.rig import Rig, chunks, refusal, show
 
 
 async def test_users_are_kept_with_role_and_tokens(tmp_path: Path) -> None:
@@ -101,9 +105,9 @@ def test_a_backup_comes_back_with_the_next_start(tmp_path: Path) -> None:
         ada = rig.session(Role.ADMINISTRATOR)
         content = await rig.service.backup(ada)
         assert content.startswith(b"SQLite format 3")
-        assert "when the master starts anew" in (await rig.service.restore(ada, content)).words
+        assert "when the master starts anew" in (await rig.service.restore(ada, chunks(content))).words
         assert ("ada", "restore") in [(edit.who, edit.kind) for edit in await rig.service.edits(5)]
-        assert "not used" in str(await refusal(lambda: rig.service.restore(ada, b"something else")))
+        assert "not used" in str(await refusal(lambda: rig.service.restore(ada, chunks(b"something else"))))
 
     show(tmp_path, scene)
     assert held.bring_back_held(str(tmp_path / "robot.db")) is not None
@@ -120,3 +124,42 @@ def test_a_blueprint_that_costs_too_much_is_refused_and_the_robot_goes_on(tmp_pa
         assert (await rig.service.blueprint_diff(teacher, present)).changes == []
 
     show(tmp_path, scene)
+
+
+LARGE = 24 << 20
+
+
+def test_a_large_backup_is_taken_in_pieces_and_the_robot_has_its_turn_after_each(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        ada = rig.session(Role.ADMINISTRATOR)
+        large = tmp_path / "large.db"
+        large.write_bytes(await rig.service.backup(ada))
+        with closing(sqlite3.connect(large)) as database:
+            database.execute("CREATE TABLE filling AS SELECT zeroblob(?) AS octets", [LARGE])
+            database.execute("DROP TABLE filling")  # the file stays as large as it was
+        turns = [0]
+
+        async def beat() -> None:
+            while True:
+                turns[0] += 1
+                await asyncio.sleep(0)
+
+        async def pieces() -> AsyncIterator[bytes]:
+            with large.open("rb") as file:
+                while octets := file.read(1 << 20):
+                    before = turns[0]
+                    yield octets
+                    assert turns[0] > before
+            beating.cancel()  # what follows is another process' work
+
+        beating = asyncio.create_task(beat())
+        tracemalloc.start()
+        try:
+            await rig.service.restore(ada, pieces())
+            _, most = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert most < LARGE / 4
+        assert (tmp_path / "robot.db.restore").stat().st_size > LARGE
+
+    show(tmp_path, scene, parts=())

@@ -17,7 +17,7 @@ from msbot.web.api.models import Robot
 from msbot.web.records import no_records
 from msbot.web.service import CLASS_S, SHARED_S, Service
 from tests.operations.stage import AA_IS_A_DIAL
-from tests.web.rig import PASSWORD, Rig, ToyBench, refusal, show
+from tests.web.rig import PASSWORD, Rig, ToyBench, chunks, refusal, show
 
 Deed = Callable[[Service, Session], object]
 DEEDS: dict[str, tuple[Role, Deed]] = {
@@ -39,7 +39,7 @@ DEEDS: dict[str, tuple[Role, Deed]] = {
     "another's token": (Role.ADMINISTRATOR, lambda do, who: do.new_token(who, "nobody", "x")),
     "remove another's token": (Role.ADMINISTRATOR, lambda do, who: do.remove_token(who, "nobody", "x")),
     "backup": (Role.ADMINISTRATOR, lambda do, who: do.backup(who)),
-    "restore": (Role.ADMINISTRATOR, lambda do, who: do.restore(who, b"no backup")),
+    "restore": (Role.ADMINISTRATOR, lambda do, who: do.restore(who, chunks(b"no backup"))),
 }
 LEAST = {
     "adopt": Role.TEACHER, "swap": Role.TEACHER, "release": Role.TEACHER, "window": Role.TEACHER,
@@ -234,5 +234,5 @@ async def test_a_robot_without_a_database_says_so() -> None:
     assert await records.journal(10, None) == []
     assert [(tile.name, tile.here) for tile in await records.robots()] == [("R", True)]
     for deed in (records.export, lambda: records.diff("x"), lambda: records.apply("x", "y"), records.backup,
-                 lambda: records.restore(b"", "y")):  # fmt: skip
+                 lambda: records.restore(chunks(b""), "y")):  # fmt: skip
         assert "database" in str(await refusal(deed))

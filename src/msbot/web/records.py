@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import tempfile
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -40,8 +40,8 @@ class Records:
     apply: Callable[[str, str], Awaitable[str]]
     """(TOML, who) -> what was changed, in words."""
     backup: Callable[[], Awaitable[bytes]]
-    restore: Callable[[bytes, str], Awaitable[str]]
-    """(backup, who) -> what happens now, in words."""
+    restore: Callable[[AsyncIterator[bytes], str], Awaitable[str]]
+    """(backup as it comes in, who) -> what happens now, in words."""
     people_edits: Callable[[int], Awaitable[Sequence[EditRecord]]]
     """What was changed about people and keys, newest first."""
     trouble: Callable[[], str]
@@ -101,11 +101,17 @@ def registry_records(
     async def backup() -> bytes:
         return await asyncio.get_running_loop().run_in_executor(aside, _backup, address)
 
-    async def restore(content: bytes, who: str) -> str:
+    async def restore(backup: AsyncIterator[bytes], who: str) -> str:
         known = registry.runs.store(robot).users
         has_administrator = any(user.role == Role.ADMINISTRATOR.word for user in known)  # the demo has none
-        hold = partial(held.hold, address, content, needs_administrator=has_administrator)
-        await asyncio.get_running_loop().run_in_executor(aside, hold)
+        loop = asyncio.get_running_loop()
+        with tempfile.TemporaryDirectory(prefix="msbot-restore-") as folder:
+            path = Path(folder, "backup.db")
+            with await loop.run_in_executor(aside, path.open, "wb") as file:
+                async for octets in backup:
+                    await loop.run_in_executor(aside, file.write, octets)
+            hold = partial(held.hold, address, path, needs_administrator=has_administrator)
+            await loop.run_in_executor(aside, hold)
         registry.edits.note(robot, EditKind.RESTORE, said("a backup is put in force when the master starts anew"), who)
         return said("The backup is checked and kept: it is put in force when the master starts anew.")
 

@@ -7,7 +7,7 @@ role that was taken away, or a session that has ended, counts at once, also for 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from functools import partial
 
 from msbot.errors import ConfigError
@@ -276,10 +276,10 @@ class Service:
         self._need(session, Right.ADMINISTER)
         return await self._records.backup()
 
-    async def restore(self, session: Session, content: bytes) -> Done:
-        """Go back to a backup."""
+    async def restore(self, session: Session, backup: AsyncIterator[bytes]) -> Done:
+        """Go back to a backup, which is stored as it comes in."""
         self._need(session, Right.ADMINISTER)
-        return Done(words=await self._records.restore(content, session.name))
+        return Done(words=await self._records.restore(backup, session.name))
 
     # Helpers
 

@@ -73,7 +73,7 @@ def test_what_is_wrong_with_it_is_said(backup: Path, change: Callable[[Path], ob
 
 
 def test_a_good_one_is_taken_by_another_process_and_is_the_owners_only(backup: Path, path: Path) -> None:
-    place = held.hold(str(path), backup.read_bytes())
+    place = held.hold(str(path), backup)
     assert place.read_bytes() == backup.read_bytes()
     assert held.bring_back_held(str(path)) is not None
     kept = [file for file in path.parent.iterdir() if file.name.startswith(("robot.db", "backup.db"))]
@@ -83,7 +83,7 @@ def test_a_good_one_is_taken_by_another_process_and_is_the_owners_only(backup: P
 def test_one_that_is_not_taken_leaves_nothing_behind(backup: Path, path: Path) -> None:
     _script(ENDLESS)(backup)
     with pytest.raises(RegistryError, match="this backup is not used: it has a view 'users'"):
-        held.hold(str(path), backup.read_bytes())
+        held.hold(str(path), backup)
     assert not path.with_name("robot.db.restore").exists()
     with pytest.raises(RegistryError, match="this backup is not used: it has a view 'users'"):
         upkeep.restore(backup, str(path))

@@ -13,17 +13,17 @@ from tests.registry.hand import Hand
 
 
 @pytest.fixture
-def backup(registry: Registry, path: Path, blueprint: Blueprint, library: Library, tmp_path: Path) -> bytes:
+def backup(registry: Registry, path: Path, blueprint: Blueprint, library: Library, tmp_path: Path) -> Path:
     """A backup of the database while bob could sign in; he cannot any more."""
     registry.robots.apply_blueprint(blueprint, library)
     Hand(registry).keep_user("ann", "administrator", "ann", password_hash="salt", tokens=())
     Hand(registry).keep_user("bob", "student", "ann", password_hash="salt", tokens=())
     upkeep.back_up(str(path), tmp_path / "copy.db")
     Hand(registry).remove_user("bob", "ann")
-    return (tmp_path / "copy.db").read_bytes()
+    return tmp_path / "copy.db"
 
 
-def test_what_is_handed_in_holds_from_the_next_start_on(backup: bytes, registry: Registry, path: Path) -> None:
+def test_what_is_handed_in_holds_from_the_next_start_on(backup: Path, registry: Registry, path: Path) -> None:
     assert held.hold(str(path), backup) == path.with_name("robot.db.restore")
     assert registry.users.find("bob") is None
     registry.close()
@@ -37,10 +37,10 @@ def test_what_is_handed_in_holds_from_the_next_start_on(backup: bytes, registry:
     assert held.bring_back_held(str(path)) is None
 
 
-def test_the_last_one_handed_in_counts(backup: bytes, registry: Registry, path: Path, tmp_path: Path) -> None:
+def test_the_last_one_handed_in_counts(backup: Path, registry: Registry, path: Path, tmp_path: Path) -> None:
     upkeep.back_up(str(path), tmp_path / "newer.db")
     held.hold(str(path), backup)
-    held.hold(str(path), (tmp_path / "newer.db").read_bytes())
+    held.hold(str(path), tmp_path / "newer.db")
     registry.close()
     held.bring_back_held(str(path))
     with open_registry(path) as again:
@@ -48,21 +48,26 @@ def test_the_last_one_handed_in_counts(backup: bytes, registry: Registry, path: 
 
 
 @pytest.mark.parametrize("content", [b"", b"no database", b"SQLite format 3\x00" + bytes(100)])
-def test_what_is_no_backup_is_refused_and_nothing_waits(content: bytes, registry: Registry, path: Path) -> None:
+def test_what_is_no_backup_is_refused_and_nothing_waits(
+    content: bytes, registry: Registry, path: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "handed.in").write_bytes(content)
     with pytest.raises(RegistryError, match="this backup is not used: ") as caught:
-        held.hold(str(path), content)
+        held.hold(str(path), tmp_path / "handed.in")
     assert "/" not in str(caught.value)  # the person has handed in a file, and knows nothing of where it was put
     assert held.bring_back_held(str(path)) is None
     assert registry.robots.all() == []
 
 
-def test_a_torn_backup_is_refused(backup: bytes, path: Path) -> None:
+def test_a_torn_backup_is_refused(backup: Path, path: Path) -> None:
+    content = backup.read_bytes()
+    backup.write_bytes(content[: len(content) // 2])
     with pytest.raises(RegistryError):
-        held.hold(str(path), backup[: len(backup) // 2])
+        held.hold(str(path), backup)
     assert not path.with_name("robot.db.restore").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(backup: bytes, path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_told(backup: Path, path: Path) -> None:
     path.with_name("robot.db.restore").mkdir()
     with pytest.raises(RegistryError, match=r"cannot keep the backup at .*robot\.db\.restore"):
         held.hold(str(path), backup)
@@ -70,5 +75,5 @@ def test_a_folder_that_cannot_be_written_is_told(backup: bytes, path: Path) -> N
 
 def test_a_database_on_a_server_takes_no_backup_while_a_master_runs() -> None:
     with pytest.raises(RegistryError, match="only while no master runs: `msbot db restore"):
-        held.hold("postgresql://somewhere/robots", b"")
+        held.hold("postgresql://somewhere/robots", Path("copy.db"))
     assert held.bring_back_held("postgresql://somewhere/robots") is None

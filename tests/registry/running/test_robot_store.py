@@ -106,16 +106,19 @@ def test_sessions_that_never_say_what_they_are_are_counted_and_not_journalled(
     assert (store.strangers, len(registry.robots.parts())) == (2_000, 1)
 
 
-def test_parts_that_are_turned_away_push_out_their_own_lines_only(
+def test_however_many_are_turned_away_they_push_out_their_own_lines_only(
     registry: Registry, store: RobotStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """At the bound: as many lines about parts in slots as are kept stay, whatever comes after them."""
     monkeypatch.setattr(robot_store, "PRUNE_EVERY", 10)
+    monkeypatch.setattr(robot_store, "JOURNAL_ROWS", 5)
     monkeypatch.setattr(robot_store, "STRANGERS_ROWS", 3)
-    store.journal(changed(PartState.ACTIVE))
-    for _ in range(9):
+    for _ in range(5):
+        store.journal(changed(PartState.ACTIVE))
+    for _ in range(65):
         store.journal(changed(PartState.REFUSED, slot=None))
     registry.storage.flush()
-    assert [entry.number for entry in registry.robots.journal()] == [1, 8, 9, 10]
+    assert [entry.number for entry in registry.robots.journal()] == [1, 2, 3, 4, 5, 68, 69, 70]
 
 
 def test_a_refused_duplicate_does_not_touch_the_part_that_holds_the_slot(registry: Registry, store: RobotStore) -> None:

@@ -211,14 +211,17 @@ def read_journal(connection: Connection, robot_id: int | None, part: str | None,
 
 
 def prune(connection: Connection, robot_id: int, journal_rows: int, strangers: int, strangers_rows: int) -> None:
-    """Forget the oldest lines of the journal, and strangers that came once and were never let in."""
-    newest = connection.execute(select(func.max(journal.c.id))).scalar() or 0
-    connection.execute(delete(journal).where(journal.c.id <= newest - journal_rows))
-    of_strangers = and_(journal.c.robot_id == robot_id, journal.c.slot == "")
-    last = select(journal.c.id).where(of_strangers).order_by(journal.c.id.desc()).offset(strangers_rows).limit(1)
-    oldest = connection.execute(last).scalar()
-    if oldest is not None:
-        connection.execute(delete(journal).where(of_strangers, journal.c.id <= oldest))
+    """Forget the oldest lines of the journal, and strangers that came once and were never let in.
+
+    Lines about parts in slots and lines about others are counted apart: however many strangers come, they push out
+    their own kind only.
+    """
+    for about, rows in ((journal.c.slot != "", journal_rows), (journal.c.slot == "", strangers_rows)):
+        these = and_(journal.c.robot_id == robot_id, about)
+        last = select(journal.c.id).where(these).order_by(journal.c.id.desc()).offset(rows).limit(1)
+        oldest = connection.execute(last).scalar()
+        if oldest is not None:
+            connection.execute(delete(journal).where(these, journal.c.id <= oldest))
     never_in = and_(parts.c.robot_id == robot_id, parts.c.slot_id.is_(None), parts.c.state.not_in(_REGISTERED))
     changed = select(parts.c.changed_ns).where(never_in).order_by(parts.c.changed_ns.desc()).offset(strangers).limit(1)
     until = connection.execute(changed).scalar()

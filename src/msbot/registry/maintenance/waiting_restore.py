@@ -6,6 +6,7 @@ removes it, and keeps what the database had, as `msbot db restore` does.
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -17,12 +18,12 @@ from msbot.registry.maintenance.backup_check import check_backup
 ENDING = ".restore"
 
 
-def hold(address: str, content: bytes, *, needs_administrator: bool = True) -> Path:
+def hold(address: str, backup: Path, *, needs_administrator: bool = True) -> Path:
     """Keep a backup for the next start.
 
     Args:
         address: the database.
-        content: the backup.
+        backup: the file; it stays as it is.
         needs_administrator: refuse one without: where people sign in, nobody could any more.
 
     Raises:
@@ -36,9 +37,9 @@ def hold(address: str, content: bytes, *, needs_administrator: bool = True) -> P
     with tempfile.TemporaryDirectory(prefix="msbot-held-") as folder:
         copy = Path(folder) / "backup.db"
         try:
-            _write(copy, content)
+            _copy(backup, copy)
             check_backup(copy, needs_administrator=needs_administrator)
-            _write(place, content)
+            _copy(backup, place)
         except OSError as error:
             raise RegistryError(f"cannot keep the backup at {place}: {error.strerror}") from None
     return place
@@ -58,9 +59,10 @@ def bring_back_held(address: str) -> Path | None:
     return kept or place
 
 
-def _write(path: Path, content: bytes) -> None:
-    make_private(path)
-    path.write_bytes(content)
+def _copy(source: Path, target: Path) -> None:
+    """However large it is, the system copies it: nothing of it is in our memory."""
+    make_private(target)
+    shutil.copyfile(source, target)
 
 
 def _place_of(address: str) -> Path | None:

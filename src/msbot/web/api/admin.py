@@ -68,6 +68,6 @@ def make_admin_api(service: Service) -> APIRouter:
     @router.post("/restore")
     async def restore(session: SignedIn, request: Request) -> Done:
         """Go back to a backup: its octets are the body."""
-        return await service.restore(session, await request.body())
+        return await service.restore(session, request.stream())
 
     return router

@@ -240,9 +240,8 @@ def _backup(page: Page) -> None:
         ui.label(say("The whole database in one file: robots, slots, settings, journal, people.")).classes("soft")
 
         async def restore(event: UploadEventArguments) -> None:
-            content = await event.file.read()
             words = say("Put this backup in force with the master's next start?")
-            _ask(page, words, lambda: page.do(lambda session: service.restore(session, content)))
+            _ask(page, words, lambda: page.do(lambda session: service.restore(session, event.file.iterate())))
 
         with ui.element("div").classes("row").style("margin-top:.6rem"):
             ui.button(
