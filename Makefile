@@ -75,6 +75,7 @@ bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/many_parts.py --kill
 	PYTHONPATH=. $(BIN)/python bench/micropython.py
 	PYTHONPATH=. $(BIN)/python bench/page.py
+	PYTHONPATH=. $(BIN)/python bench/page_parts.py
 	PYTHONPATH=. $(BIN)/python bench/agent.py --write
 	PYTHONPATH=. $(BIN)/python bench/dds.py --write
 

@@ -96,7 +96,7 @@ class PartSite:
 
 
 @asynccontextmanager
-async def part_site(slots: int = 2) -> AsyncIterator[PartSite]:
+async def part_site(slots: int = 2, *, stored: MemoryStore | None = None) -> AsyncIterator[PartSite]:
     """A running robot with the guard, the connections and the part socket of the real page, and no page."""
     loop = asyncio.get_running_loop()
     people = [user("ada"), user("bob", Role.STUDENT), user("eve", Role.STUDENT), user("vic", Role.VIEWER)]
@@ -108,7 +108,7 @@ async def part_site(slots: int = 2) -> AsyncIterator[PartSite]:
     )  # fmt: skip
     config = uvicorn.Config(guard, log_level="error", lifespan="off", ws_max_size=1024 * 1024)
     config.load()
-    master = Master(Blueprint(RobotProfile("R", "1", "2", "", ""), ()), store(slots), random=Random(1))
+    master = Master(Blueprint(RobotProfile("R", "1", "2", "", ""), ()), stored or store(slots), random=Random(1))
     master.add_link(link)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         listening.setblocking(False)
