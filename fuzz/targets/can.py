@@ -258,7 +258,8 @@ class CanTarget:
         async def main() -> set[str]:
             world = CanWorld(codec=len(case) % 2 == 0)
             tasks = [asyncio.create_task(_serve(link)) for link in world.links]
-            await asyncio.sleep(0)
+            await asyncio.sleep(0.1)
+            world.buses[0].leave(40)  # only after its first beacon has left is the master no longer starting
             await asyncio.sleep(2.0)  # else another master on the bus ends ours, as it should
             for step in case:
                 if step.verb == "wait":
@@ -325,7 +326,7 @@ def _steps(random: Random) -> list[Step]:
             return [_as_step(assign_frame(Assign(uid, random.choice((0, node_id)), epoch, random.randrange(4)), IDS))]
         case 3:
             robot = random.choice((ROBOT, ROBOT, 0xBAD, random.getrandbits(32)))
-            return [_as_step(beacon_frame(Beacon(random.randrange(4), epoch, robot), IDS))]
+            return [_as_step(beacon_frame(Beacon(random.randrange(8), epoch, robot), IDS))]
         case 4:
             return [_as_step(stop_frame(random.randrange(256), IDS))]
         case 5 | 6 | 7:
