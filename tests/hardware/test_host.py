@@ -83,6 +83,7 @@ class Scene:
         self.bus = bus
         self.host: PartsHost | None = None
         self.edits = 0
+        self.master: Master | None = None
 
     def write(self, text: str) -> None:
         """Change the file; its time differs, whatever the clock of the file system resolves."""
@@ -94,6 +95,12 @@ class Scene:
         """The parts in the robot, each with how it is told from one that was started anew."""
         assert self.host is not None
         return {part.local_name: id(part) for part in self.host.parts if part.state is JoinState.ACTIVE}
+
+    def natures(self) -> dict[str, str]:
+        """What the parts say is behind their ports, as the master knows it."""
+        assert self.master is not None
+        now = asyncio.get_running_loop().time()
+        return {info.local_name: info.nature.word for info in self.master.inventory.view(now)}
 
     async def until(self, *names: str) -> dict[str, int]:
         """Wait until exactly these are in the robot."""
@@ -117,6 +124,7 @@ class Scene:
             master = Master(blueprint, store, random=Random(3), epoch_ns=lambda: 0)
             hub = InprocHub()
             master.add_link(hub.server)
+            self.master = master
             bench = Workbench(machine_at(self.folder, self.bus))
             self.host = PartsHost(self.path, LIBRARY, lambda _: hub.connect(), bench=bench)
             async with asyncio.TaskGroup() as tasks:
@@ -137,6 +145,8 @@ def test_what_changed_in_the_file_is_started_anew_and_nothing_else(tmp_path: Pat
 
     async def scene() -> None:
         first = await robot.until("lamp", "BMP280", "BUTTON")
+        await asyncio.sleep(0.5)
+        assert robot.natures() == {"lamp": "real", "BMP280": "real", "BUTTON": "simulated"}
         robot.write(TWO.replace("17", "27"))
         async with asyncio.timeout(50):
             while robot.active().get("lamp", first["lamp"]) == first["lamp"]:  # noqa: ASYNC110 - in virtual time
@@ -155,6 +165,23 @@ def test_what_changed_in_the_file_is_started_anew_and_nothing_else(tmp_path: Pat
         robot.write(TWO[TWO.index("[[part]]", 20) :])
         await robot.until("BMP280", "BUTTON")
         assert pins.pin(27).function == "input"
+
+    robot.play(scene)
+
+
+def test_a_real_part_is_swapped_for_a_simulated_one_and_back_while_all_runs(tmp_path: Path, pins: Any) -> None:
+    robot = Scene(tmp_path, Bus(at_76=bmp280()))
+    robot.write(TWO)
+
+    async def scene() -> None:
+        await robot.until("lamp", "BMP280", "BUTTON")
+        for text, nature in ((TWO.replace("pins = { s = 17 }", "simulate = true"), "simulated"), (TWO, "real")):
+            robot.write(text)
+            async with asyncio.timeout(50):
+                while robot.natures().get("lamp") != nature:  # noqa: ASYNC110 - in virtual time
+                    await asyncio.sleep(0.1)
+            await robot.until("lamp", "BMP280", "BUTTON")
+            assert pins.pin(17).function == ("output" if nature == "real" else "input")
 
     robot.play(scene)
 

@@ -24,7 +24,9 @@ class Counter:
         self.rig.join(KEY)
         self.requests = RequestHandler(self.rig.inventory, explain=explain)
 
-    def ask(self, message: plug.ClaimMessage | plug.Beat | plug.ConfigurationRequest, key: int = KEY) -> bytes | None:
+    def ask(
+        self, message: plug.ClaimMessage | plug.Beat | plug.NatureMessage | plug.ConfigurationRequest, key: int = KEY
+    ) -> bytes | None:
         return self.requests.compact(message.encode(), key, self.rig.now)
 
     def register(self) -> plug.VerdictMessage:
@@ -74,6 +76,19 @@ def test_a_beat_is_answered_with_the_configurations_version_or_0() -> None:
     lease = counter.register().lease
     assert counter.ask(plug.Beat(lease=lease)) == plug.BeatReply(configuration_version=1).encode()
     assert counter.ask(plug.Beat(lease=lease ^ 1)) == plug.BeatReply(configuration_version=0).encode()
+
+
+@pytest.mark.parametrize(("number", "nature"), [(1, "real"), (2, "simulated"), (0, ""), (77, "")])
+def test_a_part_says_what_is_behind_its_ports(number: int, nature: str) -> None:
+    counter = Counter()
+    lease = counter.register().lease
+    assert counter.rig.part(KEY).nature.word == ""
+    message = plug.NatureMessage(lease=lease, nature=number)
+    assert len(message.encode()) == 5
+    assert counter.ask(message) is None
+    assert counter.rig.part(KEY).nature.word == nature
+    counter.ask(plug.NatureMessage(lease=lease ^ 1, nature=1))
+    assert counter.rig.part(KEY).nature.word == nature, "not by somebody without its lease"
 
 
 def test_the_configuration_travels_whole() -> None:

@@ -29,6 +29,7 @@ from msbot.hardware.faults import HardwareFault
 from msbot.link import Link
 from msbot.part import ExpectedRobot, JoinState
 from msbot.part.beginner import part_is_run
+from msbot.part.join.plug import Nature
 from msbot.sim import ModelPart
 
 MOST_FAULTS = 3
@@ -83,6 +84,7 @@ class HardwarePart(ModelPart):
             robot=robot,
             ideal=True,
         )
+        self.part.nature = Nature.REAL
         self.fault = ""
         """Why the hardware does not work, as one sentence; "" = it does."""
         self.faults = 0

@@ -28,7 +28,7 @@ from msbot.part.client.settings import ClientSettings
 from msbot.part.counters import PartCounters
 from msbot.part.join.joining import ANY, ExpectedRobot, JoinState
 from msbot.part.join.keys import check_key, parse_key
-from msbot.part.join.plug import TEXT_OCTETS, UID_OCTETS
+from msbot.part.join.plug import TEXT_OCTETS, UID_OCTETS, Nature
 from msbot.part.messages.message import Message
 from msbot.part.program import Action, Listener, PortAction, Program, When
 from msbot.part.program_runner import Identity, ProgramRunner
@@ -79,6 +79,8 @@ class Part:
         self.uid = uid
         self.key = parse_key(key) if isinstance(key, str) else check_key(key) if key is not None else None
         """The part's key; `run` gives it the one that is kept for the part."""
+        self.nature = Nature.UNKNOWN
+        """What is behind its ports; it tells its robot, and the page shows it."""
         self._board = board
         self._random = random or SystemRandom()
         self._program = Program()
@@ -289,7 +291,7 @@ class Part:
         part_is_run(self)
         if self.uid is None:
             self.uid = self._random.randbytes(UID_OCTETS)
-        identity = Identity(self.part_number, self.local_name, self.robot, self.uid, lambda: self.key)
+        identity = Identity(self.part_number, self.local_name, self.robot, self.uid, lambda: self.key, self.nature)
         await self._runner.run(link, identity, random=self._random, settings=settings, epoch_ns=epoch_ns)
 
     def end(self) -> None:

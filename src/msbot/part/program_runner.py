@@ -24,7 +24,7 @@ from msbot.part.handler_guard import Guard
 from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
 from msbot.part.join.keys import prove, prove_sealed
 from msbot.part.join.membership import Membership
-from msbot.part.join.plug import STOP_SETTING, ClaimMessage, ConfigurationMessage, Notice, NoticeKind
+from msbot.part.join.plug import STOP_SETTING, ClaimMessage, ConfigurationMessage, Nature, Notice, NoticeKind
 from msbot.part.messages.message import Message
 from msbot.part.ports import Ports
 from msbot.part.program import Program, When
@@ -44,6 +44,8 @@ class Identity:
     uid: bytes
     key: Callable[[], bytes | None]
     """What it proves its UID with; asked at each challenge, because a part may get its key while it runs."""
+    nature: Nature = Nature.UNKNOWN
+    """What is behind its ports."""
 
     def prove(self, nonce: bytes, session_key: int) -> bytes | None:
         """The answer to a challenge in that session; None = the part has no key."""
@@ -176,6 +178,7 @@ class ProgramRunner:
             noticed=self._noticed,
             on_topic=self._sample_received,
             obeyed_stop=lambda: self.safety.number,
+            nature=identity.nature,
         )
         self._ports = Ports(membership.client, membership.participant, membership.subscriber, membership.seals.seal)
         membership.start()

@@ -263,6 +263,12 @@ class Inventory:
         self._publish(now)
         return version
 
+    def nature_told(self, lease: int, client_key: int, nature: int) -> bool:
+        """The part with that lease says what is behind its ports; False: the lease is unknown."""
+        if (record := self._index.by_lease(lease, client_key)) is not None:
+            record.take_nature(nature)
+        return record is not None
+
     def configuration_request(self, lease: int, client_key: int) -> Configuration | None:
         """The configuration of the part with that lease, or None: the lease is unknown, nothing is answered."""
         record = self._index.by_lease(lease, client_key)

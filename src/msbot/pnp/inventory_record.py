@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from msbot.part.join.plug import Refusal
+from msbot.part.join.plug import Nature, Refusal
 from msbot.pnp.life import Life, check_transition
 from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo
 from msbot.pnp.part_events import Evidence, PartEvent, PartState
@@ -49,6 +49,7 @@ class InventoryRecord:
         "identity",
         "lease",
         "life",
+        "nature",
         "plug_in_to_active_s",
         "plugged_in_at",
         "reason",
@@ -79,6 +80,8 @@ class InventoryRecord:
         self.lease = 0
         self.configuration: Configuration | None = None
         self.refusal: Refusal | None = None
+        self.nature = Nature.UNKNOWN
+        """What is behind its ports, as it says."""
         self.refused_claims = 0
         self.refused_samples = 0
         """Samples that showed its session and had no good seal."""
@@ -147,6 +150,10 @@ class InventoryRecord:
         if self.slot is None:
             self.slot = old.slot
 
+    def take_nature(self, number: int) -> None:
+        """It says what is behind its ports (`Nature`)."""
+        self.nature = Nature.of(number)
+
     def note_duplicate(self, address: str) -> None:
         """Remember where a device with the same UID was seen; each address once."""
         if address not in self.duplicates:
@@ -173,6 +180,7 @@ class InventoryRecord:
             refused_claims=self.refused_claims,
             duplicates=tuple(self.duplicates),
             refusal=None if self.is_registered else self.refusal,
+            nature=self.nature,
         )
 
     def sentences(self, now: float) -> list[str]:

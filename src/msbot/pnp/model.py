@@ -12,7 +12,7 @@ from typing import Protocol
 
 from msbot.config import PartType, Slot
 from msbot.errors import ConfigError
-from msbot.part.join.plug import Refusal
+from msbot.part.join.plug import Nature, Refusal
 from msbot.pnp.emergency_stop import StopRecord
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot.runtime.sentence import said
@@ -181,6 +181,8 @@ class PartInfo:
     """Addresses of refused devices that show the same UID."""
     refusal: Refusal | None = None
     """Why it has no lease, for one that is refused or stands by."""
+    nature: Nature = Nature.UNKNOWN
+    """What is behind its ports, as the part itself says."""
 
 
 class PartStore(Protocol):

@@ -64,6 +64,10 @@ class RequestHandler:
         match request:
             case plug.Beat(lease=lease) | plug.StoppedBeat(lease=lease):
                 return plug.BeatReply(configuration_version=self._inventory.beat(lease, client_key, now))
+            case plug.NatureMessage(lease=lease, nature=nature):
+                if not self._inventory.nature_told(lease, client_key, nature):
+                    self.dropped.count("nature with an unknown lease")
+                return None
             case plug.ConfigurationRequest(lease=lease):
                 configuration = self._inventory.configuration_request(lease, client_key)
                 return None if configuration is None else self._configuration_message(configuration, client_key)

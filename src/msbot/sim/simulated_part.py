@@ -11,6 +11,7 @@ from random import Random
 from msbot.config import Control, Library, PartType, Scalar, load_library
 from msbot.errors import ConfigError
 from msbot.part import ExpectedRobot
+from msbot.part.join.plug import Nature
 from msbot.sim.model_part import ModelPart
 
 ANY_ROBOT = "*"
@@ -60,6 +61,7 @@ class SimulatedPart(ModelPart):
         robot: str | ExpectedRobot,
     ) -> None:
         super().__init__(part_type, number, uid=uid, local_name=local_name, random=random, robot=robot)
+        self.part.nature = Nature.SIMULATED
         self._controls = {control.name: control for control in self._simulator.controls}
         if self._simulator.outputs:
             self.part.every(self._tick_s())(self._say)

@@ -155,6 +155,7 @@ def part_line(info: PartInfo, *, is_ignored: bool) -> PartLine:
         refused_claims=info.refused_claims,
         duplicates=list(info.duplicates),
         ignored=is_ignored,
+        nature=info.nature.word,
     )
 
 

@@ -69,6 +69,7 @@ class Membership:
         noticed: Callable[[plug.Notice], None] = lambda _: None,
         on_topic: Callable[[int, int, bytes], None] = lambda *_: None,
         obeyed_stop: Callable[[], int] = lambda: 0,
+        nature: plug.Nature = plug.Nature.UNKNOWN,
     ) -> None:
         """Make the client and ask it for what joining needs; `start` begins.
 
@@ -86,6 +87,7 @@ class Membership:
             noticed: hears what the inventory says unasked.
             on_topic: hears the samples that are not the robot's profile, as `Client.on_topic`.
             obeyed_stop: the number of the STOP that the part obeys, which its beats then carry; 0 = none.
+            nature: what is behind the part's ports.
         """
         self.joining = joining
         self.dropped = 0
@@ -104,6 +106,7 @@ class Membership:
         self._noticed = noticed
         self._on_topic = on_topic
         self._obeyed_stop = obeyed_stop
+        self._nature = nature
         self._turn = Turn(self._work)
         # Without a name: nobody hears who the part is before it has recognised its robot.
         self.participant = client.create_participant()
@@ -202,6 +205,8 @@ class Membership:
                 case Changed():
                     self._read_profile(action.after)
                     self._changed(action)
+                    if action.after is JoinState.ACTIVE and self._nature is not plug.Nature.UNKNOWN:
+                        self._say_nature()
                 case SendClaim():
                     self._send(self._claim, STREAM_RELIABLE)
                 case SendProof():
@@ -217,6 +222,10 @@ class Membership:
                 case BeginAnew():
                     self.client.reconnect(action.reason)
         self._turn.set_timer(self.joining.timer())
+
+    def _say_nature(self) -> None:
+        message = plug.NatureMessage(lease=self.joining.lease, nature=self._nature)
+        self._send(message.encode(), STREAM_RELIABLE)
 
     def _send_beat(self, lease: int) -> None:
         number = self._obeyed_stop()

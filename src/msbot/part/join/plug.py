@@ -10,6 +10,7 @@ from the part             answer of the inventory                  octets
 `ClaimMessage`, key mode  `Challenge`                              28 or more, 16
 `Proof`                   `VerdictMessage`, or none                16, 12
 `Beat`                    `BeatReply`                              4, 4
+`NatureMessage`           none                                     5
 `StoppedBeat`             `BeatReply`                              6, 4
 `ConfigurationRequest`    `ConfigurationMessage`                   8, 20 or more
 `ClaimMessage`, key+data  `SealedChallenge`                        28 or more, 17
@@ -157,6 +158,35 @@ class StoppedBeat(Message):
     """The lowest 16 bits of the number of the STOP that the part obeys."""
 
 
+class Nature(IntEnum):
+    """What is behind a part's ports."""
+
+    UNKNOWN = 0
+    """The part does not say."""
+    REAL = 1
+    """Hardware."""
+    SIMULATED = 2
+    """A model of it."""
+
+    @classmethod
+    def of(cls, number: int) -> Nature:
+        """The nature of that number; a later version's is unknown here."""
+        return cls(number) if number in set(cls) else cls.UNKNOWN
+
+    @property
+    def word(self) -> str:
+        """In one word; empty if it is not known."""
+        return "" if self is Nature.UNKNOWN else self.name.lower()
+
+
+class NatureMessage(Message):
+    """A part says what is behind its ports, once after it has become active; not answered."""
+
+    lease: uint32
+    nature: uint8
+    """`Nature`; another number counts as unknown."""
+
+
 class BeatReply(Message):
     """The answer to a beat."""
 
@@ -277,6 +307,7 @@ _REFUSALS = {
 }
 
 _BEAT_OCTETS = 4
+_NATURE_OCTETS = 5
 _STOPPED_BEAT_OCTETS = 6
 _CONFIGURATION_REQUEST_OCTETS = 8
 _NOTICE_OCTETS = 8
@@ -285,7 +316,7 @@ _SEALED_CHALLENGE_OCTETS = 17
 
 SHORTEST_CLAIM_OCTETS = 28
 
-Request = Beat | StoppedBeat | ConfigurationRequest | Proof | SealedProof | ClaimMessage
+Request = Beat | NatureMessage | StoppedBeat | ConfigurationRequest | Proof | SealedProof | ClaimMessage
 """What a part asks of the inventory."""
 
 
@@ -297,6 +328,8 @@ def decode_request(payload: bytes) -> Request:
     """
     if len(payload) == _BEAT_OCTETS:
         return Beat.decode(payload)
+    if len(payload) == _NATURE_OCTETS:
+        return NatureMessage.decode(payload)
     if len(payload) == _STOPPED_BEAT_OCTETS:
         return StoppedBeat.decode(payload)
     if len(payload) == _CONFIGURATION_REQUEST_OCTETS:

@@ -116,6 +116,8 @@ class PartLine(Model):
     refused_claims: int
     duplicates: list[str]
     ignored: bool = False
+    nature: str = ""
+    """`real` or `simulated`, as the part itself says; empty when it does not."""
 
 
 class SlotCard(Model):

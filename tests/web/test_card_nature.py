@@ -1,0 +1,38 @@
+"""What a card says of the part in it: real or simulated as the part itself reports, and nothing that is not known."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from msbot.part.join.plug import Nature
+from msbot.pnp import PartInfo, PartState
+from msbot.web.cards import part_line
+from msbot.web.html import render
+
+
+def info(nature: Nature) -> PartInfo:
+    active = PartState.ACTIVE
+    return PartInfo(
+        "lamp", "LED", "lamp", bytes(8), "lamp", active, "", 0, 3, 0.1, 1, 5, 1, "here", 0, (), nature=nature
+    )
+
+
+@pytest.mark.parametrize(
+    ("nature", "simulated_here", "badge"),
+    [
+        (Nature.REAL, False, "real"),
+        (Nature.REAL, True, "real"),
+        (Nature.SIMULATED, False, "simulated"),
+        (Nature.UNKNOWN, True, "simulated"),
+        (Nature.UNKNOWN, False, ""),
+    ],
+)
+def test_the_badge_of_a_card_is_what_its_part_reports(nature: Nature, simulated_here: bool, badge: str) -> None:
+    line = part_line(info(nature), is_ignored=False)
+    card = SimpleNamespace(name="lamp", type_name="Lamp", part_number="LED", state="active", reason="", part=line,
+                           simulated=simulated_here)  # fmt: skip
+    html = str(render("card", say=lambda text: text, card=card, look="active", port=None, ring="", chip="", drawing="",
+                      values="", spark="", held="", stale_age="", beat=""))  # fmt: skip
+    assert (f">{badge}</span>" in html) if badge else ("origin" not in html)
