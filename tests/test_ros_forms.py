@@ -97,7 +97,10 @@ class Own(Message):
     ("call", "words"),
     [
         (lambda: form_of(Own), "Own has no usual type in ROS 2: say ros_type and ros_fields"),
-        (lambda: form_of(Own, "Float32"), "'Float32' is no message type of ROS 2: write it like std_msgs/msg/Float32"),
+        (
+            lambda: form_of(Own, "Float32"),
+            "'Float32' is not a message type of ROS 2: write it like std_msgs/msg/Float32",
+        ),
         (lambda: form_of(Own, "my_msgs/Thing"), "'my_msgs/Thing' is not among the known message types of ROS 2"),
         (
             lambda: form_of(Own, "std_msgs/Float32"),
@@ -106,7 +109,10 @@ class Own(Message):
         (lambda: form_of(Own, "std_msgs/Float32", {"c": "data"}), "Own has no field 'c'; it has a, b"),
         (lambda: form_of(Own, "std_msgs/Float32", {"a": "date"}), "has no field 'date'; it has data"),
         (lambda: form_of(Own, "std_msgs/Float32", {"a": "data.x"}), "std_msgs::msg::dds_::Float32_.data has no fields"),
-        (lambda: form_of(Own, "std_msgs/Float32", {"a": "data / 2"}), "'data / 2' is no field of ROS 2: write it like"),
+        (
+            lambda: form_of(Own, "std_msgs/Float32", {"a": "data / 2"}),
+            "'data / 2' is not a field of ROS 2: write it like",
+        ),
         (lambda: form_of(Own, "std_msgs/Float32", {"a": "data * 0"}), "'data * 0': a factor of 0 leaves nothing"),
         (lambda: form_of(Own, "std_msgs/String", {"a": "data"}), "a number goes with a number and a text with a text"),
         (

@@ -220,7 +220,7 @@ class CanLink:
             self._deadline = now + _BEACON_TIMEOUT
             known, self._robot = self._robot, robot
             if epoch != self._epoch:
-                self._lose("the master has started anew", now)
+                self._lose("the master has restarted", now)
             elif known not in (None, robot):
                 self._lose("the robot's profile has changed", now)
         elif news and not self._leaving and self._join_at is not None and self._join_at - now > _FIRST_PAUSE * 5 // 4:

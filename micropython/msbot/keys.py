@@ -38,7 +38,7 @@ def parse_key(key):
         try:
             key = bytes.fromhex(digits)
         except ValueError:
-            words = "that is no key: write 32 hexadecimal digits, as `msbot key new` shows them"
+            words = "that is not a key: write 32 hexadecimal digits, as `msbot key new` shows them"
             raise ConfigError(words) from None
     if not 16 <= len(key) <= 64:
         raise ConfigError("a key has 16 to 64 octets, this one has {}; `msbot key new` draws one".format(len(key)))

@@ -169,7 +169,7 @@ class Part:
 
     @property
     def state(self):
-        """Where the part stands; its `.value` is a word."""
+        """The state of the part; its `.value` is a word."""
         return self._membership.state if self._membership else JoinState.LOOKING
 
     @property
@@ -398,7 +398,7 @@ class Part:
 
     def _pace(self, timed, name, seconds):
         if not seconds >= 0.001:
-            words = "{} s is no period; {} s stays".format(seconds, timed.period / 1000)
+            words = "{} s is not a period; {} s stays".format(seconds, timed.period / 1000)
             self._report("setting {!r}".format(name), words)
         elif _ms(seconds) != timed.period:
             timed.period = _ms(seconds)

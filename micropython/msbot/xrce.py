@@ -464,7 +464,7 @@ class Client:
             self._answers += 1
             self._begin_input()
         elif self._state == _CONNECTED and not status & 0x80 and self._next:
-            self.lose("the agent has begun the session anew: a late login has reached it", now)
+            self.lose("the agent has started the session over: a late login has reached it", now)
 
     def _take_acknack(self, first, bitmap, now):
         progress = first - self._first & 0xFFFF

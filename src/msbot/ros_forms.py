@@ -74,7 +74,7 @@ def ros_class(name: str) -> type[Message]:
     """
     match = _NAME.fullmatch(name)
     if match is None:
-        raise ConfigError(f"{name!r} is no message type of ROS 2: write it like std_msgs/msg/Float32")
+        raise ConfigError(f"{name!r} is not a message type of ROS 2: write it like std_msgs/msg/Float32")
     found = ROS_TYPES.get(f"{match['package']}::msg::dds_::{match['type']}_")
     if found is None:
         raise ConfigError(f"{name!r} is not among the known message types of ROS 2 (they stand in msbot.ros2)")
@@ -175,7 +175,7 @@ def _by_themselves(ours: type[Message], theirs: type[Message]) -> dict[str, str]
 def _step(ours: type[Message], theirs: type[Message], name: str, text: str) -> _Step:
     match = _PATH.fullmatch(text.strip())
     if match is None:
-        raise ConfigError(f"{text!r} is no field of ROS 2: write it like data, header.stamp.sec, or range * 0.01")
+        raise ConfigError(f"{text!r} is not a field of ROS 2: write it like data, header.stamp.sec, or range * 0.01")
     path = tuple(match["path"].split("."))
     mine, other = _field(ours, (name,)), _field(theirs, path)
     factor = float(match["factor"] or 1)

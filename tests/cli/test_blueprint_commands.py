@@ -48,7 +48,7 @@ def test_a_new_slot_is_written_to_the_end_and_in_force(run: Run) -> None:
     run("apply", "--yes")
     before = Path("robot.toml").read_text()
     assert run("slot", "add", "eye", "TCS34725", "--description", 'The "eye"').output == (
-        "slot eye stands in robot.toml; robot MSBOT_MASTER is as robot.toml says; `msbot undo` takes it back\n"
+        "slot eye is now in robot.toml; robot MSBOT_MASTER is as robot.toml says; `msbot undo` takes it back\n"
     )
     after = Path("robot.toml").read_text()
     assert after.startswith(before)

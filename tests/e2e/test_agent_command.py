@@ -222,7 +222,7 @@ def test_other_mistakes_are_one_sentence_each(tmp_path: Path, place: dict[str, s
         (("udp4", "-p", "0", "-r", "refs.xml"), "refs.xml"),
         (("udp4", "-p", "0", "--host", "192.0.2.77"), "no interface of this machine has the address"),
         (("udp4", "-p", "0", "--host", "::1"), "use `msbot agent udp6`"),
-        (("serial", "-D", "/dev/null"), "it is no serial port"),
+        (("serial", "-D", "/dev/null"), "it is not a serial port"),
     ):
         done = run("agent", *arguments, cwd=tmp_path, env=place)
         assert (done.returncode, done.stdout) == (2, ""), arguments

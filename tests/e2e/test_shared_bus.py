@@ -73,8 +73,8 @@ def test_a_bus_that_is_ended_leaves_no_name_behind(tmp_path: Path, env: dict[str
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("bus", "serve", "a/b"), "is no name for a simulated bus"),
-        (("demo", "--robot", "thesis", "--bus", "a/b", "--seconds", "1"), "is no name for a simulated bus"),
+        (("bus", "serve", "a/b"), "is not a name for a simulated bus"),
+        (("demo", "--robot", "thesis", "--bus", "a/b", "--seconds", "1"), "is not a name for a simulated bus"),
         (("demo", "--robot", "thesis", "--bus", "x", "--link", "udp"), "--bus is for a CAN bus"),
     ],
 )

@@ -39,7 +39,7 @@ STATES = (ComponentState.OFF, ComponentState.JOINING, ComponentState.JOINED, Com
 DOWN, UP, STOP = 1, 2, 4
 REASONS = {
     "no beacon of the master for 3.5 s": 2,
-    "the master has started anew": 3,
+    "the master has restarted": 3,
     "the robot's profile has changed": 4,
     "the master has given the address to another part": 5,
     "the master has no free address: all 120 are held by live parts": 6,

@@ -304,7 +304,7 @@ async def test_a_part_joins_a_master_over_udp_in_real_time() -> None:
         ('{"link": "udp:host"}', "link 'udp:host': write can:1?bitrate=500000"),
         ('{"link": "can:1?fast"}', "link 'can:1?fast': write can:1?bitrate=500000"),
         ('{"link": "serial:1"}', "this board cannot do serial:1"),
-        ('{"link": "can:1", "key": "abc"}', "that is no key: write 32 hexadecimal digits"),
+        ('{"link": "can:1", "key": "abc"}', "that is not a key: write 32 hexadecimal digits"),
         ('{"link": "can:1", "uid": "xyz"}', "uid 'xyz': write 16 hexadecimal digits"),
         ('{"link": "can:1", "uid": "0011"}', "uid '0011': write 16 hexadecimal digits"),
     ],

@@ -23,7 +23,7 @@ MISTAKES = {
     "union U switch (long) { case 1: long x; };": "a.idl:1:1: a union is not supported",
     "struct A { wstring x; };": "a.idl:1:12: a wide string is not supported",
     "struct A { @optional long x; };": "a.idl:1:13: @optional is not supported: classic CDR has no form for it",
-    "struct A { unsigned float x; };": "a.idl:1:12: unsigned is no type; did you mean unsigned long?",
+    "struct A { unsigned float x; };": "a.idl:1:12: unsigned is not a type; did you mean unsigned long?",
     "struct A { long x[0]; };": "a.idl:1:19: a bound must be 1 to 65536, not 0",
     "struct A { long x[N]; };": "a.idl:1:19: there is no whole-number constant N",
     "const long N = 4 / 0;": "a.idl:1:18: / 0 cannot be worked out",

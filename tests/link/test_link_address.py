@@ -80,7 +80,7 @@ def test_a_pseudo_terminal_has_a_name() -> None:
         ("udp:", "it needs a host and a port; write it like `udp:127.0.0.1:8888`"),
         ("udp:127.0.0.1", "it needs a host and a port"),
         ("udp:127.0.0.1:port", "it needs a host and a port"),
-        ("udp::1:8888", "an IPv6 address stands in brackets"),
+        ("udp::1:8888", "an IPv6 address needs brackets"),
         ("udp:[127.0.0.1]:8888", "'127.0.0.1' is no IPv6 address"),
         ("udp:127.0.0.1:0", "port 0 is not from 1 to 65535"),
         ("udp:127.0.0.1:65536", "port 65536 is not from 1 to 65535"),
@@ -115,7 +115,7 @@ def test_a_server_may_ask_for_any_free_port() -> None:
         ("serial:", "it needs a port, or `auto` for every USB serial port"),
         ("serial:/dev/a,,/dev/b", "it needs a port"),
         ("serial:/dev/a?address=1", "there is no option 'address'"),
-        ("pty:", "it needs the name that the terminal shall have; write it like `pty:/tmp/robot.tty`"),
+        ("pty:", "it needs a name for the terminal; write it like `pty:/tmp/robot.tty`"),
     ],
 )
 def test_a_wrong_address_of_a_server_is_answered_with_a_right_one(address: str, words: str) -> None:

@@ -93,8 +93,8 @@ MISTAKES = {
     ("BB.in", ("x", "y")): "BB.in: index must be a whole number, not 'x'",
     ("BB.in", ("-1", "y")): "BB.in: index must be a whole number from 0 to 4294967295",
     ("BB.in", ("1", "2", "3")): "BB.in takes 2 values, not 3: index (uint32), message (text)",
-    ("BB.out", ("1", "y")): "BB.out is no port that can be driven; those of EFGH: BB.in",
-    ("BB", ("1", "y")): "'BB' is no port: write SLOT.port, for example AA.out",
+    ("BB.out", ("1", "y")): "BB.out is not a port that can be driven; those of EFGH: BB.in",
+    ("BB", ("1", "y")): "'BB' is not a port: write SLOT.port, for example AA.out",
 }
 
 

@@ -88,7 +88,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
         ),
         (
             {"do": "bind", "who": "ann", "args": {"topic": "t", "type": "HelloWorld", "to": ["in"]}},
-            "'in' is no port: write SLOT.port, for example AA.out",
+            "'in' is not a port: write SLOT.port, for example AA.out",
         ),
         ({"do": "apply", "who": "ann", "args": {"path": "/nowhere.toml"}}, "/nowhere.toml"),
     ],

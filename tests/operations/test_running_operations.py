@@ -124,7 +124,7 @@ def test_a_wire_is_taken_away_and_made_again_while_the_parts_run(tmp_path: Path)
         await asyncio.sleep(0.2)
         assert stage.parts["BB"].bound("in")
         assert "no port is bound to topic 'nothing'" in await stage.refusal(stage.do.unbind("nothing", who="ann"))
-        assert "'BB' is no port" in await stage.refusal(stage.do.unbind(topic, "BB", who="ann"))
+        assert "'BB' is not a port" in await stage.refusal(stage.do.unbind(topic, "BB", who="ann"))
 
     play(tmp_path, scene, parts=RING)
 

@@ -94,7 +94,7 @@ def test_blocks_settings_and_wires(folder: Path) -> None:
         (lambda do: do.swap("BB", "EFGH", who="a"), "2 parts are known as 'EFGH': name one by its UID: "),
         (lambda do: do.swap("BB", "ZZ", who="a"), "no part is known as 'ZZ'; seen so far: "),
         (lambda do: do.swap("ZZ", "DD", who="a"), "the robot has no slot 'ZZ'; there are AA, BB, CC"),
-        (lambda do: do.bind("t", "HelloWorld", "out", who="a"), "'out' is no port"),
+        (lambda do: do.bind("t", "HelloWorld", "out", who="a"), "'out' is not a port"),
     ],
 )
 def test_a_mistake_is_told(act: Callable[[Deeds], Awaitable[object]], words: str, folder: Path) -> None:

@@ -85,7 +85,9 @@ def test_a_period_that_makes_no_sense_leaves_the_one_before(caplog: pytest.LogCa
 
     with caplog.at_level(logging.ERROR):
         play(scenario)
-    assert [record.getMessage() for record in caplog.records] == ["setting 'period_s': 0.0 s is no period; 1.0 s stays"]
+    assert [record.getMessage() for record in caplog.records] == [
+        "setting 'period_s': 0.0 s is not a period; 1.0 s stays"
+    ]
 
 
 def test_a_binding_that_changes_is_tied_anew_at_once_and_the_other_port_loses_nothing() -> None:

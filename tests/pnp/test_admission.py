@@ -312,7 +312,7 @@ def test_a_spare_that_claims_no_more_is_lost() -> None:
     assert rig.state(DD) is PartState.STANDBY
     rig.run(1.0, AA)
     assert rig.state(DD) is PartState.LOST
-    assert "claimed no more" in rig.part(DD).reason
+    assert "has not claimed" in rig.part(DD).reason
 
 
 def test_a_spare_is_not_lost_between_two_claims_with_the_fast_preset() -> None:

@@ -188,7 +188,7 @@ def test_a_part_that_was_taken_out_does_not_get_that_slot_by_itself() -> None:
     rig.inventory.rearrange({BB: None}, rig.now, "ann released slot BB")
     assert rig.claim(BB, "EFGH", name="BB").refusal is Refusal.NO_SLOT
     assert rig.part(BB).reason == (
-        "a person took it out of slot BB, and no other is free: adopt it, or plug it in anew"
+        "a person took it out of slot BB, and no other is free: adopt it, or plug it in again"
     )
     rig.inventory.rearrange({BB: "BB"}, rig.now, "ann adopted it")
     assert rig.part(BB).slot == "BB"

@@ -111,7 +111,7 @@ def test_reading_only_changes_nothing(registry: Registry, path: Path, blueprint:
 
 def test_a_registry_that_cannot_be_opened_leaves_no_thread_and_no_connection(path: Path) -> None:
     path.write_bytes(b"SQLite format 3\0 but then nothing that makes sense" * 100)
-    assert "is no database" in _refused(path) or "is damaged" in _refused(path)
+    assert "is not a database" in _refused(path) or "is damaged" in _refused(path)
     path.unlink()
     open_registry(path).close()
 

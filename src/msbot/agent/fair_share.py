@@ -17,7 +17,7 @@ from typing import Generic, Protocol, TypeVar
 from msbot.runtime.tally import Tally
 
 WINDOW_S = 0.25
-"""So often the counts are compared while there is much traffic."""
+"""This often the counts are compared while there is much traffic."""
 BURST_S = 0.1
 """A limited client may send so much of its share at once."""
 CALM = 0.8

@@ -1,7 +1,7 @@
-"""Who may join now when many want to at once, and when the others shall ask again. Pure.
+"""Who may join now when many want to at once, and when the others should ask again. Pure.
 
 Coming in costs a client's agent as much as hundreds of its later messages. When a thousand parts are switched on in the
-same instant, or their master is started anew, all of them together would keep each from getting in, and the signs of
+same instant, or their master is restarted, all of them together would keep each from getting in, and the signs of
 life of those that are in would wait behind. So a bounded number joins at a time: a client has a place here from its
 login until the gate calls it settled, falls silent or takes too long. Who finds no place is told to come back, and
 first come is first served; each origin (a computer) has an equal share of the places while others wait. Clients that
@@ -17,11 +17,11 @@ from typing import Protocol
 from msbot.agent.gate import ClientInfo, Gate
 
 QUIET_S = 0.5
-"""A client that has not been heard for so long while it joins gives its place to others; it may go on all the same."""
+"""A client that has been silent for this long while it joins gives up its place to others; it may still go on."""
 LONGEST_S = 5.0
 """No client keeps a place for longer."""
 FORGET_S = 10.0
-"""Who has not asked again for so long has lost its turn."""
+"""Who has not asked again for this long has lost its turn."""
 SHORTEST_WAIT_S = 0.2
 LONGEST_WAIT_S = 5.0
 FIRST_RATE = 100.0
@@ -69,7 +69,7 @@ class JoinQueue:
         self._counted_since: float | None = None
 
     def wait_s(self, who: Hashable, origin: Origin, now: float) -> float:
-        """0.0: it may join now, and `enter` is to be called; else the seconds after which it shall ask again."""
+        """0.0: it may join now, and `enter` is to be called; else the seconds after which it should ask again."""
         if origin not in self._waiting and len(self._waiting) >= MOST_ORIGINS:
             origin = OTHERS
         self._free_places(now)

@@ -68,7 +68,7 @@ class Driver:
         raise NotImplementedError
 
     def wanted(self, values: Values) -> object:
-        """What the outputs shall be by the model; pure, and equal when nothing is to be done."""
+        """What the outputs should be by the model; pure, and equal when nothing is to be done."""
         raise NotImplementedError
 
     def drive(self, wanted: object) -> None:
@@ -91,7 +91,7 @@ def driver_class(part_type: PartType) -> type[Driver]:
             f"the driver {spec.entry_point} of part {part_type.number} cannot be found: {error}"
         ) from None
     if not (isinstance(found, type) and issubclass(found, Driver)):
-        raise ConfigError(f"{spec.entry_point} is no driver: it must be a class derived from msbot.hardware.Driver")
+        raise ConfigError(f"{spec.entry_point} is not a driver: it must be a class derived from msbot.hardware.Driver")
     return found
 
 

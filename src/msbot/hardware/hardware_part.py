@@ -5,7 +5,7 @@ what comes back is fed into the model and published. Nothing is published that w
 computes for outputs is handed to the driver whenever it changes, the newest value only.
 
 A driver that fails is closed. When it has failed often enough the part leaves its robot, says why, and tries to open
-the driver again; with the first value it reads it joins anew. So a part is in its robot only while its hardware
+the driver again; with the first value it reads it joins again. So a part is in its robot only while its hardware
 answers.
 
 On STOP, or when nobody is in command, outputs take their safe values at once and without a ramp; only what was really
@@ -33,7 +33,7 @@ from msbot.part.join.plug import Nature
 from msbot.sim import ModelPart
 
 MOST_FAULTS = 3
-"""So many samples may fail one after the other: a disturbed wire is no missing chip."""
+"""This many samples may fail one after the other: a disturbed wire is not a missing chip."""
 STUCK_S = 3.0
 """A bus that takes longer than this for one job is stuck."""
 RETRY_S = 1.0
@@ -113,7 +113,7 @@ class HardwarePart(ModelPart):
         self.part.on_join(self._joined)
 
     async def run(self, connect: Callable[[], Link]) -> None:
-        """Run until `end`: open the hardware, be a part, and begin anew when the hardware was gone.
+        """Run until `end`: open the hardware, be a part, and start over when the hardware was gone.
 
         Args:
             connect: makes a link to the master each time the part joins.

@@ -52,10 +52,10 @@ def read_number(path: Path, what: str, remedy: str) -> float:
     """The number in a file that the kernel makes.
 
     Raises:
-        HardwareFault: as `read_text`, or it is no number.
+        HardwareFault: as `read_text`, or it is not a number.
     """
     text = read_text(path, what, remedy)
     try:
         return float(text)
     except ValueError:
-        raise HardwareFault(f"the {what} says {text[:40]!r}, which is no number ({path})") from None
+        raise HardwareFault(f"the {what} says {text[:40]!r}, which is not a number ({path})") from None

@@ -23,7 +23,7 @@ _BINARY: list[dict[str, Callable[[int, int], int]]] = [
 
 
 class Cursor:
-    """The words of one file, one after the other; every verb raises ConfigError where something else stands."""
+    """The words of one file, one after the other; every method raises ConfigError where something else is found."""
 
     def __init__(self, words: list[Word]) -> None:
         self._words = words
@@ -85,7 +85,7 @@ class Expressions:
     """Whole numbers, written as expressions.
 
     Args:
-        words: where they stand.
+        words: where they are.
         constant: the value of a constant by its name, None when there is none.
     """
 

@@ -122,7 +122,7 @@ class Enum:
 
 @dataclass(slots=True)
 class Definitions:
-    """Everything that was read, in an order in which nothing is used before it stands there."""
+    """Everything that was read, in an order in which everything is defined before it is used."""
 
     structs: dict[Name, Struct] = field(default_factory=dict)
     enums: dict[Name, Enum] = field(default_factory=dict)

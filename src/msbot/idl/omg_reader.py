@@ -294,7 +294,7 @@ class _Reader:
             raise first.place.error("long double is not supported; use double")
         found = _WORDS_OF_TYPES.get(tuple(words))
         if found is None:
-            raise first.place.error(f"{' '.join(words) or first.text} is no type; did you mean unsigned long?")
+            raise first.place.error(f"{' '.join(words) or first.text} is not a type; did you mean unsigned long?")
         return Basic(found)
 
     def _named(self) -> Type:

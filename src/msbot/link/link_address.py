@@ -79,7 +79,7 @@ def parse_host_and_port(text: str, *, any_port: bool = False) -> tuple[str, int]
     match = _HOST_AND_PORT.fullmatch(text)
     if match is None:
         if text.count(":") > 1 and "[" not in text:
-            raise ConfigError("an IPv6 address stands in brackets")
+            raise ConfigError("an IPv6 address needs brackets")
         raise ConfigError("it needs a host and a port")
     host, port = match["ipv6"] or match["host"], int(match["port"])
     if match["ipv6"] is not None:
@@ -156,7 +156,7 @@ def _open_pty(rest: str, serve: bool, _: CanSettings) -> Link:
     if not serve:
         raise ConfigError(f"a part opens the other end, as a serial port: `serial:{rest}`")
     if not rest:
-        raise ConfigError("it needs the name that the terminal shall have")
+        raise ConfigError("it needs a name for the terminal")
     return PtyServerLink(rest)
 
 

@@ -40,7 +40,7 @@ class Stream(ABC):
 
     @abstractmethod
     def opened(self) -> None:
-        """The transport stands."""
+        """The transport is open."""
 
     @abstractmethod
     def peers(self) -> Iterable[Peer]:

@@ -140,7 +140,7 @@ class Master:
         return tuple(self._links)
 
     def why(self, part: str) -> list[str]:
-        """In sentences: how a part stands, which rules led there, and whom its topics cannot reach."""
+        """In sentences: the state of a part, which rules led there, and whom its topics cannot reach."""
         return [*self.inventory.why(part, self._clock()), *self.troubles(part)]
 
     def troubles(self, part: str) -> list[str]:
@@ -150,7 +150,7 @@ class Master:
 
     @property
     def stop(self) -> StopStatus:
-        """STOP as it stands: who said it and when, which parts have confirmed it in how many ms, which have not."""
+        """The state of STOP: who said it and when, which parts have confirmed it in how many ms, which have not."""
         is_stored = self._kept == self._stop.record
         return self._stop.status(is_stored=is_stored, trouble=self._stop_trouble if is_stored else "")
 

@@ -128,7 +128,7 @@ class StopSocket:
 
 
 def answer_of(status: StopStatus) -> dict[str, object]:
-    """STOP as it stands, as JSON; times in ms, `since` in seconds since 1970."""
+    """The state of STOP, as JSON; times in ms, `since` in seconds since 1970."""
     return {
         "stopped": status.stopped,
         "number": status.number,

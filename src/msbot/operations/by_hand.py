@@ -127,7 +127,7 @@ class ByHand:
             known = ", ".join(f"{slot}.{one}" for one in drivable) or "it has none"
             raise ConfigError(
                 said(
-                    "{slot}.{name} is no port that can be driven; those of {number}: {known}",
+                    "{slot}.{name} is not a port that can be driven; those of {number}: {known}",
                     slot=slot,
                     name=name,
                     number=number,

@@ -55,5 +55,5 @@ def endpoint_of(robot: ChangeableRobot, text: str) -> SlotPort:
     """
     slot, _, port = text.rpartition(".")
     if not slot or not port:
-        raise ConfigError(said("{text!r} is no port: write SLOT.port, for example AA.out", text=text))
+        raise ConfigError(said("{text!r} is not a port: write SLOT.port, for example AA.out", text=text))
     return SlotPort(slot_of(robot, slot), port)

@@ -85,7 +85,7 @@ class Placement:
         if info.client_key == holder.client_key:
             raise ConfigError(
                 said(
-                    "{part} is in slot {target} already: name the part that shall take its place",
+                    "{part} is in slot {target} already: name the part that is to take its place",
                     part=info.part,
                     target=target,
                 )

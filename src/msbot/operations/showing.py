@@ -1,4 +1,4 @@
-"""What helps people to find parts: a part shows itself, says why it stands as it does, or is not shown any more."""
+"""What helps people to find parts: a part shows itself, says why its state is what it is, or is hidden."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Showing:
         return Outcome(answer={"trouble": health.trouble or "", "waiting": health.waiting})
 
     def why(self, part: str) -> Outcome:
-        """In sentences: how a part stands and which rules led there; none when no part is known by that word."""
+        """In sentences: the state of a part and which rules led there; none when no part is known by that word."""
         is_known = self._running.inventory.find(part, self._running.now())
         master = self._running.master
         return Outcome(answer={"lines": master.why(part) if is_known else [], "troubles": master.troubles(part)})

@@ -19,7 +19,7 @@ class Stopping:
 
     @property
     def status(self) -> StopStatus:
-        """STOP as it stands: who said it, which parts have confirmed it, which have not."""
+        """The state of STOP: who said it, which parts have confirmed it, which have not."""
         return self._running.master.stop
 
     def stop(self, reason: str, who: str) -> Outcome:
@@ -43,7 +43,7 @@ class Stopping:
         )
 
     def stop_report(self) -> Outcome:
-        """STOP as it stands, as JSON: who said it, which parts have confirmed it in how many ms, which have not."""
+        """The state of STOP, as JSON: who said it, which parts have confirmed it in how many ms, which have not."""
         return Outcome(answer=answer_of(self.status))
 
     def _said(self, status: StopStatus) -> None:

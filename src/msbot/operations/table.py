@@ -254,7 +254,7 @@ _ROWS = (
         "It shows itself to the people in the room: it blinks, beeps, or does whatever its program can.",
     ),
     Operation("stored", "Wait until what the robot has said is in its database, as far as that is possible."),
-    Operation("why", "How a part stands, and which rules led there.", (_part("The part."),)),
+    Operation("why", "The state of a part, and which rules led there.", (_part("The part."),)),
 )  # fmt: skip
 
 OPERATIONS: Mapping[str, Operation] = MappingProxyType({row.name: row for row in _ROWS})

@@ -1,4 +1,4 @@
-"""What a part is made of: the student's `Part`, and the client of a DDS-XRCE agent on which it stands.
+"""What a part is made of: the student's `Part`, and the DDS-XRCE client underneath.
 
 Messages are in `msbot.part.messages`, what a part and its inventory say to each other in `msbot.part.join`.
 """

@@ -141,7 +141,7 @@ class HandlerWatch:
 def _place_in_main() -> str | None:
     if sys.flags.interactive or hasattr(sys, "ps1"):
         return None
-    frame = sys._getframe(1)  # noqa: SLF001 - whose program it is stands nowhere else
+    frame = sys._getframe(1)  # noqa: SLF001 - nothing else says whose program it is
     while frame is not None:
         if frame.f_globals.get("__name__") == "__main__" and not frame.f_code.co_filename.startswith(_PACKAGE):
             return f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}"

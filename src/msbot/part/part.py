@@ -216,7 +216,7 @@ class Part:
 
     @property
     def state(self) -> JoinState:
-        """Where the part stands; its `.value` is a word."""
+        """The state of the part; its `.value` is a word."""
         return self._runner.joining.state
 
     @property

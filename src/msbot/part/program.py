@@ -89,5 +89,5 @@ class Program:
 def _read_period(name: str, text: str, timed: Every) -> float:
     seconds = read_value(name, text, float)
     if not seconds >= SHORTEST_PERIOD_S:
-        raise ConfigError(f"{seconds} s is no period; {timed.period_s} s stays")
+        raise ConfigError(f"{seconds} s is not a period; {timed.period_s} s stays")
     return seconds

@@ -86,7 +86,7 @@ class ProgramRunner:
         self.settings = Settings(self.guard, program.followers)
         self.safety = Safety(program.listeners, program.when["safe"], self.guard)
         self.joining = Joining(ExpectedRobot())
-        """Where the part stands; that of the last run when none runs."""
+        """The state of the part; that of the last run when none runs."""
         self.slot = ""
         """The slot the part sits in, "" before it is active for the first time."""
         self._local_name = ""

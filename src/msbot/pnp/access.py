@@ -43,7 +43,7 @@ RESERVED_TOPICS = frozenset(
 
 _MAX_PLUGS = 1024
 FLOOD_TOLD_S = 60.0
-"""So often at most it is told of a part that it sends without measure."""
+"""This often at most it is told of a part that it sends without measure."""
 
 
 class AskingClient(Protocol):

@@ -1,6 +1,6 @@
 """Understands what parts and their agent say to each other: `explain`, with the messages on the topics in words.
 
-Which topic a writer or a reader belongs to, and which service a requester, stands in the CREATEs at the beginning of
+Which topic a writer or a reader belongs to, and which service a requester, is said in the CREATEs at the beginning of
 a session; who listens from then on knows what the octets of each sample are. Pure; never raises, whatever is said.
 """
 
@@ -85,7 +85,7 @@ class Overhearer:
         self._sessions: dict[Hashable, _Session] = {}
 
     def explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
-        """A packet from that peer (`up`) or to it in words; a message stands below the sample that carries it."""
+        """A packet from that peer (`up`) or to it in words; a message is below the sample that carries it."""
         return self.hear(packet, peer, up=up)[1]
 
     def hear(self, packet: bytes, peer: Hashable, *, up: bool) -> tuple[list[str], list[str]]:

@@ -108,7 +108,7 @@ class Inventory:
         return [record.info(now, self._index.slot_of(record)) for record in self._index.records]
 
     def why(self, part: str, now: float) -> list[str]:
-        """In sentences: how the part stands and which rules led there; by name, slot, number, UID, address or key."""
+        """In sentences: the state of the part and which rules led there; by name, slot, number, UID, address or key."""
         lines = [line for record in self._index.find(part) for line in record.sentences(now)]
         if lines:
             return lines

@@ -41,7 +41,7 @@ TRANSITIONS: dict[tuple[PartState | None, PartState], str] = {
     (_REFUSED, _CHECKING): "claims again, the reason is gone",
     (_LOST, _CHECKING): "claims again",
     (_CHECKING, _LOST): "silent before it finished",
-    (_STANDBY, _LOST): "claims no more",
+    (_STANDBY, _LOST): "has stopped claiming",
     (_NEW, _LEFT): "session ended",
     (_CHECKING, _LEFT): "session ended",
     (_ACTIVE, _LEFT): "said goodbye",

@@ -82,7 +82,7 @@ class LifeWatch:
                     record,
                     PartState.LOST,
                     now,
-                    said("claimed no more for {seconds:.1f} s", seconds=now - record.heard_at),
+                    said("has not claimed for {seconds:.1f} s", seconds=now - record.heard_at),
                 )
 
     def _tick(self, now: float) -> None:

@@ -226,7 +226,7 @@ class Matcher:
             evidence.append((said("slot {barred}", barred=barred), said("a person took this part out of it")))
         if not free:
             wait = said(
-                "a person took it out of slot {barred}, and no other is free: adopt it, or plug it in anew",
+                "a person took it out of slot {barred}, and no other is free: adopt it, or plug it in again",
                 barred=barred,
             )
             return _stand_by(evidence, wait if barred else said("every fitting slot is taken"))

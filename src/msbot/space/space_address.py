@@ -40,7 +40,7 @@ def parse_space(text: str) -> SpaceAddress:
     match = _FORM.fullmatch(text)
     kind = match["kind"] if match else ""
     if match is None or kind not in (MEMORY, DDS) or (kind == MEMORY and text != MEMORY):
-        raise ConfigError(f"{text!r} is no data space: memory, dds, or dds:DOMAIN is needed, for example dds:5")
+        raise ConfigError(f"{text!r} is not a data space: memory, dds, or dds:DOMAIN is needed, for example dds:5")
     options = dict(option.partition("=")[::2] for option in (match["options"] or "").split("&") if option)
     interface = options.pop("interface", None)
     if options or interface == "":

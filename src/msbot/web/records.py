@@ -112,8 +112,8 @@ def registry_records(
                     await loop.run_in_executor(aside, file.write, octets)
             hold = partial(held.hold, address, path, needs_administrator=has_administrator)
             await loop.run_in_executor(aside, hold)
-        registry.edits.note(robot, EditKind.RESTORE, said("a backup is put in force when the master starts anew"), who)
-        return said("The backup is checked and kept: it is put in force when the master starts anew.")
+        registry.edits.note(robot, EditKind.RESTORE, said("a backup takes effect when the master restarts"), who)
+        return said("The backup is checked and kept: it takes effect when the master restarts.")
 
     async def people_edits(limit: int) -> Sequence[EditRecord]:
         return await registry.storage.in_time(registry.edits.latest, None, limit)

@@ -148,7 +148,7 @@ class Views:
         return [name for name in self.bench.slots() if blueprint.slot(name) is None]
 
     def why(self, part: str) -> list[str]:
-        """In sentences: how a part stands, which rules led there, and whom its topics cannot reach."""
+        """In sentences: the state of a part, which rules led there, and whom its topics cannot reach."""
         return self._master.why(part)
 
     def beat_intervals(self, slot: str) -> list[float]:

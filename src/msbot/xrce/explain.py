@@ -163,7 +163,7 @@ def _about_the_session(
             work = submessage.transmit_ns - submessage.receive_ns
             return f"TIMESTAMP_REPLY: {_time(submessage.transmit_ns)}, {work} ns after it was asked for"
         case Reset():
-            return "RESET: all streams begin anew"
+            return "RESET: all streams start over"
 
 
 def _create(create: Create) -> str:

@@ -44,7 +44,7 @@ def test_profiles_are_read(tmp_path: Path) -> None:
     ("content", "words"),
     [
         (None, "cannot read the profiles in .*refs.xml: No such file"),
-        (b"\xff\xfe", "is no text in UTF-8"),
+        (b"\xff\xfe", "is not UTF-8 text"),
         (b"<profiles>", "refs.xml: "),
         (b"<profiles><participant/></profiles>", "line 1: <participant> needs a profile_name"),
     ],

@@ -50,7 +50,7 @@ def test_unreadable_lines_are_told_at_the_end() -> None:
     result = CliRunner().invoke(command, ["decode"], input="(1.0) can0 123#11\nwhat?\n")
     assert result.exit_code == 0
     assert result.stderr == (
-        "msbot: 1 of 2 lines were no frames; line 2: 'what?' is no line of candump, "
+        "msbot: 1 of 2 lines were no frames; line 2: 'what?' is not a line of candump, "
         "such as (1700000000.123456) can0 123#DEADBEEF\n"
     )
 

@@ -40,7 +40,7 @@ def test_lines_that_are_no_frames_are_counted(tmp_path: Path) -> None:
     reader = FrameReader()
     assert [line.frame.data for line in reader.read(str(path))] == [b"\x11", b"\x22"]
     assert reader.unreadable == 3
-    assert reader.first_problem.startswith("line 3: 'what?' is no line of candump")
+    assert reader.first_problem.startswith("line 3: 'what?' is not a line of candump")
 
 
 def test_a_file_without_a_frame_is_a_mistake(tmp_path: Path) -> None:

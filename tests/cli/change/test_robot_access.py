@@ -194,10 +194,10 @@ def test_why_asks_the_master_when_the_database_cannot_be_read(tmp_path: Path) ->
     async def act(stage: Stage) -> None:
         await asyncio.to_thread(stage.registry.storage.flush)
         (tmp_path / "robot.db").rename(tmp_path / "away.db")
-        (tmp_path / "robot.db").write_text("this is no database, and long enough to be looked at")
+        (tmp_path / "robot.db").write_text("this is not a database, and long enough to be looked at")
         said = await typed("why", "DD")
         (tmp_path / "away.db").replace(tmp_path / "robot.db")
-        assert "is no database" in said
+        assert "is not a database" in said
         assert "DD (EFGH) is standby since" in said
         assert "  - slot: every fitting slot is taken" in said
 

@@ -87,7 +87,7 @@ def test_a_page_as_json_has_the_same() -> None:
             "fields": {"degrees": "float32"},
             "rate_hz": 0.0,
             "safe": {"degrees": 90.0},
-            "description": "Where the arm shall go, 0 to 180 degrees",
+            "description": "Where the arm is to go, 0 to 180 degrees",
         }
     ]
     assert found["supply"] == {"min_v": 4.8, "max_v": 6.0, "current_ma": 650.0}

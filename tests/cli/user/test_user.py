@@ -85,7 +85,7 @@ def test_a_class_list_of_a_spreadsheet(folder: Path) -> None:
     ("bob,student,short\n", "class.csv, line 1: "),
     ("bob,king,\n", "there is no role 'king'"),
     ("name,role\n,student\n", "line 2: the name is missing"),
-    ('"bob\n', "is no list of people"),
+    ('"bob\n', "is not a list of people"),
     ("x" * 300_000, "is larger than 256,000 bytes"),
 ])  # fmt: skip
 def test_a_class_list_that_is_wrong_adds_nobody(folder: Path, text: str, words: str) -> None:

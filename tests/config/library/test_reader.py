@@ -102,8 +102,8 @@ def test_everything_is_read(tmp_path: Path) -> None:
 WRONG = [
     ('number = "X"', 'number = "X@1"', 'line 1, number: "X@1" must not contain "@"'),
     ('"actuator"', '"motor"', 'line 3, category: "motor" is none of "sensor"'),
-    ('">=1, <3"', '"1 to 3"', 'line 5, versions: "1 to 3" is no range of versions; write for example'),
-    ('"my_parts:Lamp"', '"Lamp"', 'line 25, driver.class: "Lamp" is no entry point; write package.module:Name'),
+    ('">=1, <3"', '"1 to 3"', 'line 5, versions: "1 to 3" is not a range of versions; write for example'),
+    ('"my_parts:Lamp"', '"Lamp"', 'line 25, driver.class: "Lamp" is not an entry point; write package.module:Name'),
     ('"i2c"', '"iic"', 'driver.bus: "iic" is none of "pins"'),
     ("[0x20, 0x21]", "[0x20, 0x80]", "driver.addresses[1]: is 128; it must be 8 to 119"),
     ("[0x20, 0x21]", '["0x20"]', 'driver.addresses[0]: must be a whole number; it is the text "0x20"'),

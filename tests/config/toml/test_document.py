@@ -97,7 +97,7 @@ SYNTAX = [
     ('a = """x', "", "a text is not closed", None),
     ("[[a]\nb = 1", "line 1", "a bracket ] is missing", "1 | [[a]"),
     ('a = "C:\\path"', "line 1", "a backslash in a text must be doubled", None),
-    ("a = 'x\x01'", "line 1", "this character may not stand here; remove it", "1 | a = 'x?'"),
+    ("a = 'x\x01'", "line 1", "this character is not allowed here; remove it", "1 | a = 'x?'"),
     ("= 1", "line 1", "this line is neither key = value nor [table]", None),
     ("[]", "line 1", "a key is missing or has no plain letters", None),
     ("a = 2021-02-30", "line 1", "this is not a date; put quotes around it", None),

@@ -169,7 +169,7 @@ def test_parts_come_back_by_themselves_when_the_master_restarts() -> None:
         await asyncio.sleep(0.1)
         assert [node_of(part) for part in parts] == addresses
         for part in parts:
-            assert part.told(Signal.LINK_DOWN) == ["the master has started anew"]
+            assert part.told(Signal.LINK_DOWN) == ["the master has restarted"]
             assert part.told_at(Signal.LINK_UP)[-1] - restarted < 0.02
             part.link.send(b"again", MASTER)
         await asyncio.sleep(0.1)

@@ -179,13 +179,13 @@ async def test_a_usb_port_that_cannot_be_used_does_not_disturb_the_others(
             await looks.get()
     said = [record.message for record in caplog.records if record.name == "msbot.link.serial.port"]
     assert len(said) == 1
-    assert "cannot use serial port /dev/null: it is no serial port" in said[0]
+    assert "cannot use serial port /dev/null: it is not a serial port" in said[0]
 
 
 @pytest.mark.parametrize("port", ["/dev/null", "/", __file__])
 async def test_a_port_that_is_none_is_explained(port: str) -> None:
     for link in (SerialServerLink([port]), SerialClientLink(port)):
-        with pytest.raises(LinkDown, match="it is no serial port: `ls /dev/serial/by-id`"):
+        with pytest.raises(LinkDown, match="it is not a serial port: `ls /dev/serial/by-id`"):
             await link.run()
 
 

@@ -162,7 +162,7 @@ def test_an_agent_that_begins_the_session_anew_for_a_late_login_is_logged_in_to_
         link.receive(STATUS_AGENT_OK_82)
         assert client.state is ConnectionState.CONNECTED
 
-    reason = "the agent has begun the session anew: a late login has reached it"
+    reason = "the agent has started the session over: a late login has reached it"
     assert play(scenario)[1] == (0.01, "lost", reason)
 
 

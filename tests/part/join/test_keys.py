@@ -95,10 +95,10 @@ def test_a_key_is_given_by_digits_file_variable_or_its_kept_file(
 def test_a_file_that_holds_no_key_is_named(tmp_path: Path) -> None:
     path = tmp_path / "my.key"
     path.write_text("hello")
-    with pytest.raises(ConfigError, match=r"my\.key: that is no key"):
+    with pytest.raises(ConfigError, match=r"my\.key: that is not a key"):
         keys.given_key(str(path), "ABCD", "eye")
     path.write_bytes(b"\xff\xfe")
     with pytest.raises(ConfigError, match=r"cannot read the part's key from .*my\.key"):
         keys.given_key(str(path), "ABCD", "eye")
-    with pytest.raises(ConfigError, match="that is no key"):
+    with pytest.raises(ConfigError, match="that is not a key"):
         keys.given_key("x" * 5000, "ABCD", "eye")

@@ -27,7 +27,7 @@ def _sqlite(name: str) -> OperationalError:
         ("SQLITE_FULL", "has no room: the disk is full"),
         ("SQLITE_IOERR_WRITE", "cannot be read or written: the disk answers with an error"),
         ("SQLITE_CORRUPT", "is damaged: move the file away and put a backup in its place"),
-        ("SQLITE_NOTADB", "is no database: some other file has this name"),
+        ("SQLITE_NOTADB", "is not a database: some other file has this name"),
     ],
 )
 def test_what_sqlite_says_is_told_with_the_remedy_and_tried_again(name: str, words: str) -> None:
@@ -63,7 +63,7 @@ def test_errors_become_a_registry_error_that_names_the_database() -> None:
     bare = sqlite3.DatabaseError("file is not a database")
     bare.sqlite_errorname = "SQLITE_NOTADB"
     with (
-        pytest.raises(RegistryError, match=r"^the database robot.db is no database"),
+        pytest.raises(RegistryError, match=r"^the database robot.db is not a database"),
         told_as_registry_error("robot.db"),
     ):
         raise bare

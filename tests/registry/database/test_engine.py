@@ -95,7 +95,7 @@ def test_a_file_that_is_something_else(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text("[robot]")
     assert _refused(path) == (
-        f"{path} is no database: some other file has this name; move it away, or choose another --db"
+        f"{path} is not a database: some other file has this name; move it away, or choose another --db"
     )
     assert path.read_text() == "[robot]"
 

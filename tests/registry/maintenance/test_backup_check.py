@@ -61,7 +61,7 @@ def _flip(backup: Path) -> None:
         (_script("UPDATE bindings SET port = x'00ff'"), ""),
         (_flip, ""),
         (lambda backup: backup.write_bytes(backup.read_bytes()[:9000]), ""),
-        (lambda backup: backup.write_bytes(b"junk" * 10_000), "it is no database"),
+        (lambda backup: backup.write_bytes(b"junk" * 10_000), "it is not a database"),
     ],
 )
 def test_what_is_wrong_with_it_is_said(backup: Path, change: Callable[[Path], object], words: str) -> None:

@@ -107,7 +107,7 @@ def test_nothing_is_replaced_under_a_running_robot(full: Registry, address: str,
 
 def test_what_is_no_backup_is_refused(address: str, tmp_path: Path) -> None:
     (tmp_path / "robot.toml").write_text("[robot] # the blueprint")
-    with pytest.raises(RegistryError, match="is no database"):
+    with pytest.raises(RegistryError, match="is not a database"):
         upkeep.restore(tmp_path / "robot.toml", address)
     with pytest.raises(RegistryError, match=r"there is no backup .*: name a file that `msbot db backup` has written"):
         upkeep.restore(tmp_path / "nothing.db", address)

@@ -151,14 +151,14 @@ def test_parts_of_the_last_run_are_lost_until_they_claim_again(
     registry.storage.flush()
     registry.runs.begin(store.robot)
     assert [(part.state, part.reason) for part in registry.robots.parts()] == [
-        ("lost", "the master was started anew"),
-        ("lost", "the master was started anew"),
+        ("lost", "the master was restarted"),
+        ("lost", "the master was restarted"),
         ("left", "because"),
     ]
     lines = [entry.event.sentences()[0] for entry in registry.robots.journal(2)]
     assert lines == [
-        "ABCD-local: active -> lost in slot AA: the master was started anew",
-        "EFGH-local: late -> lost in slot BB: the master was started anew",
+        "ABCD-local: active -> lost in slot AA: the master was restarted",
+        "EFGH-local: late -> lost in slot BB: the master was restarted",
     ]
 
 

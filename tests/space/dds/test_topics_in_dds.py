@@ -93,7 +93,10 @@ async def test_a_message_of_ros_that_makes_no_sense_is_dropped_and_told() -> Non
             "data: a number goes with a number and a text with a text",
         ),
         ('ros = true\nros_fields = { per_cent = "data" }', "Level has no field 'per_cent'; it has percent"),
-        ('ros = true\nros_type = "Float"', "'Float' is no message type of ROS 2: write it like std_msgs/msg/Float32"),
+        (
+            'ros = true\nros_type = "Float"',
+            "'Float' is not a message type of ROS 2: write it like std_msgs/msg/Float32",
+        ),
     ],
 )
 async def test_what_a_binding_says_wrongly_is_told_at_the_start(wishes: str, words: str) -> None:

@@ -177,7 +177,7 @@ def test_a_backup_and_a_blueprint_are_handed_in_from_the_page(page: Page, demo: 
         page.get_by_role("button", name="Restore a backup").click()
     chooser.value.set_files(tmp_path / "backup.db")
     page.get_by_role("button", name="Yes").click()
-    expect(page.get_by_role("alert").filter(has_text="put in force when the master starts anew")).to_be_visible()
+    expect(page.get_by_role("alert").filter(has_text="takes effect when the master restarts")).to_be_visible()
     go(page, f"{demo.base}/settings")
     page.get_by_role("tab", name="Blueprint").click()
     with page.expect_download() as download:

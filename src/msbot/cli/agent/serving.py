@@ -94,7 +94,7 @@ def read_references(path: Path) -> References:
     except OSError as error:
         raise ConfigError(f"cannot read the profiles in {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path} is no text in UTF-8") from error
+        raise ConfigError(f"{path} is not UTF-8 text") from error
     return References.parse(text, str(path))
 
 

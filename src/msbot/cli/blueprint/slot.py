@@ -56,7 +56,7 @@ def add(
     if as_json:
         click.echo(json.dumps({"words": words, "slot": name, "part": part}))
     else:
-        click.echo(f"slot {name} stands in {blueprint}; {words}")
+        click.echo(f"slot {name} is now in {blueprint}; {words}")
 
 
 def _replace(path: Path, content: bytes) -> None:

@@ -19,7 +19,7 @@ class FrameCost:
     """The frame as it was written."""
     frame: Frame
     bits: FrameBits
-    """The data phase of CAN FD, ESI to the last bit of the CRC, stands apart with and without a bit-rate switch."""
+    """The data phase of CAN FD, from ESI to the last bit of the CRC, is counted separately."""
 
     def microseconds(self, bitrate: int, data_bitrate: int) -> float:
         """Time on the wire at these bit rates (bit/s); without a bit-rate switch all bits take the nominal one."""

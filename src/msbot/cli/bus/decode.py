@@ -12,7 +12,7 @@ from msbot.pnp import Overhearer
 from msbot.xrce import decompress, is_whole
 
 WORDS_AT = 66
-"""Column where the words stand when the frame leaves room."""
+"""Column where the words begin when the frame leaves room."""
 
 
 def decode_log(name: str, say: Callable[[str], None], complain: Callable[[str], None], *, legacy: bool = False) -> None:

@@ -36,7 +36,7 @@ def say_go(db: str | None, robot: str | None) -> Answer:
 
 
 def stop_status(db: str | None, robot: str | None) -> Answer:
-    """STOP as it stands.
+    """The state of STOP.
 
     Raises:
         ConfigError: no master answers.

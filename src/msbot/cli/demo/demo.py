@@ -73,7 +73,7 @@ class ScriptType(click.ParamType[list[ScriptStep]]):
             match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*:\s*(?:(plug|unplug)\s+(\S+)|(undo))", text)
             if match is None:
                 self.fail(
-                    f"{text!r} is no step; write SECONDS:plug PART, SECONDS:unplug PART or SECONDS:undo, "
+                    f"{text!r} is not a step; write SECONDS:plug PART, SECONDS:unplug PART or SECONDS:undo, "
                     "for example 3:unplug AA",
                     param,
                     ctx,

@@ -53,7 +53,7 @@ def live_view(
 
 
 _TABLE_FRAME = 3
-"""Lines of the table besides its parts, and the one below everything on which the cursor stands."""
+"""Lines of the table besides its parts, and the one below everything, for the cursor."""
 
 
 def _parts_table(snapshot: DemoSnapshot, *, is_wide: bool) -> Table:

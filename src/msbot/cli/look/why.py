@@ -24,7 +24,7 @@ def command(part: str, last: int, db: str | None, robot: str | None, *, as_json:
     """Say why PART (a name, slot, part number or UID) is, or is not, in the robot.
 
     Prints its latest changes of state, newest last, each with the rules that were tried and what came of them, and
-    how it stands now if the robot runs.
+    its present state if the robot runs.
     """
     master = running_master(db, robot)
     lines: list[str] = []

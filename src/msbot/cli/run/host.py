@@ -26,7 +26,7 @@ def command(path: Path, *, link: str, check: bool, folders: tuple[Path, ...], qu
     """Run the parts that are wired to this computer, until Ctrl-C: those of FILE, parts.toml unless named.
 
     Each table [[part]] of it is one part, real or simulated. The file may be changed at any time: only what has
-    changed in it is started anew.
+    changed in it is restarted.
     """
     from msbot.cli.run.hosting import connect, identify, run_until_told
     from msbot.hardware import PartsHost, read_parts

@@ -26,7 +26,7 @@ def read_driver(table: Table, pins: Sequence[Pin]) -> DriverSpec:
         return DriverSpec(none=none)
     entry_point = table.name("class", "my_parts:LightSensor")
     if entry_point and not _ENTRY_POINT.fullmatch(entry_point):
-        table.problem(f'"{entry_point}" is no entry point; write package.module:Name', "class")
+        table.problem(f'"{entry_point}" is not an entry point; write package.module:Name', "class")
     spec = DriverSpec(
         entry_point=entry_point,
         bus=BusKind(table.choice("bus", [kind.value for kind in BusKind])),

@@ -159,6 +159,6 @@ def _read_versions(table: Table) -> Versions:
     text = table.text("versions", ">=1.0, <2")
     versions = parse_versions(text)
     if versions is None:
-        table.problem(f'"{text}" is no range of versions; write for example versions = ">=1.0, <2"', "versions")
+        table.problem(f'"{text}" is not a range of versions; write for example versions = ">=1.0, <2"', "versions")
         return ANY_VERSION
     return versions

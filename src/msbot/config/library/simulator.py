@@ -4,7 +4,7 @@ A simulator is data, read from the `[simulator]` table of a part type: *controls
 *readings* (a servo's angle, a lamp's brightness; each follows a control, a field of a message or another reading) and
 *outputs* (which port says what, and when). `msbot.sim` brings it to life.
 
-Names of sources, wherever one is asked for: a parameter, a control, a reading that stands further up, `port.field` for
+Names of sources, wherever one is asked for: a parameter, a control, a reading further up, `port.field` for
 the latest message at a port that subscribes, and `#port` for the number of messages that a port has seen.
 """
 

@@ -206,7 +206,7 @@ class SimulatorReader:
     def _check_source(self, table: Table, key: str, name: str) -> None:
         if name not in self._sources:
             right = suggestion(name, list(self._sources), none_known="add a control")
-            table.problem(f'"{name}" is no parameter, control, reading above or field of a port; {right}', key)
+            table.problem(f'"{name}" is not a parameter, control, reading above or field of a port; {right}', key)
 
     def _operand(self, table: Table, key: str) -> Operand | None:
         value = table.scalar(key)
@@ -224,7 +224,7 @@ class SimulatorReader:
             self._check_source(table, key, found[1])
             value, form = self._sources.get(found[1]), found[2]
             if form and value is not None and not can_format(value, form):
-                table.problem(f'"{form}" is no format for {kind_words(value)}; for example {{{found[1]}:.1f}}', key)
+                table.problem(f'"{form}" is not a format for {kind_words(value)}; for example {{{found[1]}:.1f}}', key)
         return text
 
     def _pattern(self, table: Table) -> str:
@@ -232,7 +232,7 @@ class SimulatorReader:
         try:
             groups = re.compile(text).groups
         except re.error as error:
-            table.problem(f"is no regular expression ({error}); for example pattern = 'turn-on ([0-7])'", "pattern")
+            table.problem(f"is not a regular expression ({error}); for example pattern = 'turn-on ([0-7])'", "pattern")
         else:
             if text and groups != 1:
                 table.problem("must have one group in (), which is taken out of the text", "pattern")

@@ -22,7 +22,7 @@ class Document:
     lines: dict[KeyPath, int]
 
     def place(self, path: KeyPath) -> TextPlace:
-        """Where `path` stands; for a key that is missing, where its table begins."""
+        """Where `path` is; for a key that is missing, where its table begins."""
         known = path
         while known and known not in self.lines:
             known = known[:-1]
@@ -113,7 +113,7 @@ _SYNTAX_WORDS = (
     ('Expected \'"""\'', "a text over several lines is not closed; put three quotes at its end"),
     ("Expected \"'", "a text is not closed; put a quote at its end"),
     ("character '\\n'", "a text is not closed on its line; put a quote at its end"),
-    ("Found invalid character", "this character may not stand here; remove it"),
+    ("Found invalid character", "this character is not allowed here; remove it"),
     (
         "Invalid initial character for a key",
         "a key is missing or has no plain letters; put it in quotes if it is meant",

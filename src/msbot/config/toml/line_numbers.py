@@ -1,4 +1,4 @@
-"""On which line of a TOML text each key stands.
+"""On which line of a TOML text each key is.
 
 The standard library's parser keeps no positions, so the text is walked once more. It has been parsed before and is
 known to be valid; the walk only needs to tell keys, tables, lists and strings apart.

@@ -43,7 +43,7 @@ class Table:
         return key in self._values
 
     def place(self, *steps: str | int) -> TextPlace:
-        """Where a key of this table stands, or should stand; without steps: the table itself."""
+        """Where a key of this table is, or should be; without steps: the table itself."""
         return self._document.place((*self.path, *steps))
 
     def problem(self, sentence: str, *steps: str | int) -> None:

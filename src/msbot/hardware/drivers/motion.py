@@ -59,7 +59,7 @@ class TwoMotors(PinDriver):
     drives = True
 
     def open(self) -> None:
-        """Take the pins; both motors stand."""
+        """Take the pins; both motors are at rest."""
         pins = self.wiring.pins
         self._motors = [
             self.device("Motor", pins["ain1"], pins["ain2"], enable=pins["pwma"], pwm=True),
@@ -92,7 +92,7 @@ IDLE_S = 0.05
 class Stepper(PinDriver):
     """28BYJ-48 with ULN2003: a thread of its own steps, because the time between two steps is about a millisecond.
 
-    Coils are off while it stands: it does not hold, and does not get hot.
+    Coils are off while it is at rest: it does not hold, and does not get hot.
     """
 
     samples = True

@@ -29,7 +29,7 @@ class DimmedOutput(PinDriver):
 
 
 class Fan(DimmedOutput):
-    """A fan; below `start_at` it stands still."""
+    """A fan; below `start_at` it stays still."""
 
     source = "wanted"
 

@@ -11,7 +11,7 @@ from msbot.hardware.pins import PinDriver, gpiozero
 TRIGGER_S = 10e-6
 """HC-SR04 data sheet: a high level of at least 10 us starts a measurement."""
 ECHO_STARTS_S = 0.06
-"""So long is waited for the echo pin to rise: the bursts take 0.2 ms, a busy computer takes longer."""
+"""How long is waited for the echo pin to rise: the bursts take 0.2 ms, a busy computer takes longer."""
 ECHO_ENDS_S = 0.06
 """The echo pin falls after 38 ms at the latest when nothing was heard (data sheet), plus time for the computer."""
 FAR_M = 10.0

@@ -40,7 +40,7 @@ class ConnectionBudget(Generic[C]):
         return self._count
 
     def add(self, connection: C, address: Hashable) -> None:
-        """It stands, and has not said anything yet."""
+        """It is open, and has not said anything yet."""
         self._silent.setdefault(address, {})[connection] = None
         self._count += 1
 

@@ -161,7 +161,7 @@ class TcpServerLink(StreamLink):
                 self._tell(Signal.LINK_DOWN, None, "closed")
 
     def stream_opened(self, stream: TcpStream, address: Address) -> None:
-        """A connection stands, unless there are too many already and none of them makes room."""
+        """A connection is open, unless there are too many already and none of them makes room."""
         loop = asyncio.get_running_loop()
         if self._budget.is_full(address[0]):
             idle = self._budget.who_makes_room(address[0], loop.time())
@@ -234,7 +234,7 @@ class TcpServerLink(StreamLink):
 class TcpClientLink(StreamLink):
     """Keeps one connection with a server, its `remote`, and makes it again whenever it breaks. Satisfies `Link`.
 
-    LINK_UP and LINK_DOWN tell when the connection stands and breaks. A server that is not there is tried again.
+    LINK_UP and LINK_DOWN tell when the connection opens and breaks. A server that is not there is tried again.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -269,7 +269,7 @@ class TcpClientLink(StreamLink):
                 self._tell(Signal.LINK_DOWN, self.remote, "closed")
 
     def stream_opened(self, stream: TcpStream, address: Address) -> None:
-        """The connection stands, unless it is with itself.
+        """The connection is open, unless it is with itself.
 
         That happens (RFC 9293 3.5, figure 7) when the system gives an attempt the very port that it asks for.
         """

@@ -42,7 +42,7 @@ _SHOWN = 300
 class WebSocketClientLink(BaseLink):
     """Keeps one connection with a page's server, its `remote`. Satisfies `Link`.
 
-    LINK_UP and LINK_DOWN tell when the connection stands and breaks. A server that is not there is tried again; one
+    LINK_UP and LINK_DOWN tell when the connection opens and breaks. A server that is not there is tried again; one
     that refuses the part ends the link with its reason.
 
     Args:

@@ -46,7 +46,7 @@ class Visitor:
 
 
 class SocketPeer:
-    """One connection, as long as it stands."""
+    """One open connection."""
 
     def __init__(self, link: WebSocketServerLink, visitor: Visitor, now: float) -> None:
         self.visitor = visitor
@@ -134,7 +134,7 @@ class WebSocketServerLink(BaseLink):
         self._is_open = False
 
     def join(self, visitor: Visitor) -> SocketPeer:
-        """A connection stands.
+        """A connection is open.
 
         Raises:
             LinkFull: there are too many, as the text says.

@@ -1,7 +1,7 @@
 """Serial lines: frames with addresses (`byte_frames`), so that one line may carry several clients.
 
 What serial ports and pseudo terminals have in common. A peer is `(port, address)`: the port's name and the address
-octet that stands as the source in its frames. A line that breaks takes its peers along (PEER_GONE); when the port is
+octet that is the source in its frames. A line that breaks takes its peers along (PEER_GONE); when the port is
 there again they are taken to be, too (PEER_BACK): a robot whose cable was pulled goes on where it was.
 """
 

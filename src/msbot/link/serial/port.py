@@ -94,8 +94,8 @@ def why_not(port: str, error: OSError) -> str:
         errno.EACCES: "no permission: join the group that owns it (`sudo usermod -aG dialout $USER`, "
         "then log in again)",
         errno.EBUSY: "another program uses it: end that one",
-        errno.ENOTTY: "it is no serial port: `ls /dev/serial/by-id` shows what is plugged in",
-        errno.EISDIR: "it is no serial port: `ls /dev/serial/by-id` shows what is plugged in",
+        errno.ENOTTY: "it is not a serial port: `ls /dev/serial/by-id` shows what is plugged in",
+        errno.EISDIR: "it is not a serial port: `ls /dev/serial/by-id` shows what is plugged in",
         errno.EINVAL: "it does not take the baud rate: try 115200",
     }
     return f"cannot use serial port {port}: {remedies.get(error.errno or 0) or error.strerror or error}"

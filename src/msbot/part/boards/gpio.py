@@ -1,6 +1,6 @@
 """GPIO boards: what a part's functions drive, and a simulated one with eight pins.
 
-The simulated board stands beside the real one, not in place of it: programs and tests use the same verbs for both.
+The simulated board works beside the real one, not in place of it: programs and tests use the same verbs for both.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class SimGpio:
 
 
 def check_pin(pin: int, pins: int = PINS) -> None:
-    """Refuse a pin that a board with so many pins does not have.
+    """Refuse a pin that a board with this many pins does not have.
 
     Raises:
         LocalProtocolError: there is no such pin.

@@ -139,7 +139,7 @@ class Client:
 
     @property
     def state(self) -> ConnectionState:
-        """How the client stands with its agent."""
+        """The state between the client and its agent."""
         return self._connection.state
 
     @property
@@ -305,7 +305,7 @@ class Client:
         if not self._connection.is_open:
             raise LocalProtocolError(f"no session with an agent ({self.reason}): wait for the state `connected`")
         if not entity.request_id:
-            # Created in this turn: that must stand before the samples that use it.
+            # Created in this turn: the creation must go out before the samples that use it.
             self._before_sending(self._connection.now())
             if not entity.request_id:
                 raise LinkFull(f"{entity.words} is not created yet: try again after `on_room`")

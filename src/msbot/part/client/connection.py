@@ -257,7 +257,7 @@ class Connection:
                 case Connected():
                     self._connected(now)
                 case SessionRestarted():
-                    self.lose("the agent has begun the session anew: a late login has reached it", now)
+                    self.lose("the agent has started the session over: a late login has reached it", now)
                 case ConnectFailed():
                     self._connect_failed(event, now)
                 case SessionClosed():

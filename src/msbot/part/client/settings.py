@@ -12,7 +12,7 @@ from msbot.xrce.messages import SESSION_DEFAULT, SESSION_NONE
 
 
 class ConnectionState(Enum):
-    """How a client stands with its agent."""
+    """The state between a client and its agent."""
 
     CONNECTING = "connecting"
     CONNECTED = "connected"
@@ -41,7 +41,7 @@ class ClientSettings:
     heartbeat_min_s: float = 0.005
     """The same at least where messages get lost: there the wait follows the round trip."""
     asks_again: bool = False
-    """Whether the login says that this client understands when it shall ask again, where many join at once; else it is
+    """Whether the login says that this client understands when it should ask again, where many join at once; else it is
     the login of a C client, octet by octet, and an agent that has no place yet does not answer it."""
     reopen_s: float = 1.0
     """Before the next try after the agent refused the session, or the link broke."""

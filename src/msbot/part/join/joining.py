@@ -20,7 +20,7 @@ from enum import Enum
 
 
 class JoinState(Enum):
-    """Where a part stands; the value is the word a person reads."""
+    """The state of a part; the value is the word a person reads."""
 
     LOOKING = "looking"
     RECOGNISING = "recognising"

@@ -105,7 +105,7 @@ def parse_key(text: str) -> bytes:
         key = bytes.fromhex(digits)
     except ValueError:
         raise ConfigError(
-            f"that is no key: write {2 * KEY_OCTETS} hexadecimal digits, as `msbot key new` shows them"
+            f"that is not a key: write {2 * KEY_OCTETS} hexadecimal digits, as `msbot key new` shows them"
         ) from None
     return check_key(key)
 

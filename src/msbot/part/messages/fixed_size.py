@@ -21,7 +21,7 @@ Branch: TypeAlias = "tuple[type, tuple[tuple[str, int | Branch], ...]]"
 
 @dataclass(frozen=True, slots=True)
 class FixedSize:
-    """How every message of one class stands on the wire."""
+    """How every message of one class looks on the wire."""
 
     leaves: tuple[Leaf, ...]
     """The numbers in the order of the wire."""
@@ -50,7 +50,7 @@ class FixedSize:
 
 
 def fixed_size(cls: type, fields: Mapping[str, str | FixedSize | None]) -> FixedSize | None:
-    """How the messages of a class stand on the wire; None when their size is not fixed.
+    """How the messages of a class look on the wire; None when their size is not fixed.
 
     Args:
         cls: the class.

@@ -138,7 +138,7 @@ def _compile(cls: type[Message]) -> dict[str, Field]:
     try:
         hints = get_type_hints(cls, include_extras=True)
     except NameError as error:
-        raise TypeError(f"class {cls.__name__}: {error}; types must be known where the class stands") from error
+        raise TypeError(f"class {cls.__name__}: {error}; types must be known where the class is defined") from error
     fields = {}
     for name, annotation in hints.items():
         if get_origin(annotation) is not ClassVar:

@@ -22,7 +22,7 @@ _SQLITE_WORDS = {
     "SQLITE_FULL": "has no room: the disk is full; delete something",
     "SQLITE_IOERR": "cannot be read or written: the disk answers with an error; look at the disk and its cable",
     "SQLITE_CORRUPT": f"is damaged: move the file away and put a backup in its place, {ELSE}",
-    "SQLITE_NOTADB": f"is no database: some other file has this name; move it away, {ELSE}",
+    "SQLITE_NOTADB": f"is not a database: some other file has this name; move it away, {ELSE}",
 }
 """By the beginning of SQLite's error name."""
 

@@ -87,13 +87,13 @@ class DatabaseFile:
         except (OSError, sqlite3.Error) as error:
             part.unlink(missing_ok=True)
             raise RegistryError(
-                f"was deleted while the robot ran, and cannot be written anew ({error}): look at its folder"
+                f"was deleted while the robot ran, and cannot be restored ({error}): look at its folder"
             ) from None
         self._anchor.close()
         self._engine.dispose()
         self._forget()
         self._open()
-        _log.warning("the database %s was deleted while the robot ran; it is written anew with all it had", self._path)
+        _log.warning("the database %s was deleted while the robot ran; it is restored with all it had", self._path)
 
     def _replaced(self) -> str:
         if self._rescued is None:

@@ -138,7 +138,7 @@ def _check_magic(path: Path) -> None:
     except OSError as error:
         raise RegistryError(f"the database {path} cannot be read ({error.strerror}): mend that, {ELSE}") from None
     if beginning and beginning != MAGIC:
-        raise RegistryError(f"{path} is no database: some other file has this name; move it away, {ELSE}")
+        raise RegistryError(f"{path} is not a database: some other file has this name; move it away, {ELSE}")
 
 
 def sqlite_address(path: Path, *, may_make: bool = False) -> str:

@@ -43,7 +43,7 @@ def keep_user(
     if role not in ROLES:
         raise ConfigError(said("there is no role {role!r}; there are {roles}", role=role, roles=", ".join(ROLES)))
     if not name.strip() or not name.isprintable():
-        raise ConfigError(said("{name!r} is no name for a user: use letters", name=name))
+        raise ConfigError(said("{name!r} is not a name for a user: use letters", name=name))
     before = find_user(connection, name)
     if before is not None and before.role == ROLES[-1] != role:
         _keep_an_administrator(connection, name)

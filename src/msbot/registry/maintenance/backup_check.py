@@ -46,7 +46,7 @@ def fault_of(path: str, needs_administrator: bool) -> str:
     """What is wrong with it, the worst; empty: nothing."""
     with Path(path).open("rb") as stream:
         if stream.read(len(MAGIC)) != MAGIC:
-            return "it is no database"
+            return "it is not a database"
     try:
         if strange := _strange(path):
             return strange

@@ -39,7 +39,7 @@ class Runs:
 
         def begin(connection: Connection) -> RobotMemory:
             store.prune(connection, robot.id, JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS)
-            store.end_run(connection, robot.id, "the master was started anew", storage.epoch_ns())
+            store.end_run(connection, robot.id, "the master was restarted", storage.epoch_ns())
             return read_memory(connection, robot.id)
 
         storage.flush()

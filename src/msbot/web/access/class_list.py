@@ -129,7 +129,7 @@ def _rows(path: str, lines: list[str], delimiter: str) -> list[list[str]]:
         return list(csv.reader(lines, delimiter=delimiter, strict=True))
     except csv.Error as error:
         raise ConfigError(
-            said("{path}: is no list of people ({error}); save it as CSV", path=path, error=str(error))
+            said("{path}: is not a list of people ({error}); save it as CSV", path=path, error=str(error))
         ) from None
 
 

@@ -245,7 +245,7 @@ def _most_of(path: str, session: Session | None) -> int:
 def _check_length(path: str, headers: Headers, session: Session | None) -> tuple[int, str] | None:
     length = headers.get("content-length", "0")
     if not length.isascii() or not length.isdigit():
-        return 400, "the header content-length is no number"
+        return 400, "the header content-length is not a number"
     if int(length) > _most_of(path, session):
         return 413, f"at most {_most_of(path, session)} octets can be sent here"
     return None

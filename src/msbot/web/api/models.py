@@ -176,7 +176,7 @@ class StopConfirmed(Model):
 
 
 class StopState(Model):
-    """STOP as it stands."""
+    """The state of STOP."""
 
     stopped: bool = False
     by: str = ""

@@ -345,7 +345,7 @@ def _banner(page: Page, banner: ui.column) -> None:
 
 
 def stop_html(page: Page, stop: StopState) -> Markup:
-    """STOP as it stands: who said it, who has confirmed it in how long, and who has not."""
+    """The state of STOP: who said it, who has confirmed it in how long, and who has not."""
     slowest = max((one.ms for one in stop.confirmed), default=0.0)
     return render(
         "stop_state",

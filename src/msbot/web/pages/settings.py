@@ -133,7 +133,7 @@ async def _blueprint(page: Page) -> None:
             try:
                 editor.value = content.decode("utf-8")
             except UnicodeDecodeError:
-                ui.notify(say("This file is no text in UTF-8."), type="negative")
+                ui.notify(say("This file is not UTF-8 text."), type="negative")
                 return
             await compare()
 

@@ -17,7 +17,7 @@ VENDOR = b"\x01\x0f"
 
 ASKS_AGAIN = ("msbot_asks_again", "1")
 """Property of a client that, refused for want of resources, reads the octet of the implementation in STATUS_AGENT as
-the tenths of a second after which it shall ask again (MsBOT's own; agents pass over what they do not know)."""
+the tenths of a second after which it should ask again (MsBOT's own; agents pass over what they do not know)."""
 
 SESSION_NONE_KEYED = 0x00
 """No session yet; the client key follows in the header."""

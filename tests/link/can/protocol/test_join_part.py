@@ -86,7 +86,7 @@ def test_no_beacon_for_3_5_s_loses_the_master_and_joining_begins_anew() -> None:
 def test_another_epoch_means_joining_again_at_once() -> None:
     join = joined_part()
     assert join.receive(beacon(epoch=5), 1.0) is None
-    assert join.receive(beacon(epoch=6), 2.0) == AddressLost("the master has started anew")
+    assert join.receive(beacon(epoch=6), 2.0) == AddressLost("the master has restarted")
     assert join.take_frames() == [join_frame(UID, 0, IDS)]
     assert join.receive(assign(7, epoch=6), 2.001) == Joined(7, 0)
     assert join.receive(beacon(epoch=6), 3.0) is None

@@ -181,7 +181,7 @@ class PythonCanChannel:
 
     def restart(self) -> None:
         """See `Channel`: python-can knows no restart, so the adapter is reopened."""
-        self._owner.lost(self, "the adapter is opened anew after bus-off")
+        self._owner.lost(self, "the adapter is reopened after bus-off")
 
     async def close(self) -> None:
         """See `Channel`."""

@@ -35,7 +35,7 @@ AGAIN_S: Final = 0.002
 """After ENOBUFS it is tried again: eight frames at 500 kbit/s."""
 
 KERNEL_FULL: Final = "the computer is too slow for this bus: the kernel's receive buffer was full"
-NO_FRAME: Final = "the kernel gave something that is no frame"
+NO_FRAME: Final = "the kernel gave something that is not a frame"
 
 _FILTER: Final = Struct("=II")
 _COUNT: Final = Struct("=I")

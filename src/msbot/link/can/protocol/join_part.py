@@ -177,7 +177,7 @@ class ComponentJoin:
     def _hear_own_master(self, beacon: Beacon, now: float) -> ComponentEvent | None:
         self._deadline = now + BEACON_TIMEOUT_S
         if beacon.epoch != self._epoch:
-            return self._lose("the master has started anew", now)
+            return self._lose("the master has restarted", now)
         known, self._robot = self._robot, beacon.profile_hash
         return None if known in (None, beacon.profile_hash) else self._lose("the robot's profile has changed", now)
 

@@ -110,7 +110,7 @@ def parse_log_line(line: str) -> LogLine:
         return LogLine(float(match[1]), match[2], parse_frame(match[3]))
     if match := _SHOWN.fullmatch(line):
         return LogLine(float(match[1]) if match[1] else None, match[2], _read_columns(line, match))
-    raise ConfigError(f"{line!r} is no line of candump, such as (1700000000.123456) can0 123#DEADBEEF")
+    raise ConfigError(f"{line!r} is not a line of candump, such as (1700000000.123456) can0 123#DEADBEEF")
 
 
 def format_log_line(line: LogLine) -> str:

@@ -58,7 +58,7 @@ def check_name(name: str) -> str:
         ConfigError: it cannot.
     """
     if not _NAME.fullmatch(name):
-        raise ConfigError(f"{name!r} is no name for a simulated bus: 1 to 32 letters, digits, - and _")
+        raise ConfigError(f"{name!r} is not a name for a simulated bus: 1 to 32 letters, digits, - and _")
     return name
 
 

@@ -244,7 +244,7 @@ class SimBusConnection(asyncio.Protocol):
         server = self._server
         if not hmac.compare_digest(hello.key, server.key):
             server.complain(WRONG_KEY)
-            self._refuse("the key is not that of this bus: it has been started anew")
+            self._refuse("the key is not that of this bus: it has been restarted")
             return
         assert self._patience is not None
         self._patience.cancel()

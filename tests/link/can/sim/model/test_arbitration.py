@@ -238,7 +238,7 @@ def test_equal_frames_are_sent_by_both() -> None:
 
 def test_a_classic_controller_destroys_fd_frames_and_counts_nine() -> None:
     planned = attempt([node("A", Frame(5, b"x", fd=True))], [node("B"), node("C", fd=False)])
-    assert planned.error == "a classic-only controller does not bear CAN FD"
+    assert planned.error == "a classic-only controller does not support CAN FD"
     assert counts(planned) == {"C": (0, 9), "A": (8, 0), "B": (0, 1)}
 
 

@@ -276,7 +276,7 @@ def _destroy(attempt: Attempt, wire: list[WireBit], fdf: int, destroying: list[S
     noticed = noticed_at(wire, fdf, 1, 0)
     if noticed is not None:
         groups.append(_Group(attempt.listeners, noticed, as_sender=False))
-    return _fail(attempt, wire, groups, rates, "a classic-only controller does not bear CAN FD")
+    return _fail(attempt, wire, groups, rates, "a classic-only controller does not support CAN FD")
 
 
 def _disturb(attempt: Attempt, broken: int, rates: Rates) -> Attempt:
