@@ -214,3 +214,48 @@ def test_a_program_is_kept_by_version_and_shared(open_desk: Callable[..., Page],
     other = open_desk(link[link.index("?") :], width=390, height=844)
     expect(other.locator(".cm-content")).to_contain_text("print('first')")
     expect(other.get_by_text("A copy of program1.py by ada. Read it before you run it.")).to_be_visible()
+
+
+def test_the_device_is_a_part(open_desk: Callable[..., Page]) -> None:
+    page = open_desk("?name=03_ring_member.py", width=390, height=844)
+    program = """import device
+from msbot import HelloWorld, Part
+
+part = Part("ABCD", robot="MSBOT_MASTER")
+
+
+@part.every(0.1)
+def tell():
+    tilt = device.tilt()
+    device.colour(0, 128, 255)
+    device.vibrate(0)
+    device.tone(0)
+    words = f"{tilt.x:.0f} {tilt.y:.0f} {device.slider():.0f} {device.button(2)} {len(device.clock())}"
+    part.publish("out", HelloWorld(index=1, message=words))
+
+
+part.run()
+"""
+    write(page, program)
+    press(page, "Run")
+    expect_state(page, "active")
+    expect(page.locator("#ms-device-colour")).to_have_css("background-color", "rgb(0, 128, 255)")
+    expect(page.locator("#ms-prog-ports")).to_contain_text("'0 0 0 False 3'")
+    page.evaluate("dispatchEvent(new DeviceOrientationEvent('deviceorientation', {alpha: 0, beta: -20, gamma: 45}))")
+    page.get_by_label("Slider").fill("70")
+    page.get_by_role("button", name="2", exact=True).dispatch_event("pointerdown")
+    expect(page.locator("#ms-prog-ports")).to_contain_text("'45 -20 70 True 3'")
+    page.get_by_role("button", name="2", exact=True).dispatch_event("pointerup")
+    expect(page.locator("#ms-prog-ports")).to_contain_text("'45 -20 70 False 3'")
+    page.wait_for_function("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    assert hurdles(page, dark=True) == []
+    press(page, "Stop")
+
+
+@pytest.mark.parametrize("name", ["phone_stick.py", "phone_lamp.py"])
+def test_the_ready_programs_of_a_phone_reach_the_robot(open_desk: Callable[..., Page], name: str) -> None:
+    page = open_desk(f"?name={name}", width=390, height=844)
+    press(page, "Run")
+    expect_state(page, "refused")  # the sample robot has no slot for it
+    expect(page.locator("#ms-prog-reason")).to_contain_text("Under Arrivals a teacher can let")
+    assert page.locator(".ms-said-error").count() == 0

@@ -38,8 +38,10 @@ def home_files() -> str:
 
 @cache
 def examples() -> dict[str, str]:
-    """The examples by their file names."""
-    return {path.name: path.read_text("utf-8") for path in sorted(_folder("examples", "examples").glob("*.py"))}
+    """The examples by their file names: the project's, then those for a phone, which only a browser can run."""
+    ours = _folder("browser_home", "micropython/browser") / "programs"
+    found = [*sorted(_folder("examples", "examples").glob("*.py")), *sorted(ours.glob("*.py"))]
+    return {path.name: path.read_text("utf-8") for path in found}
 
 
 def add_browser_files(app: FastAPI) -> None:
