@@ -26,7 +26,10 @@ from tests.e2e.processes import run
 from tests.hostile.robot import PATIENCE_S, Robot, frozen, until
 from tests.registry import postgres
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="this system has no Unix sockets")
+pytestmark = [
+    pytest.mark.skipif(sys.platform == "win32", reason="this system has no Unix sockets"),
+    pytest.mark.timeout(300),  # five processes one after the other, each slow beside other work
+]
 
 SLOW_S = 0.02
 """So long a slow server's answers, and what it is asked, are on their way: some seconds for each change."""
