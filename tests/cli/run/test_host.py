@@ -45,6 +45,8 @@ def test_a_file_can_be_read_without_touching_anything(tmp_path: Path) -> None:
         (["part", "BMP280", "--i2c", "1:0x10"], "a BMP280 cannot have the I2C address 0x10"),
         (["part", "WXYZ", "--real"], "part WXYZ has no driver for hardware"),
         (["part", "LED", "--real", "--set", "a=b"], "--set does something to a simulated thing"),
+        (["part", "LED", "--simulate", "--pins", "s=17"], "a simulated part has no wires"),
+        (["part", "NOBODY", "--simulate"], 'the library has no part number "NOBODY"'),
         (["part", "LED", "--option", "active_low=perhaps"], "option active_low of part LED is 'perhaps'"),
     ],
 )

@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 import msbot.cli.run.part
+from msbot.config import write_sample
 from msbot.errors import ConfigError
 from msbot.part import Part, PinDirection
 
@@ -71,3 +72,22 @@ def test_mistakes_are_told_before_anything_runs(ran: Ran) -> None:
     with pytest.raises(ConfigError, match="control knob is 101"):
         invoke("POT-10K", "--set", "knob=101")
     assert ran == []
+
+
+def test_a_simulated_part_stands_in_for_the_one_of_a_slot(
+    ran: Ran, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    write_sample(tmp_path / "robot.toml")
+    invoke("BB", "--simulate")  # a name of the sample robot comes first
+    assert ran.pop()[0].part_number == "EFGH"
+    (tmp_path / "robot.toml").write_text((tmp_path / "robot.toml").read_text().replace('"BB"', '"switch"').replace(
+        "BB.", "switch."))  # fmt: skip
+    text = invoke("switch", "--simulate")
+    part, arguments = ran[0]
+    uid = arguments[arguments.index("--uid") + 1]
+    assert part.part_number == "EFGH"
+    assert text.splitlines()[0] == f"For slot switch; while another part holds it: msbot swap switch {uid}"
+    assert invoke("EFGH", "--simulate") != ""
+    assert len({one[1][one[1].index("--uid") + 1] for one in ran}) == 2, "a UID of its own"

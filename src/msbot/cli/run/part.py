@@ -24,6 +24,8 @@ from msbot.part.sample_parts import SAMPLE_PARTS, make_sample
               help="It is real, at these channels of a converter; 1:0 is channel 0 of iio:device1.")  # fmt: skip
 @click.option("--device", metavar="PATH", help="It is real, at that device: a serial port, an SPI, a 1-Wire id.")
 @click.option("--real", is_flag=True, help="It is real, and wired as `msbot library show` says.")
+@click.option("--simulate", is_flag=True,
+              help="It stands in for the real one: NAME may be a slot of robot.toml here.")  # fmt: skip
 @click.option("--option", "options", metavar="NAME=VALUE", multiple=True,
               help="Something about the real thing, as calibration; may be given several times.")  # fmt: skip
 @click.option("--name", "local_name", metavar="LOCAL",
@@ -43,6 +45,7 @@ def command(
     adc: str | None,
     device: str | None,
     real: bool,
+    simulate: bool,
     options: tuple[str, ...],
     local_name: str | None,
     link: str,
@@ -58,7 +61,12 @@ def command(
     CONTROL=VALUE to do something to it, for example press=true at a BUTTON; `msbot library show NUMBER` lists controls,
     wires and options.
     """
-    if real or options or any(text is not None for text in (pins, i2c, adc, device)):
+    is_wired = real or options or any(text is not None for text in (pins, i2c, adc, device))
+    if is_wired and simulate:
+        raise ConfigError("a simulated part has no wires: leave --simulate out, or the wires and options")
+    if simulate and name not in SAMPLE_PARTS:
+        name, local_name, uid = _stand_in(name, local_name, uid, folders, quiet=quiet)
+    if is_wired:
         if settings:
             raise ConfigError("--set does something to a simulated thing; a real one has hands and air around it")
         wires = {"pins": pins or "", "i2c": i2c or "", "adc": adc or "", "device": device or ""}
@@ -81,6 +89,30 @@ def command(
     if quiet:
         arguments.append("--quiet")
     run(part, args=arguments)
+
+
+def _stand_in(
+    name: str, local_name: str | None, uid: str | None, folders: tuple[Path, ...], *, quiet: bool
+) -> tuple[str, str, str]:
+    """Part number, local name and UID of a simulated part for a slot of the robot.toml here, or for a part number."""
+    from msbot.cli.options import DEFAULT_BLUEPRINT
+    from msbot.config import open_blueprint
+    from msbot.part.join.uid import stored_uid
+
+    slots = {}
+    if DEFAULT_BLUEPRINT.is_file():
+        blueprint, _ = open_blueprint(DEFAULT_BLUEPRINT, *folders)
+        slots = {slot.name: slot for slot in blueprint.slots}
+    slot = slots.get(name)
+    number = name if slot is None else slot.part_number
+    if slot is None:
+        library_here(folders).require(number)
+    called = local_name or (number if slot is None else slot.wanted_name)
+    # Not the UID of the real one: both may be there, and the robot must be able to tell them apart.
+    uid = uid or stored_uid(number, f"{called}, simulated").hex()
+    if slot is not None and not quiet:
+        click.echo(f"For slot {name}; while another part holds it: msbot swap {name} {uid}")
+    return number, called, uid
 
 
 def _run_real(
