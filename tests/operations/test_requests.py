@@ -51,6 +51,8 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "apply": await ask(
                 stage, "apply", path=str(tmp_path / "robot.toml"), folders=[str(tmp_path / "library")]
             ),
+            "add_slot": await ask(stage, "add_slot", slot="EE", part="EFGH"),
+            "remove_slot": await ask(stage, "remove_slot", slot="EE"),
         }  # fmt: skip
         assert done.keys() == set(OPERATIONS)
         assert {name: answer["error"] for name, answer in done.items() if "error" in answer} == {}

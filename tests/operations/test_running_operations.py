@@ -129,6 +129,35 @@ def test_a_wire_is_taken_away_and_made_again_while_the_parts_run(tmp_path: Path)
     play(tmp_path, scene, parts=RING)
 
 
+def test_a_slot_is_made_and_taken_out_and_both_are_undone(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        registry = stage.registry
+        (robot,) = registry.robots.all()
+
+        def topics() -> dict[str, list[str]]:
+            blueprint = registry.robots.blueprint(robot)
+            return {one.topic: [str(end) for end in one.ends] for one in blueprint.bindings}
+
+        before = topics()
+        done = await stage.do.add_slot("EE", "EFGH", "One more", who="ann")
+        assert "new: EE" in done.words
+        assert registry.robots.slot_names(robot) == ["AA", "BB", "CC", "EE"]
+        assert "there is a slot EE already" in await stage.refusal(stage.do.add_slot("EE", "EFGH", who="ann"))
+        assert "NOPE" in await stage.refusal(stage.do.add_slot("FF", "NOPE", who="ann"))
+        done = await stage.do.remove_slot("BB", who="ann")
+        assert "gone: BB" in done.words
+        assert registry.robots.slot_names(robot) == ["AA", "CC", "EE"]
+        assert not [end for ends in topics().values() for end in ends if end.startswith("BB.")]
+        assert "no slot 'BB'" in await stage.refusal(stage.do.remove_slot("BB", who="ann"))
+        assert [edit.who for edit in registry.edits.latest(robot, 2)] == ["ann", "ann"]
+        await stage.do.undo(who="bob")
+        assert topics() == before
+        await stage.do.undo(who="bob")
+        assert registry.robots.slot_names(robot) == ["AA", "BB", "CC"]
+
+    play(tmp_path, scene, parts=RING)
+
+
 def test_a_changed_blueprint_is_put_into_force_and_undone(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         path = tmp_path / "robot.toml"

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
-from msbot.config import Blueprint, Library, open_blueprint
+from msbot.config import Blueprint, Library, Slot, blueprint_toml, open_blueprint, parse_blueprint
+from msbot.config.blueprint.model import NOBODY
 from msbot.errors import ConfigError
+from msbot.operations.changeable_robot import slot_of
 from msbot.operations.outcome import Outcome
 from msbot.operations.running_robot import RunningRobot
 from msbot.runtime.sentence import said
@@ -24,6 +28,32 @@ class BlueprintChange:
         """Put a file into force, checked against what MsBOT brings and the folders."""
         blueprint, library = await self._workshop.run(open_blueprint, Path(path), *(Path(folder) for folder in folders))
         return await self.put_in_force(blueprint, library, who=who)
+
+    async def add_slot(self, slot: str, part: str, description: str, who: str) -> Outcome:
+        """Give the robot another slot, which takes parts of that number."""
+        present = await self._present()
+        if present.slot(slot) is not None:
+            raise ConfigError(said("there is a slot {slot} already: choose another name", slot=slot))
+        made = Slot(slot, part, description=description)
+        return await self._checked(replace(present, slots=(*present.slots, made)), who)
+
+    async def remove_slot(self, slot: str, who: str) -> Outcome:
+        """Take a slot out of the robot, with its ends of topics; the part in it is delisted."""
+        target = slot_of(self._running, slot)
+        return await self._checked(without_slot(await self._present(), target), who)
+
+    async def _present(self) -> Blueprint:
+        """The blueprint as it was applied last; what was changed by hand stays by itself."""
+        registry, robot = self._running.database()
+        return await registry.storage.in_time(partial(registry.robots.blueprint, robot, by_hand=False))
+
+    async def _checked(self, wanted: Blueprint, who: str) -> Outcome:
+        """Put a blueprint into force that was made here, checked as a file is."""
+        library = self._running.library
+        if library is None:
+            raise ConfigError(said("this robot was started without its library: it cannot take another blueprint"))
+        checked = await self._workshop.run(parse_blueprint, blueprint_toml(wanted), library)
+        return await self.put_in_force(checked, who=who)
 
     async def put_in_force(self, blueprint: Blueprint, library: Library | None = None, *, who: str) -> Outcome:
         """Put a blueprint into force; parts whose slot is gone are delisted.
@@ -66,3 +96,15 @@ class BlueprintChange:
             later = said("profile, timing and options hold from the master's next start on")
             words = said("{words}; {later}", words=words, later=later)
         return Outcome(words, edit.id)
+
+
+def without_slot(blueprint: Blueprint, name: str) -> Blueprint:
+    """A blueprint without a slot and its ends of topics; a topic that joins nobody any more goes, too."""
+    bindings = []
+    for binding in blueprint.bindings:
+        source = NOBODY if binding.source.slot == name else binding.source
+        targets = tuple(target for target in binding.targets if target.slot != name)
+        if source.slot or targets:
+            bindings.append(replace(binding, source=source, targets=targets))
+    slots = tuple(slot for slot in blueprint.slots if slot.name != name)
+    return replace(blueprint, slots=slots, bindings=tuple(bindings))

@@ -210,6 +210,18 @@ _ROWS = (
         Right.DESIGN, Where.RUNNING, Kept.UNDOABLE, "apply",
     ),
     Operation(
+        "add_slot", "Give a robot that runs another slot.",
+        (_slot("Its name."),
+         Argument("part", is_needed=True, help="The part number that it takes."),
+         Argument("description", default="", longest=1000, help="What it is for, in words.")),
+        Right.DESIGN, Where.RUNNING, Kept.UNDOABLE, "apply", "POST /slots/{slot}",
+    ),
+    Operation(
+        "remove_slot", "Take a slot out of a robot that runs.",
+        (_slot("The slot."),), Right.DESIGN, Where.RUNNING, Kept.UNDOABLE, "apply", "DELETE /slots/{slot}",
+        "Its ends of topics go with it, and a part in it is delisted.",
+    ),
+    Operation(
         "publish", "Drive a port by hand: the fan, the lamp, the servo.",
         (Argument("port", is_needed=True, shown_as="SLOT.PORT", help="A port that hears something, as fan.power."),
          Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=1000, shown_as="VALUE...",

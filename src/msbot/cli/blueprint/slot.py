@@ -9,7 +9,15 @@ from pathlib import Path
 import click
 
 from msbot.cli.blueprint.apply import put_in_force
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, json_option, library_option
+from msbot.cli.change.robot_access import say
+from msbot.cli.options import (
+    DEFAULT_BLUEPRINT,
+    answer_options,
+    database_beside,
+    db_option,
+    json_option,
+    library_option,
+)
 from msbot.config import Slot, open_blueprint, parse_blueprint, slot_toml
 from msbot.errors import ConfigError
 from msbot.registry import open_registry
@@ -57,6 +65,17 @@ def add(
         click.echo(json.dumps({"words": words, "slot": name, "part": part}))
     else:
         click.echo(f"slot {name} is now in {blueprint}; {words}")
+
+
+@command.command("remove")
+@click.argument("slot")
+@answer_options
+def remove(slot: str, db: str | None, robot: str | None) -> None:
+    """Take SLOT out of a robot that runs, with its ends of topics; a part in it is delisted.
+
+    `msbot undo` brings it back. The blueprint's file stays as it is: `msbot export` writes what holds now.
+    """
+    say(db, robot, "remove_slot", {"slot": slot})
 
 
 def _replace(path: Path, content: bytes) -> None:
