@@ -189,6 +189,7 @@ print("has tried")
     press(page, "Run")
     expect_said(page, re.compile("has tried|SecurityError|refused|violat", re.IGNORECASE))
     page.wait_for_timeout(500)
+    assert any(url.endswith("micropython.wasm") for url in asked), "what a worker asks for is seen here"
     assert [url for url in asked if "/api/me" in url or "/api/stop" in url] == []
 
 
