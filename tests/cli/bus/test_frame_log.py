@@ -46,7 +46,7 @@ def test_lines_that_are_no_frames_are_counted(tmp_path: Path) -> None:
 def test_a_file_without_a_frame_is_a_mistake(tmp_path: Path) -> None:
     path = tmp_path / "poem.txt"
     path.write_text("roses are red\n")
-    with pytest.raises(ConfigError, match=r"there is no frame in .*poem.txt: line 1: 'roses are red' is no line of"):
+    with pytest.raises(ConfigError, match=r"there is no frame in .*poem.txt: line 1: 'roses are red' is not a line of"):
         list(FrameReader().read(str(path)))
 
 

@@ -31,6 +31,7 @@ def full(registry: Registry, blueprint: Blueprint, library: Library) -> Registry
     Hand(registry).block(robot, "number", "WXYZ", "hot", "Ann")
     Hand(registry).keep_user("ann", "administrator", "ann", password_hash="salt", tokens=(("desk", "abc"),))
     registry.keys.keep(UID, b"\x00secret", "ann")
+    registry.programs.keep("ann", "blink", "from msbot import Part")
     registry.runs.node_ids(robot, "can:0").keep(7, UID)
     registry.storage.flush()
     return registry
