@@ -1,9 +1,9 @@
 """Sees to it that no event loop of a robot waits for its database.
 
 Two things make a loop wait: a statement that is executed on its thread, and waiting there for the thread that writes.
-Both are an error when the product does it. Not meant is a test that looks something up between two steps of the robot
-(the innermost caller outside the registry counts), and a command that works on the database of a robot that does not
-run.
+Both are an error when the product does it. Not meant is a test or a bench that looks something up between two steps of
+the robot (the innermost caller outside the registry counts), and a command that works on the database of a robot that
+does not run.
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ from sqlalchemy import Engine, event
 from msbot.registry.database.pending_change import PendingChange
 from msbot.registry.database.writer import Writer
 
-TESTS = Path(__file__).parent
-PRODUCT = TESTS.parent / "src" / "msbot"
+ROOT = Path(__file__).parent.parent
+PRODUCT = ROOT / "src" / "msbot"
+ONLOOKERS = (ROOT / "tests", ROOT / "bench")
+"""What may look something up between two steps of a robot."""
 NO_ROBOT_RUNS = PRODUCT / "operations" / "stored_robot.py"
 
 
@@ -51,9 +53,10 @@ def _look(what: str) -> None:
         asyncio.get_running_loop()
     except RuntimeError:
         return
-    files = [file for file in _callers(sys._getframe(1)) if file.is_relative_to(PRODUCT) or file.is_relative_to(TESTS)]
+    ours = (PRODUCT, *ONLOOKERS)
+    files = [file for file in _callers(sys._getframe(1)) if any(map(file.is_relative_to, ours))]
     asker = next(file for file in files if not file.is_relative_to(PRODUCT / "registry") and file != Path(__file__))
-    if not asker.is_relative_to(TESTS) and NO_ROBOT_RUNS not in files:
+    if not any(map(asker.is_relative_to, ONLOOKERS)) and NO_ROBOT_RUNS not in files:
         raise LoopHeldUp(f"{asker.relative_to(PRODUCT)} has the event loop wait for: {what}")
 
 
