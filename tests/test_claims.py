@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import msbot.errors
-from msbot.link.link_address import SCHEMES
+from msbot.link.link_schemes import SCHEMES
 from msbot.part.join.plug import ClaimMessage
 from tools import room_table
 

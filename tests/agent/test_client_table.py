@@ -6,9 +6,9 @@ from functools import partial
 
 import pytest
 
+from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.gate import ClientInfo, OpenGate
-from msbot.agent.limits import AgentSettings
 from msbot.agent.proxy import Proxy, Surroundings
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.link import Peer

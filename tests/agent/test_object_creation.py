@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.agent.limits import AgentSettings
+from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.object_creation import ClientObject, Creator, NoSuchTopic, Participant
 from msbot.space import Deliver, Guid, MemorySpace, Qos, Reader, Space, Topic, Writer
 from msbot.xrce.objects import (

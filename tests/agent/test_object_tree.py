@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.agent.limits import AgentSettings
+from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.object_tree import ObjectBudget, ObjectTree
 from msbot.xrce import Status
 from msbot.xrce.messages import Format, ObjectKind, ObjectVariant, make_object_id

@@ -6,8 +6,8 @@ from functools import partial
 
 import pytest
 
+from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.gate import ClientInfo, OpenGate
-from msbot.agent.limits import AgentSettings
 from msbot.agent.pending_requests import client_key_of
 from msbot.agent.proxy import Proxy, Surroundings
 from msbot.agent.reply_routing import ReplyExchange

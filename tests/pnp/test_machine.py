@@ -12,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from msbot.config import Slot
 from msbot.errors import LocalProtocolError
 from msbot.pnp import FAST_TIMING, THESIS_TIMING, LifeTiming, PartState
-from msbot.pnp.life import TRANSITIONS
+from msbot.pnp.life_status import TRANSITIONS
 from msbot.pnp.slot_assignment import PLACEABLE
 from tests.pnp.robot import Rig, sample_store
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from msbot.runtime.lazy_face import lazy_face
 
 if TYPE_CHECKING:
+    from msbot.agent.agent_settings import AgentSettings
     from msbot.agent.discovery import DiscoveryResponder, host_ipv6_addresses
     from msbot.agent.gate import ClientInfo, Gate, OpenGate
-    from msbot.agent.limits import AgentSettings
     from msbot.agent.pending_requests import client_key_of
     from msbot.agent.server import Agent, AgentSignalHandler
     from msbot.agent.statistics import ClientView, ObjectView, StreamView
@@ -26,7 +26,7 @@ _NAMES = {
         "Gate",
         "OpenGate",
     ),
-    "msbot.agent.limits": ("AgentSettings",),
+    "msbot.agent.agent_settings": ("AgentSettings",),
     "msbot.agent.pending_requests": ("client_key_of",),
     "msbot.agent.server": (
         "Agent",

@@ -11,13 +11,13 @@ import math
 from collections.abc import Callable, Hashable
 from dataclasses import replace
 
+from msbot.agent.agent_settings import MIN_MTU, AgentSettings
 from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.gate import ClientInfo, Gate
 from msbot.agent.join_queue import JoinQueue
-from msbot.agent.limits import MIN_MTU, AgentSettings
 from msbot.agent.proxy import Proxy
 from msbot.agent.rivals import PATIENCE_ON_A_BUS_S, PATIENCE_S, Rivals
-from msbot.agent.session_budget import SessionBudget
+from msbot.agent.session_eviction import SessionBudget
 from msbot.errors import RemoteProtocolError
 from msbot.link import Peer
 from msbot.runtime.sentence import said

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.endpoints import DataReader, DataWriter, Endpoint, Replier, Requester
-from msbot.agent.limits import AgentSettings
 from msbot.agent.topic_attachment import EndpointHost
 from msbot.space import Qos, Topic
 from msbot.xrce.messages import ObjectKind

@@ -12,8 +12,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 
+from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.endpoints import Endpoint
-from msbot.agent.limits import AgentSettings
 from msbot.agent.object_creation import ClientObject, Creator, NoSuchTopic
 from msbot.agent.topic_attachment import EndpointHost
 from msbot.errors import RemoteProtocolError

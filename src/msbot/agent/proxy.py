@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import TYPE_CHECKING, Protocol
 
+from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.fair_share import Limit
 from msbot.agent.gate import ClientInfo, Gate, SampleGuard
-from msbot.agent.limits import AgentSettings
 from msbot.agent.object_tree import ObjectBudget, ObjectTree
 from msbot.agent.pending_requests import client_key_of, make_guid
 from msbot.agent.reply_routing import ReplyExchange

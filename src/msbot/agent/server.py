@@ -13,18 +13,18 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 
+from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.fair_share import FairShare
 from msbot.agent.flushing import Flusher
 from msbot.agent.gate import ClientInfo, Gate, OpenGate
 from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
 from msbot.agent.join_queue import JoinQueue
-from msbot.agent.limits import AgentSettings
 from msbot.agent.object_tree import ObjectBudget
 from msbot.agent.proxy import Proxy, Surroundings
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.rivals import Rivals
-from msbot.agent.session_budget import SessionBudget
+from msbot.agent.session_eviction import SessionBudget
 from msbot.agent.statistics import ClientView, TopicTable
 from msbot.errors import BusTaken, LinkDown
 from msbot.link import Link, Peer, Signal, Tap

@@ -13,7 +13,7 @@ from msbot.link.contract import (
     Tap,
 )
 from msbot.link.in_process import InprocEnd, InprocHub, inproc_pair
-from msbot.link.link_address import open_link
+from msbot.link.link_schemes import open_link
 from msbot.link.lossy import LossyLink
 
 __all__ = [

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from msbot.errors import ConfigError
-from msbot.part.handler_guard import Every, check_handler
+from msbot.part.handler_guard import check_handler
 from msbot.part.messages.message import Message
+from msbot.part.periodic_calls import Every
 from msbot.part.settings import Follower, V, check_kind, read_value
 
 Action = Callable[[], object]

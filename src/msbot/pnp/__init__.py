@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from msbot.pnp.hand_control import HandControl, HeldPort
     from msbot.pnp.inventory import Inventory
     from msbot.pnp.key_proof import Keys
-    from msbot.pnp.life import TRANSITIONS
+    from msbot.pnp.life_status import TRANSITIONS
     from msbot.pnp.load_forecast import Flow, Forecast, forecast
     from msbot.pnp.model import (
         FAST_TIMING,
@@ -57,7 +57,7 @@ _NAMES = {
     ),
     "msbot.pnp.inventory": ("Inventory",),
     "msbot.pnp.key_proof": ("Keys",),
-    "msbot.pnp.life": ("TRANSITIONS",),
+    "msbot.pnp.life_status": ("TRANSITIONS",),
     "msbot.pnp.load_forecast": (
         "Flow",
         "Forecast",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from msbot.part.join.plug import Nature, Refusal
-from msbot.pnp.life import Life, check_transition
+from msbot.pnp.life_status import Life, check_transition
 from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo
 from msbot.pnp.part_events import Evidence, PartEvent, PartState
 from msbot.runtime.sentence import said
@@ -109,7 +109,7 @@ class InventoryRecord:
         """Enter another state; everything else must be up to date already.
 
         Raises:
-            LocalProtocolError: the change is not in the table of `msbot.pnp.life`.
+            LocalProtocolError: the change is not in the table of `msbot.pnp.life_status`.
         """
         check_transition(self.state, to)
         event = self._event(to, now, reason, evidence)

@@ -12,7 +12,7 @@ Evidence = tuple[tuple[str, str], ...]
 
 
 class PartState(Enum):
-    """How a part stands with the inventory; the legal changes are `msbot.pnp.life.TRANSITIONS`."""
+    """How a part stands with the inventory; the legal changes are `msbot.pnp.life_status.TRANSITIONS`."""
 
     NEW = "new"
     CHECKING = "checking"

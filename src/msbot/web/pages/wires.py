@@ -17,7 +17,7 @@ from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
 from msbot.web.svg.drawings import value_words
-from msbot.web.svg.graph import rate_words, wiring_svg
+from msbot.web.svg.wiring_graph import rate_words, wiring_svg
 
 
 def register(service: Service) -> None:

@@ -1,4 +1,4 @@
-"""One attempt to send a frame on the simulated bus: who sends, who gets it, what goes wrong, and how long it takes.
+"""Arbitration, and the attempt to send that follows: who gets the frame, what goes wrong, and how long it takes.
 
 Theory of operation. An attempt that goes well needs only the length of the frame, which is counted by tables. When
 something goes wrong, the bits of the frame are looked at: each group of nodes notices the error at some bit and sends
@@ -157,6 +157,16 @@ class _Group:
     index: int
     as_sender: bool
     times: int = 1
+
+
+def arbitrate(rivals: Sequence[SimNode], closed_at: float) -> list[SimNode]:
+    """Who goes on sending of the nodes that begin before `closed_at`: the lowest identifier wins (ISO 11898-1).
+
+    More than one node wins when they send the same identifier; they meet again in the bits that follow.
+    """
+    ranks = [node.choose(closed_at).rank for node in rivals]
+    best = min(ranks)
+    return [node for node, rank in zip(rivals, ranks, strict=True) if rank == best]
 
 
 def plan_attempt(start: float, senders: list[SimNode], listeners: list[SimNode], rates: Rates, noise: Noise) -> Attempt:

@@ -20,7 +20,16 @@ from msbot.link.can.controller import BusState
 from msbot.link.can.protocol.bits import arbitration_rank
 from msbot.link.can.protocol.frames import Frame, check_frame
 from msbot.link.can.protocol.load_meter import LoadMeter
-from msbot.link.can.sim.model.arbitration import Attempt, Mail, Rates, SimNode, fall_silent, plan_attempt, plan_shorted
+from msbot.link.can.sim.model.arbitration import (
+    Attempt,
+    Mail,
+    Rates,
+    SimNode,
+    arbitrate,
+    fall_silent,
+    plan_attempt,
+    plan_shorted,
+)
 from msbot.link.can.sim.model.error_counters import RECOVERY_BITS, RECOVERY_SEQUENCES, SUSPEND, ErrorCounters
 from msbot.link.can.sim.model.events import BusCounters, BusEvent, Delivered, Sent, StateChanged
 
@@ -263,13 +272,12 @@ class SimBus:
         ready = [(max(it.ready(), self._free_at), it) for it in self._waiting.values()]
         start = min(at for at, _ in ready)
         closed_at = start + self._rates.bit_s
-        rivals = [(it.choose(closed_at).rank, it) for at, it in ready if at < closed_at]
-        if self._shorted:
-            self._attempt = plan_shorted(start, [it for _, it in rivals], self._rates)
+        rivals = [it for at, it in ready if at < closed_at]
+        winners = arbitrate(rivals, closed_at)
+        if self._shorted:  # nobody sees a dominant bit, so that everybody goes on
+            self._attempt = plan_shorted(start, rivals, self._rates)
             return
-        best = min(rank for rank, _ in rivals)
-        senders = [it for rank, it in rivals if rank == best]
-        self._attempt = plan_attempt(start, senders, self._listeners(start, senders), self._rates, self._noise)
+        self._attempt = plan_attempt(start, winners, self._listeners(start, winners), self._rates, self._noise)
 
     def _listeners(self, start: float, senders: list[SimNode]) -> list[SimNode]:
         if self._hearing is None:

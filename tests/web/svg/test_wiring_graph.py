@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from msbot.web.api.models import TopicLine, WirePort
 from msbot.web.language import languages
-from msbot.web.svg.graph import wiring_svg
 from msbot.web.svg.plots import STATE_COLOURS
+from msbot.web.svg.wiring_graph import wiring_svg
 from tests.web.pictures import HARMFUL, names, read, words
 
 ENGLISH = languages()["en"]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from msbot.errors import LocalProtocolError
 from msbot.pnp import FAST_TIMING, THESIS_TIMING, PartState
-from msbot.pnp.life import TRANSITIONS, Life, check_transition
+from msbot.pnp.life_status import TRANSITIONS, Life, check_transition
 
 DOCS = Path(__file__).parents[2] / "docs" / "explain" / "plug_and_play.md"
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable
 from itertools import islice
 
+from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.gate import Gate
-from msbot.agent.limits import AgentSettings
 from msbot.agent.proxy import Proxy
 
 LOOK_AT = 64

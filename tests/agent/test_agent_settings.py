@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from msbot.agent.limits import AgentSettings
+from msbot.agent.agent_settings import AgentSettings
 from msbot.errors import ConfigError
 
 

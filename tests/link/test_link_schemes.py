@@ -4,7 +4,7 @@ import pytest
 
 from msbot.errors import ConfigError
 from msbot.link import open_link
-from msbot.link.link_address import parse_host_and_port
+from msbot.link.link_schemes import parse_host_and_port
 from msbot.link.net import TcpClientLink, TcpServerLink, UdpClientLink, UdpServerLink, WebSocketClientLink
 from msbot.link.serial import PtyServerLink, SerialClientLink, SerialServerLink
 
