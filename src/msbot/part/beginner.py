@@ -1,8 +1,8 @@
-"""What keeps a part from being silent when its program has a mistake that Python itself would not tell, or not kindly.
+"""Tells students about mistakes that Python would not report, or not in a friendly way.
 
-* A program that makes a part and forgets `part.run()` is told so when it ends.
-* A mistake that MsBOT knows is one sentence with the line of the program, not a traceback; also in another thread.
-* A function that sleeps is told of while it does: `HandlerWatch` looks from a thread of its own.
+* A program that makes a part and forgets `part.run()` gets a warning when it ends.
+* A mistake that MsBOT recognises is one sentence with the line of the program, not a traceback, in any thread.
+* A function that blocks is reported while it blocks: `HandlerWatch` looks from a thread of its own.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from msbot.part.part import Part
 
 STUCK_S = 0.5
-"""A function that has not returned for that long is told of."""
+"""A function that has not returned for this long is reported."""
 
 SILENCE_S = (2.0, 10.0, 60.0)
-"""After this many seconds a part that is still waiting says for what."""
+"""After this many seconds, a part that is still waiting says what it is waiting for."""
 
 _PACKAGE = str(Path(__file__).parents[1])
 _log = logging.getLogger("msbot.part")
@@ -48,7 +48,8 @@ _waiting = _Waiting()
 
 
 def part_was_made(part: Part) -> None:
-    """Note a part that a program (not a library, test or prompt) has made; from now on its mistakes are sentences."""
+    """Note a part that a program (not a library, test or prompt) made; from now on its mistakes are shown as
+    sentences."""
     place = _place_in_main()
     if place is None:
         return
@@ -62,7 +63,7 @@ def part_was_made(part: Part) -> None:
 
 
 def part_is_run(part: Part) -> None:
-    """Somebody runs it: nothing was forgotten."""
+    """The part is being run, so no warning is needed."""
     _waiting.parts.discard(part)
     _waiting.places.pop(id(part), None)
 
@@ -83,7 +84,7 @@ def sentence(error: BaseException) -> str:
 
 
 def silence_words(state: JoinState, link: str, local_name: str) -> str:
-    """What a part that is in that state for seconds waits for; "" = for nothing."""
+    """What a part that has been in this state for seconds is waiting for; "" = nothing."""
     match state:
         case JoinState.LOOKING | JoinState.LOST:
             return f"no master at {link} yet, still looking; is `msbot master` running?"
@@ -96,10 +97,10 @@ def silence_words(state: JoinState, link: str, local_name: str) -> str:
 
 
 class HandlerWatch:
-    """Looks from a thread of its own whether a function of the program is stuck, and says in which line.
+    """Checks from a thread of its own whether a function of the program is stuck, and says in which line.
 
     Args:
-        running: the function that runs in the loop's thread and since when (`time.monotonic`), or None.
+        running: the function now running in the loop's thread and when it began (`time.monotonic`), or None.
     """
 
     def __init__(self, running: Callable[[], tuple[str, float] | None]) -> None:
@@ -153,7 +154,7 @@ def _place_in_main() -> str | None:
 
 def _say_what_was_forgotten() -> None:
     if hasattr(sys, "last_type"):
-        return  # the program has ended with an error, which is told already
+        return  # the program has ended with an error, which has already been reported
     for part in _waiting.parts:
         place = _waiting.places.get(id(part), "")
         sys.stderr.write(

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class PartCounters:
-    """What happened to a part since it began to run."""
+    """Counts of what happened to a part since it began to run."""
 
     messages_in: int = 0
     """Samples handed to a handler."""
     messages_out: int = 0
     """Samples published."""
     not_sent: int = 0
-    """Samples for which stream or link had no room."""
+    """Samples not sent because the stream or the link had no room."""
     dropped: int = 0
-    """Samples that came and could not be used."""
+    """Samples that arrived and could not be used."""
     refused: int = 0
     """Samples without a good seal, in a robot with `authentication = "key+data"`."""
     held: int = 0
-    """Samples that came after STOP and were not used."""
+    """Samples that arrived after STOP and were not used."""
     beats: int = 0
     """Beats that the inventory answered."""
     missed_beats: int = 0

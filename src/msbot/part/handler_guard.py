@@ -17,9 +17,9 @@ from msbot.part.beginner import line_of
 _log = logging.getLogger("msbot.part")
 
 SLOW_S = 0.5
-"""A handler that takes longer is reported: while it runs, the part cannot beat."""
+"""A handler that takes longer is reported: while it runs, the part cannot send beats."""
 MAX_REPORTS = 100
-"""Different errors that are reported; more are only counted."""
+"""How many different errors are reported; further ones are only counted."""
 
 
 def check_handler(function: Callable[..., object], arguments: str = "") -> str:
@@ -30,7 +30,7 @@ def check_handler(function: Callable[..., object], arguments: str = "") -> str:
         arguments: the name of its one argument, "" = none.
 
     Raises:
-        ConfigError: it is not a plain function, or takes other arguments.
+        ConfigError: it is not a plain function, or does not take these arguments.
     """
     name = getattr(function, "__name__", repr(function))
     if not callable(function):
@@ -54,17 +54,17 @@ class Guard:
         """Make a guard.
 
         Args:
-            mistake: gets a ConfigError raised by a handler: a mistake that must be mended in the program.
+            mistake: called with a ConfigError raised by a handler: a mistake that must be fixed in the program.
         """
         self.errors = 0
         """Calls that ended with an error."""
         self.running: tuple[str, float] | None = None
-        """The function that runs now and since when, by the loop's clock."""
+        """The function that is running now and when it began, by the loop's clock."""
         self._mistake = mistake
         self._reported: set[tuple[str, str]] = set()
 
     def call(self, function: Callable[..., object], *arguments: object) -> bool:
-        """Call a handler; reports each kind of error at each line once. False: it ended with an error."""
+        """Call a handler; each kind of error at each line is reported once. False: it ended with an error."""
         clock = asyncio.get_running_loop().time
         began_at = clock()
         failed = False

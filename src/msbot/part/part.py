@@ -10,7 +10,7 @@
 
     part.run()
 
-A part is two things: the `Program` that its functions are, and the `ProgramRunner` that calls them in a robot.
+A part has two halves: the `Program` holds its functions, the `ProgramRunner` calls them in a robot.
 """
 
 from __future__ import annotations
@@ -63,13 +63,13 @@ class Part:
             part_number: what kind of part it is, a key into the robot's library, for example `ABCD`.
             local_name: what this one is called, for example `left eye`; the part number if absent.
             robot: name of the robot the part is made for, or more of its profile; `*` = any robot.
-            uid: 8 octets that identify the piece of hardware; `run` keeps one per part on this computer.
-            board: the GPIO board that the part's functions drive; found again as `part.board`.
+            uid: 8 octets that identify the piece of hardware; if absent, `run` keeps one per part on this computer.
+            board: the GPIO board that the part's functions drive; available as `part.board`.
             random: draws the client key and the session nonce, and the UID if there is none.
-            key: what the part proves its UID with, as octets or as `msbot key new` writes it; never sent.
+            key: the key with which the part proves its UID, as octets or as `msbot key new` writes it; never sent.
 
         Raises:
-            ConfigError: a name is empty or too long, the UID has not 8 octets, or the key makes no sense.
+            ConfigError: a name is empty or too long, the UID does not have 8 octets, or the key is malformed.
         """
         self.part_number = _name("part number", part_number)
         self.local_name = _name("local name", part_number if local_name is None else local_name)
@@ -78,9 +78,9 @@ class Part:
             raise ConfigError(f"a UID has {UID_OCTETS} octets, not {len(uid)}")
         self.uid = uid
         self.key = parse_key(key) if isinstance(key, str) else check_key(key) if key is not None else None
-        """The part's key; `run` gives it the one that is kept for the part."""
+        """The part's key; if there is none, `run` uses the one kept for the part."""
         self.nature = Nature.UNKNOWN
-        """What is behind its ports; it tells its robot, and the page shows it."""
+        """What is behind its ports; the part tells its robot, and the page shows it."""
         self._board = board
         self._random = random or SystemRandom()
         self._program = Program()
@@ -90,13 +90,13 @@ class Part:
     # What a student's program declares.
 
     def every(self, period: float | str) -> Callable[[_A], _A]:
-        """Call the function below every so many seconds while the part is active (the first time at once).
+        """Call the decorated function every `period` seconds while the part is active (the first time at once).
 
         Args:
-            period: seconds, or the name of the setting that has them; a change of the setting counts at once.
+            period: seconds, or the name of a setting that holds them; a change of the setting takes effect at once.
 
         Raises:
-            ConfigError: the period is not positive, or what is below is not a plain function without arguments.
+            ConfigError: the period is not positive, or the decorated object is not a plain function without arguments.
         """
         if callable(period):
             name = getattr(period, "__name__", "...")
@@ -113,15 +113,15 @@ class Part:
     def on(
         self, port: str, message_class: type[_M] | None = None, *, optional: bool = False
     ) -> Callable[[Callable[[_M], object]], Callable[[_M], object]]:
-        """Call the function below with each message that comes in at the port.
+        """Call the decorated function with each message that comes in at the port.
 
         Args:
             port: the part's own name for it.
-            message_class: what comes in.
-            optional: the robot need not use the port; otherwise it is said when it does not.
+            message_class: the class of the incoming messages.
+            optional: the robot need not use the port; otherwise the part reports it when the robot does not.
 
         Raises:
-            ConfigError: not a message class, a port with two functions, or no plain function of one argument.
+            ConfigError: not a message class, a second function for the port, or not a plain function of one argument.
         """
         if callable(port):
             name = getattr(port, "__name__", "...")
@@ -137,10 +137,10 @@ class Part:
         return remember
 
     def on_setting(self, name: str, kind: type[V] = str) -> Callable[[Callable[[V], object]], Callable[[V], object]]:  # type: ignore[assignment]  # the kind follows the argument
-        """Call the function below with the setting's value, before `on_join`, and whenever it changes.
+        """Call the decorated function with the setting's value, before `on_join`, and whenever it changes.
 
         Raises:
-            ConfigError: the kind is none of bool, int, float, str; or no plain function of one argument.
+            ConfigError: the kind is not bool, int, float or str, or this is not a plain function of one argument.
         """
 
         def remember(function: Callable[[V], object]) -> Callable[[V], object]:
@@ -150,37 +150,37 @@ class Part:
         return remember
 
     def on_join(self, function: _A | None = None) -> _A:
-        """Call the function below whenever the part has become active."""
+        """Call the decorated function whenever the part has become active."""
         return self._remember("join", function)
 
     def on_lost(self, function: _A | None = None) -> _A:
-        """Call the function below whenever the part is no longer active though it did not end; see `reason`."""
+        """Call the decorated function whenever the part stops being active without ending; see `reason`."""
         return self._remember("lost", function)
 
     def on_end(self, function: _A | None = None) -> _A:
-        """Call the function below once when the part ends."""
+        """Call the decorated function once, when the part ends."""
         return self._remember("end", function)
 
     def on_stop(self, function: _A | None = None) -> _A:
-        """Call the function below when somebody says STOP, after every port has its safe value."""
+        """Call the decorated function when somebody says STOP, after every port has its safe value."""
         return self._remember("stop", function)
 
     def on_go(self, function: _A | None = None) -> _A:
-        """Call the function below when somebody says GO: messages reach the part's functions again."""
+        """Call the decorated function when somebody says GO: messages reach the part's functions again."""
         return self._remember("go", function)
 
     def on_identify(self, function: _A | None = None) -> _A:
-        """Call the function below when somebody asks which part this is: let it blink, beep or move."""
+        """Call the decorated function when somebody asks which part this is: make it blink, beep or move."""
         return self._remember("identify", function)
 
     def on_partner_lost(self, function: _P | None = None) -> _P:
-        """Call the function below with the name of a port for which nobody sends any more."""
+        """Call the decorated function with the name of a port for which nobody publishes any more."""
         handler = _given("on_partner_lost", function)
         self._program.add_partner_lost(handler)
         return handler
 
     def safe_state(self, function: _A | None = None) -> _A:
-        """Call the function below when nobody is in command any more: master or partner lost, STOP, part ended."""
+        """Call the decorated function when nobody is in command any more: master or partner lost, STOP, part ended."""
         return self._remember("safe", function)
 
     # What it does.
@@ -189,9 +189,9 @@ class Part:
         """Send a message out of a port; False when there was no room for it (counted as `not_sent`).
 
         Raises:
-            LocalProtocolError: the part is not active: nobody publishes before both steps are done; or the message has
-                more than 262,000 octets.
-            ConfigError: no such port, or a message of another type; the part ends with this sentence.
+            LocalProtocolError: the part is not active (no part publishes before both steps are done), or the message
+                has more than 262,000 octets.
+            ConfigError: no such port, or a message of another type; the part ends with this error.
         """
         return self._runner.publish(port, message)
 
@@ -207,7 +207,7 @@ class Part:
         Args:
             name: name of the parameter in the library.
             kind: bool, int, float or str.
-            default: what holds when this robot does not set it (and before the part is active).
+            default: the value when this robot does not set it (and before the part is active).
 
         Raises:
             ConfigError: it is not set and there is no default, or its value is not of that kind.
@@ -237,27 +237,27 @@ class Part:
 
     @property
     def slot(self) -> str:
-        """The slot the part sits in, "" before it is active for the first time."""
+        """The slot that the part is in, "" before it is active for the first time."""
         return self._runner.slot
 
     @property
     def settings(self) -> Mapping[str, str]:
-        """The slot's settings, as text; changes while the part runs. `setting` gives one with its type."""
+        """The slot's settings, as text; they may change while the part runs. `setting` returns one with its type."""
         return self._runner.settings.texts
 
     @property
     def stopped(self) -> bool:
-        """Whether STOP was said and GO was not: no message reaches a function, and nothing should move."""
+        """Whether STOP was said and GO was not yet: no message reaches a function, and nothing should move."""
         return self._runner.safety.stopped
 
     @property
     def busy_with(self) -> tuple[str, float] | None:
-        """The function that runs at this moment and since when, by the loop's clock; None: none does."""
+        """The function that is running now and when it began, by the loop's clock; None: no function is running."""
         return self._runner.guard.running
 
     @property
     def counters(self) -> PartCounters:
-        """What happened since the part began to run."""
+        """Counts of what happened since the part began to run."""
         return self._runner.counters
 
     # Running.
@@ -265,7 +265,7 @@ class Part:
     def run(self, args: list[str] | None = None) -> None:
         """Run the part until Ctrl-C; reads `--link` and `--uid` from the command line, see `msbot.run`."""
         part_is_run(self)
-        from msbot.part.run import run  # the facade is not needed by those who run on a loop of their own
+        from msbot.part.run import run  # not needed by those who run the part on a loop of their own
 
         run(self, args=args)
 
@@ -276,17 +276,17 @@ class Part:
         settings: ClientSettings | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        """Run the part on the present loop until `end` (polite) or cancellation (without a word to the master).
+        """Run the part on the current loop until `end` (cleanly) or cancellation (without telling the master).
 
         Args:
-            link: the way to the master's agent; the part takes it over.
+            link: the connection to the master's agent; the part takes it over.
             settings: periods and limits of the client.
             epoch_ns: wall clock for time synchronisation, in ns since 1970.
 
         Raises:
             LinkDown: the link broke before it ever carried anything.
-            ConfigError: the program or its robot is wrong in a way that running on cannot mend.
-            LocalProtocolError: the part runs already.
+            ConfigError: the program or its robot has a mistake that going on cannot cure.
+            LocalProtocolError: the part is already running.
         """
         part_is_run(self)
         if self.uid is None:
@@ -295,7 +295,7 @@ class Part:
         await self._runner.run(link, identity, random=self._random, settings=settings, epoch_ns=epoch_ns)
 
     def end(self) -> None:
-        """End `run_async` politely: the session is deleted, the master knows at once."""
+        """End `run_async` cleanly: the session is deleted, so the master knows at once."""
         self._runner.end()
 
     def _remember(self, when: When, function: _A | None) -> _A:

@@ -31,7 +31,7 @@ class Every:
             self._timer = self._guard = None
 
     def change(self, period_s: float) -> None:
-        """Have another period; one that runs starts over with it, at once."""
+        """Change the period; if it is running, it starts over with the new period at once."""
         if period_s == self.period_s:
             return
         self.period_s = period_s

@@ -1,4 +1,4 @@
-"""A part's ports: tied to topics by the configuration, tied again while the part runs when it changes.
+"""A part's ports: bound to topics by the configuration, and bound again when it changes while the part runs.
 
 The student's code names ports only; which topic a port means is the robot's business (context independence and
 location transparency, thesis 2.2.7.3).
@@ -18,7 +18,7 @@ from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from msbot.xrce.objects import EndpointQos
 
 LARGEST_MESSAGE = 262_000
-"""Octets of a message at most: an agent joins no more (`AgentSettings.max_message`), and drops the rest unseen."""
+"""Most octets of a message: an agent reassembles no more (`AgentSettings.max_message`) and drops the message unseen."""
 
 
 @dataclass(slots=True)
@@ -37,7 +37,7 @@ class BoundPort:
 
     @property
     def stream_id(self) -> int:
-        """The stream its samples take."""
+        """The stream that its samples take."""
         return STREAM_RELIABLE if self.binding.reliable else STREAM_BEST_EFFORT
 
 
@@ -64,7 +64,7 @@ class Ports:
         return port in self._bound
 
     def bind(self, bindings: Iterable[PortBinding]) -> None:
-        """Make the ports what the configuration says; those that stay the same lose nothing."""
+        """Bind the ports as the configuration says; ports that stay the same lose no samples."""
         bindings = list(bindings)
         self._order = [binding.port for binding in bindings]
         wanted = {binding.port: binding for binding in bindings}
@@ -76,7 +76,7 @@ class Ports:
                 self._bind(binding)
 
     def unbind_all(self) -> None:
-        """Have no port bound."""
+        """Unbind all ports."""
         self._order = []
         for port in list(self._bound):
             self._unbind(port)
@@ -89,16 +89,16 @@ class Ports:
         return self._by_reader.get(object_id)
 
     def port_at(self, place: int) -> str | None:
-        """The port that the configuration's binding with that number (from 0) is about, or None."""
+        """The port of the configuration's binding with that number (from 0), or None."""
         return self._order[place] if 0 <= place < len(self._order) else None
 
     def binding(self, port: str) -> PortBinding | None:
-        """What a port is tied to, or None."""
+        """The binding of a port, or None."""
         bound = self._bound.get(port)
         return bound.binding if bound is not None else None
 
     def fault_of(self, port: str, type_name: str, *, optional: bool) -> str:
-        """Why nothing useful will come in at a port that has a function, in words; "" = all is well."""
+        """Why a port that has a function will receive nothing useful, in words; "" = all is well."""
         binding = self.binding(port)
         if binding is None:
             return "" if optional else f"nothing will come in; {self.words}"
@@ -112,8 +112,8 @@ class Ports:
         """Send a message; False when the port's stream or the link had no room.
 
         Raises:
-            ConfigError: no such port to publish on, or it carries another type.
-            LocalProtocolError: no session, or the message is larger than any agent takes.
+            ConfigError: there is no such port to publish on, or it carries another type.
+            LocalProtocolError: there is no session, or the message is larger than any agent accepts.
         """
         bound = self._bound.get(port)
         if bound is None or not bound.publishes:
@@ -162,7 +162,7 @@ class Ports:
 
 
 def _bounded(message: Message) -> bytes:
-    """The octets of a message; a text that has grown and grown is told here, where its line is known."""
+    """The octets of a message; a text that has grown too long is reported here, where its line is known."""
     octets = message.encode()
     if len(octets) > LARGEST_MESSAGE:
         raise LocalProtocolError(

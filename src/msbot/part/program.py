@@ -1,6 +1,6 @@
-"""What a student's program has declared: functions, and when each of them is to be called.
+"""What a student's program has declared: functions, and when to call each of them.
 
-The program knows nothing of a robot: whoever runs it (`program_runner`) reads these tables, also while they grow.
+The program knows nothing of a robot: `program_runner` reads these tables, even while they grow.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ Action = Callable[[], object]
 PortAction = Callable[[str], object]
 """A student's function that gets the name of a port."""
 When = Literal["join", "lost", "end", "stop", "go", "safe", "identify"]
-"""What happens to a part that a function without arguments can be told."""
+"""The events of a part that call functions without arguments."""
 
 SHORTEST_PERIOD_S = 0.001
-"""A setting cannot make a function be called more often."""
+"""Shortest period that a setting can give a function."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,21 +37,22 @@ class Listener:
 
 
 class Program:
-    """The functions of one part; those that add one refuse with ConfigError what cannot be called so."""
+    """The functions of one part; the `add_...` methods raise ConfigError for a function that cannot be called as
+    needed."""
 
     def __init__(self) -> None:
         self.timed: list[Every] = []
         self.listeners: dict[str, Listener] = {}
         """Port -> its function."""
         self.followers: dict[str, list[Follower]] = {}
-        """Setting -> who hears of it."""
+        """Setting -> who is told of its changes."""
         self.when: dict[When, list[Action]] = {
             "join": [], "lost": [], "end": [], "stop": [], "go": [], "safe": [], "identify": []
         }  # fmt: skip
         self.partner_lost: list[PortAction] = []
 
     def add_timed(self, period: float | str, function: Action) -> None:
-        """Call it periodically; a text is the name of the setting that has the seconds."""
+        """Call it periodically; a text is the name of the setting that holds the seconds."""
         check_handler(function)
         if not isinstance(period, str):
             self.timed.append(Every(period, function))
@@ -74,12 +75,12 @@ class Program:
         self._follow(name, Follower(lambda text: read_value(name, text, kind), function))
 
     def add_action(self, when: When, function: Action) -> None:
-        """Call it when that happens."""
+        """Call it when this happens."""
         check_handler(function)
         self.when[when].append(function)
 
     def add_partner_lost(self, function: PortAction) -> None:
-        """Call it with each port for which nobody sends any more."""
+        """Call it with each port for which nobody publishes any more."""
         check_handler(function, "port")
         self.partner_lost.append(function)
 

@@ -1,7 +1,7 @@
-"""Runs a student's program as a part of a robot: joins it, ties the ports to topics, calls the program's functions.
+"""Runs a student's program as a part of a robot: joins the robot, binds ports to topics, calls the program's functions.
 
-How a part joins is decided in `join`, what makes it safe in `safe_state`; this file brings what comes in to them, and
-tells the program what came of it.
+`join` decides how a part joins, `safe_state` what makes it safe; this file passes on to them what comes in, and tells
+the program the outcome.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Identity:
     robot: ExpectedRobot
     uid: bytes
     key: Callable[[], bytes | None]
-    """What it proves its UID with; asked at each challenge, because a part may get its key while it runs."""
+    """The key that proves its UID; called at each challenge, because a part may get its key while it runs."""
     nature: Nature = Nature.UNKNOWN
     """What is behind its ports."""
 
@@ -78,7 +78,7 @@ class Identity:
 
 
 class ProgramRunner:
-    """Runs one program, as often as `run` is awaited; what it counts and shows stays between the runs."""
+    """Runs one program each time `run` is awaited; its counters and state are kept between the runs."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
@@ -86,9 +86,9 @@ class ProgramRunner:
         self.settings = Settings(self.guard, program.followers)
         self.safety = Safety(program.listeners, program.when["safe"], self.guard)
         self.joining = Joining(ExpectedRobot())
-        """The state of the part; that of the last run when none runs."""
+        """The state of the part; between runs, that of the last run."""
         self.slot = ""
-        """The slot the part sits in, "" before it is active for the first time."""
+        """The slot that the part is in, "" before it is active for the first time."""
         self._local_name = ""
         self._counters = PartCounters()
         self._configurations = 0
@@ -99,7 +99,7 @@ class ProgramRunner:
 
     @property
     def counters(self) -> PartCounters:
-        """What happened since the part began to run."""
+        """Counts of what happened since the part began to run."""
         self._counters.beats = self.joining.beats
         self._counters.missed_beats = self.joining.missed_beats
         self._counters.handler_errors = self.guard.errors
@@ -149,8 +149,8 @@ class ProgramRunner:
         self._mistake = None
         self._configurations = 0
         self.settings.forget()
-        # Not derived from the UID: two devices with one UID must be seen as two (they would take over each
-        # other's session without a word).
+        # Not derived from the UID: two devices with the same UID must be seen as two (else they would silently take
+        # over each other's session).
         key = random.randrange(1, 1 << 32)
         claim = ClaimMessage(
             part_number=identity.part_number,
@@ -195,7 +195,7 @@ class ProgramRunner:
             raise self._mistake
 
     def end(self) -> None:
-        """End `run` politely: the session is deleted, the master knows at once."""
+        """End `run` cleanly: the session is deleted, so the master knows at once."""
         if self._membership is not None:
             self._membership.end("ended")
             self._membership.client.close_soon()
@@ -218,14 +218,14 @@ class ProgramRunner:
         elif change.before is JoinState.ACTIVE:
             for timed in self.program.timed:
                 timed.cancel()
-            # Whoever takes the part back says STOP again if it still holds.
+            # The robot that takes the part back says STOP again if it still holds.
             self.safety.leave()
         if change.after is JoinState.ENDED:
             self._tell("end")
         elif change.before is JoinState.ACTIVE:
             self._tell("lost")
         if change.after is JoinState.LOST:
-            # The next agent hears of topics only from a part that has joined its robot.
+            # The next agent learns of topics only from a part that has joined its robot.
             self._ports.unbind_all()
 
     def _configure(self, configuration: ConfigurationMessage) -> None:
@@ -306,7 +306,7 @@ class ProgramRunner:
     def _mistaken(self, error: ConfigError) -> None:
         """A handler asked for a port that is not there, or with the wrong type."""
         if self._configurations > 1:
-            # It worked with an earlier configuration: not the program is wrong, and the robot goes on.
+            # It worked with an earlier configuration: the program is not at fault, and the robot goes on.
             self.guard.report(str(error), "since the configuration has changed")
             return
         self._mistake = self._mistake or error

@@ -1,6 +1,6 @@
 """`run`: from a student's program to a part on a link, with a clean end on Ctrl-C.
 
-A mistake the user can mend is one sentence on stderr and exit status 2, never a traceback.
+A mistake that the user can fix is one sentence on stderr and exit status 2, never a traceback.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 
 
 def run(*parts: Part, args: list[str] | None = None) -> None:
-    """Run one or more parts until Ctrl-C or SIGTERM; each has its own session and says goodbye at the end.
+    """Run one or more parts until Ctrl-C or SIGTERM; each has its own session and closes it at the end.
 
     Options: `--link ADDRESS` (or $MSBOT_LINK, or this computer), `--uid HEX` and
     `--key FILE` (one part only), `--quiet`.
@@ -43,7 +43,7 @@ def run(*parts: Part, args: list[str] | None = None) -> None:
         args: the command line without the program's name; `sys.argv[1:]` if absent.
 
     Raises:
-        SystemExit: status 2 after one sentence on stderr, when something is wrong that the user can mend.
+        SystemExit: status 2 after one sentence on stderr, when something is wrong that the user can fix.
     """
     options = _parse(args)
     logging.basicConfig(level=logging.WARNING if options.quiet else logging.INFO, handlers=[TerminalHandler()])
@@ -96,7 +96,7 @@ async def _run_all(pairs: list[tuple[Part, Link]]) -> None:
 
 
 def end_on_signals(parts: list[Part]) -> None:
-    """Have SIGINT and SIGTERM end the parts politely; where the loop cannot do that, Ctrl-C just ends them."""
+    """Have SIGINT and SIGTERM end the parts cleanly; where the loop cannot do that, Ctrl-C just ends them."""
 
     def end() -> None:
         for part in parts:

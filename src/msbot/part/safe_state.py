@@ -2,14 +2,14 @@
 
 A port that drives something has a safe value in the library, which comes with the configuration as settings
 `PORT.safe.FIELD`. When the master, the agent or the port's partner is lost, or on STOP, the part hands the safe value
-to the port's own function as if it had come in, and then calls the functions below `@part.safe_state`.
+to the port's own function as if it had been received, and then calls the functions decorated with `@part.safe_state`.
 
-STOP holds: no message reaches a function until GO, or until the part has joined again (the master says STOP again then
-if it still holds). A part that is plugged out of its robot cannot be told GO, and need not be.
+STOP holds: no message reaches a function until GO, or until the part has joined again (the master then says STOP again
+if it still holds). A part that is unplugged from its robot cannot be told GO, and need not be.
 
-The master numbers its STOPs, and repeats STOP and GO in case one is lost. A repeated GO of an earlier STOP may still
-be on its way when the next STOP is said on the bus, which comes before everything else and carries no number: only a
-GO that is newer than whatever was heard before ends such a STOP.
+The master numbers its STOPs, and repeats STOP and GO in case one is lost. A repeated GO of an earlier STOP may still be
+on its way when the next STOP is said on the bus, which overtakes everything else and carries no number: only a GO newer
+than anything heard before ends such a STOP.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ class Safety:
 
     Args:
         listeners: the functions of the ports.
-        functions: those below `@part.safe_state`.
+        functions: those decorated with `@part.safe_state`.
         guard: calls them.
     """
 
     def __init__(self, listeners: Mapping[str, Listener], functions: list[Callable[[], object]], guard: Guard) -> None:
         self.stopped = False
-        """STOP was said and GO was not."""
+        """STOP was said and GO was not yet."""
         self.number = 0
-        """The number of the master's STOP that the part obeys: every port has its safe value. 0 = none, or one that
-        was only said on the bus, or a function failed."""
+        """The number of the master's STOP that the part obeys: every port has its safe value. 0 = no STOP, or it was
+        only said on the bus, or a function failed."""
         self._is_safe = False
-        """STOP holds, and every function that was to make it safe did so without an error."""
+        """STOP holds, and every function that makes the part safe did so without an error."""
         self._listeners = listeners
         self._functions = functions
         self._guard = guard
@@ -58,7 +58,7 @@ class Safety:
         self._over = 0
         """The highest number of a STOP that is over."""
         self._ends_with = 0
-        """The number that GO must have at least to end the present STOP."""
+        """The lowest number of a GO that ends the present STOP."""
 
     def configure(self, safe: Mapping[str, str]) -> None:
         """Take the safe values of a configuration: `PORT.safe.FIELD` -> text."""
@@ -90,20 +90,20 @@ class Safety:
         return is_safe
 
     def stop(self, reason: str, number: int | None = None) -> bool:
-        """STOP: go to the safe state, and let nothing through from now on; False: that is so already, or long over.
+        """STOP: go to the safe state, and let nothing through from now on; False: already done, or this STOP is over.
 
         What failed is tried again whenever STOP is repeated.
 
         Args:
             reason: why, in words.
-            number: which STOP of the master it is; None: somebody said it on the bus.
+            number: which STOP of the master this is; None: somebody said it on the bus.
         """
         if number is None:
             self._ends_with = self._heard + 1
         else:
             if number <= self._over:
                 return False
-            # Whatever was said on the bus before: the master says STOP after it, so its GO ends that as well.
+            # This also ends a STOP said on the bus earlier: the master's STOP came after it, so its GO ends both.
             self._heard = self._ends_with = max(self._heard, number)
         is_news = not self.stopped
         self.stopped = True
@@ -116,7 +116,7 @@ class Safety:
         return is_news
 
     def go(self, number: int) -> bool:
-        """The master's STOP of that number is over; False: there is none to end, or it is a later one."""
+        """The master's STOP of that number is over; False: there is none to end, or a later one holds."""
         self._heard, self._over = max(self._heard, number), max(self._over, number)
         if not self.stopped or number < self._ends_with:
             return False
@@ -125,7 +125,7 @@ class Safety:
         return True
 
     def leave(self) -> None:
-        """The part is out of its robot: it goes to the safe state, and what STOP there was does not count any more."""
+        """The part is out of its robot: it goes to the safe state, and an earlier STOP no longer counts."""
         self.enter()
         self.stopped = False
         self.number = self._heard = self._over = self._ends_with = 0

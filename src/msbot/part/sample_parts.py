@@ -20,9 +20,9 @@ ROBOT = "MSBOT_MASTER"
 """The robot they are made for (thesis 3.12.1)."""
 PERIOD_S = 1.0
 PIN_PLACE = 23
-"""Where AA's text has the number of the output: the character with this index (thesis' program of BB)."""
+"""Index of the character in AA's text that is the number of the output (the thesis' program of BB)."""
 WATCHED_PIN = 3
-"""The pin whose level BB tells."""
+"""The pin whose level BB reports."""
 
 _log = logging.getLogger("msbot.part")
 
@@ -33,9 +33,9 @@ class SamplePart:
 
     part_number: str
     play: Callable[[Part, Random], None]
-    """Gives a part the functions that make it this one; the dice decide what it says."""
+    """Gives a part its functions; the random generator decides what it says."""
     says: str
-    """One of the texts it publishes; they are all of this length."""
+    """One of the texts that it publishes; they are all of this length."""
 
 
 def make_sample(
@@ -46,10 +46,10 @@ def make_sample(
 
     Args:
         name: AA, BB or CC.
-        uid: 8 octets; drawn or kept by `run` if absent.
-        random: what AA and CC say, and the part's client key.
+        uid: 8 octets; if absent, `run` draws or keeps one.
+        random: decides what AA and CC say, and the part's client key.
         board: BB's GPIO board; a simulated one if absent.
-        local_name: what this one is called; that of the thesis if absent.
+        local_name: what this part is called; the name in the thesis if absent.
 
     Raises:
         ConfigError: there is no such part.
@@ -97,7 +97,7 @@ def _toggle_switch(part: Part, random: Random) -> None:  # noqa: ARG001 - one si
     @part.safe_state
     def all_off() -> None:
         for pin in range(PINS):
-            part.board.set_direction(pin, PinDirection.OUTPUT)  # STOP comes to parts that never were active, too
+            part.board.set_direction(pin, PinDirection.OUTPUT)  # STOP also reaches parts that were never active
             part.board.clear(pin)
 
     @part.on("in", HelloWorld)
@@ -121,7 +121,7 @@ def _motor_driver(part: Part, random: Random) -> None:
 
     @part.every(PERIOD_S)
     def tell() -> None:
-        # "C(1)" is how the thesis' program says it.
+        # "C(1)" is how the thesis' program writes it.
         value = random.randrange(PINS)
         part.publish("out", HelloWorld(index=count.next(), message=f"Publisher C(1) random value = {value}"))
 

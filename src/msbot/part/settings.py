@@ -1,7 +1,7 @@
 """A part's settings: the parameters of its slot, read with a type, followed while the part runs.
 
-They come as text in the configuration (`Setting`). Where a value comes from (library, blueprint, by hand) is the
-registry's business; the part gets the one that holds.
+They come as text in the configuration (`Setting`). The registry knows where a value comes from (library, blueprint, by
+hand); the part just gets the value in force.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 
 @dataclass(frozen=True, slots=True)
 class Follower:
-    """A function that hears of a setting."""
+    """A function that is told the value of a setting."""
 
     read: Callable[[str], Value]
-    """Makes the value of the text; ConfigError: the text is none, and nobody hears of it."""
+    """Makes a value of the text; on ConfigError the function is not called."""
     function: Callable[..., object]
 
 
 class Settings:
-    """What the present configuration sets.
+    """The settings of the present configuration.
 
     Args:
         guard: calls the followers.
@@ -67,18 +67,18 @@ class Settings:
         raise ConfigError(f"there is no setting {name!r} in this robot; it sets: {known}")
 
     def take(self, settings: Iterable[Setting]) -> dict[str, str]:
-        """Make these the settings; returns the safe values among them, by their whole names."""
+        """Make these the settings; returns the safe values among them, by their full names."""
         everything = {setting.name: setting.value for setting in settings}
         safe = {name: text for name, text in everything.items() if SAFE_MARK in name}
         self._texts = {name: text for name, text in everything.items() if name not in safe}
         return safe
 
     def forget(self) -> None:
-        """Nothing is set, nobody has been told."""
+        """Forget all settings, and who was told of them."""
         self._texts, self._told = {}, {}
 
     def tell(self) -> None:
-        """Call the functions whose setting has changed since they were told."""
+        """Call the functions whose setting has changed since they were last called."""
         told, self._told = self._told, dict(self._texts)
         for name, followers in self._followers.items():
             text = self._texts.get(name)
@@ -98,10 +98,10 @@ class Settings:
 
 
 def check_kind(name: str, kind: object) -> None:
-    """Refuse a kind that no setting has.
+    """Refuse a kind that no setting can have.
 
     Raises:
-        ConfigError: it is none of bool, int, float, str.
+        ConfigError: it is not bool, int, float or str.
     """
     if kind not in _WORDS:
         raise ConfigError(f"setting {name!r} can be read as bool, int, float or str, not as {kind!r}")

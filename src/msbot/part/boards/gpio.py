@@ -1,6 +1,6 @@
 """GPIO boards: what a part's functions drive, and a simulated one with eight pins.
 
-The simulated board works beside the real one, not in place of it: programs and tests use the same verbs for both.
+The simulated board has the same methods as a real one, so programs and tests can use either.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ class PinDirection(Enum):
     """Which side decides the level of a pin."""
 
     INPUT = "input"
-    """The world outside does; the part reads."""
+    """The outside world does; the part reads."""
     OUTPUT = "output"
-    """The part does."""
+    """The part does; it drives the pin."""
 
 
 class UsbGpio(Protocol):
-    """A board with eight pins, all inputs at first. Every verb raises LocalProtocolError for a pin it does not have.
+    """A board with eight pins, all inputs at first. Every method raises LocalProtocolError for a pin it does not have.
 
     A real board raises LinkDown when it does not answer and RemoteProtocolError when its answer makes no sense.
     """
@@ -43,14 +43,14 @@ class UsbGpio(Protocol):
         """Switch an output off; raises LocalProtocolError if the pin is an input."""
 
     def read(self, pin: int) -> bool:
-        """The level of a pin: what is applied to an input, what an output was told last."""
+        """The level of a pin: the level applied to an input, or the last level set on an output."""
 
 
 class SimGpio:
     """Simulated pins, eight unless told otherwise; satisfies `UsbGpio`.
 
-    Each pin has a latch (what the part told it) and something outside that drives it while it is an input. Both are
-    low at first, and both are kept while the other one counts.
+    Each pin has a latch (the level set by the part) and an outside level that counts while the pin is an input. Both
+    are low at first, and each is kept while the other one counts.
     """
 
     def __init__(self, pins: int = PINS) -> None:
@@ -77,7 +77,7 @@ class SimGpio:
         self.latch(pin, level=False)
 
     def read(self, pin: int) -> bool:
-        """The level of a pin: what drives an input, what an output was told last."""
+        """The level of a pin: the level driving an input, or the last level set on an output."""
         check_pin(pin, self.pins)
         return (self._latches if self._directions[pin] is PinDirection.OUTPUT else self._outside)[pin]
 
@@ -91,13 +91,13 @@ class SimGpio:
         return tuple(self.read(pin) for pin in range(self.pins))
 
     def latch(self, pin: int, *, level: bool) -> None:
-        """Tell a pin its level as an output, whatever it is now; an input keeps it for later."""
+        """Set the level that a pin has as an output; an input keeps it for later."""
         before = self.read(pin)
         self._latches[pin] = level
         self._report(pin, before)
 
     def drive(self, pin: int, *, level: bool) -> None:
-        """Apply a level to a pin from outside, as a switch or sensor does; an output does not mind."""
+        """Apply a level to a pin from outside, as a switch or sensor does; has no effect on an output."""
         before = self.read(pin)
         self._outside[pin] = level
         self._report(pin, before)

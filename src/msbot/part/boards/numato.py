@@ -24,33 +24,33 @@ CHANNELS = {8: 6, 16: 7, 32: 7}
 """Analog inputs by number of pins (user guides, "ADC")."""
 ADC_MOST = 1023
 ID_CHARACTERS = 8
-"""Length of the text that a module keeps to be told from others."""
+"""Length of the identifier that a module stores."""
 
 
 class ByteStream(Protocol):
-    """Any way to and from the module: a serial port, a simulator."""
+    """Any connection to the module: a serial port, a simulator."""
 
     def write(self, data: bytes) -> None:
         """Send all of the octets."""
 
     def read(self, timeout_s: float) -> bytes:
-        """What has arrived, at least one octet; empty when nothing comes within the time-out."""
+        """What has arrived, at least one octet; empty when nothing arrives within the time-out."""
 
 
 class NumatoGpio:
     """The module over a byte stream; satisfies `UsbGpio`.
 
     Args:
-        stream: the way to the module.
+        stream: the connection to the module.
         timeout_s: how long the module may be silent in the middle of an answer.
         pins: 8, 16 or 32.
 
-    Every verb that talks to the module raises LinkDown when it is silent and RemoteProtocolError when its answer
+    Every method that talks to the module raises LinkDown when it is silent and RemoteProtocolError when its answer
     makes no sense.
     """
 
     def __init__(self, stream: ByteStream, *, timeout_s: float = 1.0, pins: int = PINS) -> None:
-        """Make all pins inputs: the module cannot be asked which ones are, and inputs harm nothing."""
+        """Make all pins inputs: the module cannot be asked which ones are inputs, and inputs do no harm."""
         if pins not in CHANNELS:
             raise LocalProtocolError(f"there is no module with {pins} pins: it has {' or '.join(map(str, CHANNELS))}")
         self.pins = pins
@@ -71,7 +71,7 @@ class NumatoGpio:
             self._outputs &= ~(1 << pin)
 
     def set_directions(self, *, outputs: int) -> None:
-        """Make all pins outputs whose bit is 1, and the others inputs."""
+        """Make the pins whose bit is 1 outputs, and the others inputs."""
         self._order(f"gpio iomask {self._hex(self._all)}")
         self._order(f"gpio iodir {self._hex(self._all & ~outputs)}")
         self._outputs = outputs & self._all
@@ -96,7 +96,7 @@ class NumatoGpio:
         return answer == "1"
 
     def write_all(self, levels: int) -> None:
-        """Give every output its level at once, one bit for each pin; a pin that becomes an output has it, too."""
+        """Set all outputs at once, one bit for each pin; a pin that later becomes an output takes its level, too."""
         self._order(f"gpio iomask {self._hex(self._all)}")
         self._order(f"gpio writeall {self._hex(levels & self._all)}")
 
@@ -127,11 +127,12 @@ class NumatoGpio:
         return self._ask("ver")
 
     def id(self) -> str:
-        """The eight characters by which the module is told from others."""
+        """The eight characters that identify the module."""
         return self._ask("id get")
 
     def set_id(self, text: str) -> None:
-        """Have the module keep eight letters or digits, also without power; raises LocalProtocolError for others."""
+        """Store eight letters or digits in the module, even without power; raises LocalProtocolError for anything
+        else."""
         if len(text) != ID_CHARACTERS or not (text.isascii() and text.isalnum()):
             raise LocalProtocolError(f"the id {text!r} must be {ID_CHARACTERS} letters or digits")
         self._order(f"id set {text}")
@@ -216,7 +217,7 @@ class NumatoSimulator:
                 self._output.append(octet)
 
     def read(self, timeout_s: float) -> bytes:  # noqa: ARG002 - the answer is there at once or never
-        """What the module has sent and nobody has read."""
+        """What the module has sent and nobody has read yet."""
         output, self._output = bytes(self._output), bytearray()
         return output
 

@@ -1,7 +1,7 @@
-"""Is the agent still there? Pure: the client tells what it heard, the watch tells when to ping and when to give up.
+"""Is the agent still there? Pure: the client says what it heard, the watch says when to ping and when to give up.
 
 An agent that was restarted, or that sees us under a new address, says nothing at all to our messages (DDS-XRCE has
-no "unknown session" error; seen on the wire). Only a GET_INFO finds out.
+no "unknown session" error; seen on the wire). Only a GET_INFO reveals it.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ class Watch:
             self.start(now)
 
     def check(self, now: float) -> None:
-        """Somebody suspects that the agent is gone: ping at once, unless that is going on."""
+        """Somebody suspects that the agent is gone: ping at once, unless a ping is already under way."""
         if self._due_at is not None and self._sent == 0:
             self._due_at = now
 
     def timer(self) -> float | None:
-        """When `step` has something to say, or None while off."""
+        """When to call `step` next, or None while off."""
         return self._due_at
 
     def step(self, now: float) -> WatchStep | None:
@@ -71,8 +71,8 @@ class Watch:
 class Stall:
     """Notices that the agent is there but takes nothing: the streams of the two ends are out of step.
 
-    That happens when a late packet of an earlier session falls into the new one. No acknowledgement can mend it,
-    only a new session can.
+    That happens when a late packet of an earlier session arrives in the new one. No acknowledgement can repair it, only
+    a new session can.
     """
 
     def __init__(self, stall_s: float) -> None:
@@ -85,7 +85,8 @@ class Stall:
         self._since = None
 
     def waits(self, now: float) -> float:
-        """Something waits for the agent; returns when that will be a stall: in the past = it is one."""
+        """Something is waiting for the agent; returns when this becomes a stall: a time in the past = it already is
+        one."""
         if self._since is None:
             self._since = now
         return self._since + self._stall_s

@@ -1,8 +1,7 @@
 """An asyncio DDS-XRCE client for any agent: connects, stays connected, and keeps its objects alive.
 
-How the session stays open is the business of `connection`. The client adds objects and data: whatever was created
-is created again in every new session, parents first and all in one message as far as it takes them, and what was
-being read is read again.
+`connection` keeps the session open. The client adds objects and data: whatever was created is created again in every
+new session, parents first and as many as fit in one message, and what was being read is read again.
 """
 
 from __future__ import annotations
@@ -37,9 +36,9 @@ ENDLESS = DeliveryControl(0xFFFF, 0, 0, 0)
 """Delivery control of a read that never ends."""
 
 IDENTITY_OCTETS = 24
-"""In front of each request for a replier, and of its reply: who asked (SampleIdentity, seen on the wire)."""
+"""Precede each request to a replier, and its reply: who asked (SampleIdentity, seen on the wire)."""
 RELATED_OCTETS = 4
-"""In front of each reply for a requester: request id and object id of the request (seen on the wire)."""
+"""Precede each reply to a requester: request id and object id of the request (seen on the wire)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +54,7 @@ class ServiceNames:
     """"" = `<name>_Reply`."""
 
     def variant(self, make: ServiceVariant, participant: Entity) -> ObjectVariant:
-        """Describe one side of it."""
+        """Describe one side of the service."""
         topics = (self.request_topic or f"{self.name}_Request", self.reply_topic or f"{self.name}_Reply")
         return make(self.name, self.request_type, self.reply_type, *topics, participant.object_id)
 
@@ -64,7 +63,7 @@ ServiceVariant = Callable[[str, str, str, str, str, int], ObjectVariant]
 
 
 def _unheard(*_: object) -> None:
-    """Nobody wants to know."""
+    """Ignore the news: no callback was given."""
 
 
 class Client:
@@ -93,16 +92,16 @@ class Client:
         Args:
             link: a link with one remote peer; the client takes over its handlers.
             key: client key, unique at the agent, 1 to 0xFFFFFFFF.
-            settings: periods and limits; those that fit the link if absent.
+            settings: periods and limits; by default those that suit the link.
             epoch_ns: wall clock for time synchronisation, in ns since 1970.
-            random: spreads the retries of refused clients.
+            random: spreads out the retries of refused clients.
             on_state: (state, reason in words) at every change.
             on_signal: the link's signals, after the client took them in.
             on_topic: (object id of the reader, request id of the read, payload).
             on_request: (object id of the replier, request id of the read, identity for `reply`, payload).
             on_reply: (object id of the requester, request id that `write` returned, payload).
             on_status: (request id, object id, status octet) of every answer.
-            on_room: after a LinkFull there is room again.
+            on_room: there is room again after a LinkFull.
 
         Raises:
             LocalProtocolError: the key is out of range.
@@ -149,11 +148,11 @@ class Client:
 
     @property
     def counters(self) -> ClientCounters:
-        """What happened since the client was made."""
+        """Counts of what happened since the client was made."""
         return self._connection.counters
 
     async def run(self) -> None:
-        """Serve link and session until `close` or cancellation (which ends without a word to the agent).
+        """Serve link and session until `close` or cancellation (which does not tell the agent).
 
         Raises:
             LinkDown: the link broke before it ever carried anything; later failures are retried.
@@ -169,11 +168,11 @@ class Client:
         await self._connection.connect(timeout_s)
 
     async def close(self) -> None:
-        """Delete the session at the agent and end `run`; waits for that, at most `settings.close_s`."""
+        """Delete the session at the agent and end `run`; waits until both are done, at most `settings.close_s`."""
         await self._connection.close()
 
     def close_soon(self) -> None:
-        """Begin what `close` waits for."""
+        """Start closing; `close` waits until it is done."""
         self._connection.close_soon()
 
     async def ping(self, timeout_s: float = 1.0) -> PingAnswer:
@@ -193,11 +192,11 @@ class Client:
         return await self._connection.sync_time(timeout_s)
 
     def check_agent(self) -> None:
-        """Suspect that the agent is gone or has forgotten us: find out now, and log in again if so."""
+        """Check now whether the agent is gone or has forgotten us, and log in again if so."""
         self._connection.check_agent()
 
     def reconnect(self, reason: str) -> None:
-        """Give the session up, for a reason in words, and open another one; does nothing without a session."""
+        """Give up the session, for a reason in words, and open another one; does nothing without a session."""
         if self._connection.is_open:
             self._connection.lose(reason, self._connection.now())
 
@@ -206,10 +205,10 @@ class Client:
     def create(self, variant: ObjectVariant, *, number: int | None = None) -> Entity:
         """Have an object exist at the agent, now and in every later session; its status comes later.
 
-        All that is created in one turn of the loop travels together.
+        Everything created in one turn of the loop travels together.
 
         Args:
-            variant: what it is, as REF, XML or BIN; the `create_...` calls below make BIN ones.
+            variant: the object's description, as REF, XML or BIN; the `create_...` calls below make BIN ones.
             number: object number, 0 to 0xFFE; None = the next free one of its kind.
         """
         entity = self._entities.add(variant, number)
@@ -249,7 +248,7 @@ class Client:
         return self.create(service.variant(replier_variant, participant))
 
     def delete(self, entity: Entity) -> None:
-        """Have an object exist no longer, neither now nor in a later session."""
+        """Delete an object, now and in every later session."""
         known = self._entities.remove(entity)
         if known and self._connection.is_open and entity.request_id:
             self._connection.session.delete(entity.object_id, STREAM_RELIABLE)
@@ -258,14 +257,14 @@ class Client:
     def read(
         self, entity: Entity, *, stream_id: int = STREAM_RELIABLE, control: DeliveryControl | None = ENDLESS
     ) -> None:
-        """Let samples come from a data reader, requester or replier, now and in every later session.
+        """Start the samples of a data reader, requester or replier, now and in every later session.
 
-        A later read of the same object takes the place of the running one.
+        A later read of the same object replaces the running one.
 
         Args:
-            entity: what was created.
+            entity: the object to read from.
             stream_id: stream on which they should come.
-            control: how many, how long, how fast; None = exactly one sample.
+            control: how many samples, for how long and how fast; None = exactly one sample.
         """
         self._entities.want_read(entity, RunningRead(stream_id, control))
         self._connection.book()
@@ -291,15 +290,15 @@ class Client:
     # Data
 
     def has_room(self, stream_id: int = STREAM_RELIABLE) -> bool:
-        """Whether `write` on that stream would be taken now; False also while there is no session."""
+        """Whether `write` on that stream would be accepted now; also False while there is no session."""
         return self._connection.is_open and self._connection.session.has_room(stream_id)
 
     def write(self, entity: Entity, payload: bytes, *, stream_id: int = STREAM_RELIABLE) -> int:
         """Send one sample to a data writer, or a request to a requester; returns the request id.
 
         Raises:
-            LinkFull: the reliable stream waits for acknowledgements: try again after `on_room`. Best effort never
-                waits: when the link cannot follow, its oldest samples give way (and are counted).
+            LinkFull: the reliable stream is waiting for acknowledgements: try again after `on_room`. Best effort never
+                waits: when the link cannot keep up, its oldest samples are dropped (and counted).
             LocalProtocolError: there is no session.
         """
         if not self._connection.is_open:
@@ -315,7 +314,7 @@ class Client:
         return request_id
 
     def reply(self, entity: Entity, identity: bytes, payload: bytes, *, stream_id: int = STREAM_RELIABLE) -> int:
-        """Answer, through a replier, the request that came with that identity; raises as `write` does."""
+        """Answer, through a replier, the request that came with that identity; raises the same errors as `write`."""
         return self.write(entity, identity + payload, stream_id=stream_id)
 
     def _session_over(self) -> None:
@@ -366,10 +365,10 @@ class Client:
         if now >= stalled_at:
             self._connection.lose("the agent is there but takes nothing: streams out of step", now)
             return None
-        # Without room there is nothing more to be asked: WindowOpened comes first.
+        # Without room nothing more can be asked for: WindowOpened comes first.
         asked_again_at = entities.timer() if has_room else None
         return stalled_at if asked_again_at is None else min(stalled_at, asked_again_at)
 
 
 ClientMaker = Callable[..., Client]
-"""Makes a client when it is called with the callbacks that it should have: `partial(Client, link, key=1)`."""
+"""Called with the callbacks, makes a client that has them: `partial(Client, link, key=1)`."""

@@ -1,10 +1,10 @@
 """One DDS-XRCE session that keeps itself open: log in, watch the agent, log in again.
 
-Theory of operation. `run` serves the link. Everything else is plain calls in the loop's thread: they book messages
-in the session, and one flush per loop turn sends what was booked, as far as the link has room. One timer serves the
+Theory of operation. `run` serves the link. Everything else is plain calls in the loop's thread: they queue messages in
+the session, and one flush per loop turn sends what was queued, as far as the link has room. One timer serves the
 session, the watch over the agent, the retries and the owner. When the agent forgets us, falls silent or the link
 breaks, the connection says so and logs in again, each time with the other of two session ids: the agent then starts
-from nothing (seen on the wire) and no late packet of the old session can be mistaken for a new one.
+afresh (seen on the wire), and no late packet of the old session can be mistaken for a new one.
 
 ::
 
@@ -45,14 +45,14 @@ _log = logging.getLogger(__name__)
 class Connection:
     """Keeps a session open (see the module's docstring); `session` may be used while `state` is CONNECTED.
 
-    Link, key, settings, clock and dice are those of `Client`.
+    Link, key, settings, clock and random generator are those of `Client`.
 
     Args:
         on_state: (state, reason in words) at every change.
-        on_signal: a signal of the link, after the connection took it in.
-        on_event: something came in the session, other than what keeps it open: (event, now).
-        on_session_over: all that was booked and answered in the session is void.
-        before_sending: (now): books what is due in the open session; returns when there will be more, or None.
+        on_signal: a signal of the link, after the connection has handled it.
+        on_event: (event, now) of everything that arrives in the session, except what keeps it open.
+        on_session_over: everything queued or answered in the session is void.
+        before_sending: (now): queues what is due in the open session; returns when more will be due, or None.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Connection:
 
     @property
     def is_open(self) -> bool:
-        """Whether objects and samples may be booked in the session now."""
+        """Whether objects and samples may be queued in the session now."""
         return self.state is ConnectionState.CONNECTED and self._close_at is None
 
     async def run(self) -> None:
@@ -129,12 +129,12 @@ class Connection:
         await self.news.until(lambda: self.state is ConnectionState.CONNECTED, timeout_s, words)
 
     async def close(self) -> None:
-        """Delete the session at the agent and end `run`; waits for that."""
+        """Delete the session at the agent and end `run`; waits until both are done."""
         self.close_soon()
         await self.news.until(lambda: not self._turn.is_running, None, "not closed")
 
     def close_soon(self) -> None:
-        """Begin what `close` waits for."""
+        """Start closing; `close` waits until it is done."""
         if self._close_at is not None or not self._turn.is_running:
             return
         now = self._turn.now()
@@ -179,7 +179,7 @@ class Connection:
         return self._turn.now()
 
     def book(self) -> None:
-        """Something was booked in the session: send it in the next loop turn."""
+        """Something was queued in the session: send it in the next loop turn."""
         self._turn.book()
 
     async def _serve(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -281,7 +281,7 @@ class Connection:
         self._lost_at = None
         wait_s = failed.implementation_status / 10
         if failed.status == Status.ERR_RESOURCES and wait_s:
-            # The agent is there, and many join at once: it says when our turn may be.
+            # The agent is there, but many clients are joining at once: it says when our turn may be.
             self.reason = f"many join {self.link.info.name} at once: this one is asked to wait {wait_s:.1f} s"
             self._login_at = now + wait_s * self._random.uniform(1.0, 1.25)
             return
@@ -291,7 +291,8 @@ class Connection:
 
     def _signal_received(self, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
         if signal in _GOES_DOWN:
-            # Believed in the next turn: a link that is closed because we end says so, too, and then there is none.
+            # Acted on in the next turn: a link that is closed because we are ending says so, too, and then there is no
+            # next turn.
             self._gone = reason
             self._turn.book()
         elif signal in _COMES_UP and self.state is not ConnectionState.CONNECTED:
@@ -303,7 +304,7 @@ class Connection:
         self._turn.book()
 
     def _flush(self, now: float) -> None:
-        """Once per loop turn, and when the timer says so: do what is due, send what is booked."""
+        """Once per loop turn, and when the timer says so: do what is due, send what is queued."""
         if self._close_at is not None and now >= self._close_at:
             self._finish()
             return

@@ -1,7 +1,7 @@
 """Finds agents in the network: by multicast, or by asking given addresses (DDS-XRCE discovery over UDP).
 
-A client sends GET_INFO to 239.255.0.2:7400; every agent that was told to answer (`msbot agent ... -d`) sends back the
-addresses of its service. Seen on the wire with eProsima's agent, which answers in the same way.
+A client sends GET_INFO to 239.255.0.2:7400; every agent that has discovery switched on (`msbot agent ... -d`) sends
+back the addresses of its service. Seen on the wire with eProsima's agent, which answers in the same way.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from msbot.xrce.messages import (
 _log = logging.getLogger(__name__)
 
 MULTICAST = ("239.255.0.2", 7400)
-"""The group and port that agents listen to unless told otherwise."""
+"""The group and port that agents listen to by default."""
 
 _LOOPBACK = "127.0.0.1"
 _DATAGRAM_MAX = 2048
@@ -48,7 +48,7 @@ class FoundAgent:
 
     @property
     def address(self) -> tuple[str, int]:
-        """The one to use: the address that answered, if its service listens there, else the first."""
+        """The address to use: the one that answered, if its service listens there, else the first."""
         return next((address for address in self.addresses if address[0] == self.host), self.addresses[0])
 
 
@@ -59,14 +59,14 @@ async def find_agents(
     """The agents that answer, in the order of their answers.
 
     Args:
-        ask: groups or single hosts, IPv4, with the port that their agents listen to for such questions.
-        enough: do not wait for more than that many; None = wait out the time.
+        ask: groups or single hosts, IPv4, with the port on which their agents listen for GET_INFO.
+        enough: stop waiting after this many answers; None = wait the full time.
         attempts: how often to ask.
         period_s: how long to wait for answers after each time.
-        interface: IPv4 address of the one interface to ask on; this machine and the default one if absent.
+        interface: IPv4 address of the one interface to ask on; by default this machine and the default interface.
 
     Raises:
-        LinkDown: there is no network to ask in.
+        LinkDown: there is no network to ask on.
     """
     loop = asyncio.get_running_loop()
     search = _Search(enough)
@@ -114,7 +114,7 @@ class _Search:
         self._enough = enough
 
     def drain(self, sock: socket.socket) -> None:
-        """Take all answers that wait."""
+        """Take all waiting answers."""
         while True:
             try:
                 packet, sender = sock.recvfrom(_DATAGRAM_MAX)
@@ -124,7 +124,7 @@ class _Search:
                 _log.debug("asked in vain: %s", error)
                 continue
             agent = read_answer(packet, sender[0])
-            # One that is asked on several interfaces answers as often, with the same addresses.
+            # An agent that is asked on several interfaces answers on each, with the same addresses.
             if agent is not None and agent.addresses not in self.found:
                 self.found[agent.addresses] = agent
                 if self._enough is not None and len(self.found) >= self._enough:
@@ -132,7 +132,7 @@ class _Search:
 
 
 def _ask(sock: socket.socket, targets: Sequence[tuple[str, int]], interface: str | None) -> None:
-    """Send the question to every target; one that cannot be reached does not matter beside another."""
+    """Send the question to every target; one that cannot be reached does not matter if another can."""
     info = GetInfo(REQUEST_DISCOVERY, OBJECT_AGENT, _CONFIGURATION_AND_ACTIVITY)
     question = encode_message(Header(SESSION_NONE), [info], pad_end=False)
     failure: OSError | None = None

@@ -1,7 +1,7 @@
 """What a client wants to exist at the agent, and how far the agent has got with it. Pure bookkeeping.
 
-The table is the client's wish list: it outlives every session. After a reconnection all entities are asked for
-again, parents first, and their reads with them; nobody else has to remember anything.
+The table is the client's wish list: it outlives every session. After a reconnection all entities are requested again,
+parents first, together with their reads; nobody else has to remember anything.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class EntityTable:
         return self._entities.get(object_id)
 
     def add(self, variant: ObjectVariant, number: int | None = None) -> Entity:
-        """Wish for one more entity; without a number the next free one of its kind is taken.
+        """Add an entity to the wish list; without a number it gets the next free one of its kind.
 
         Raises:
             LocalProtocolError: the number is taken, or not within 0 to 0xFFE; or no number is free.
@@ -98,12 +98,12 @@ class EntityTable:
         return entity
 
     def want_read(self, entity: Entity, reading: RunningRead) -> None:
-        """Wish for a read of an entity; takes the place of an earlier one."""
+        """Add a read of an entity; it replaces an earlier one."""
         entity.reading = reading
         self._settled = False
 
     def remove(self, entity: Entity) -> bool:
-        """Wish no longer for an entity; False when it was not in the table."""
+        """Take an entity off the wish list; False when it was not in the table."""
         if self._entities.get(entity.object_id) is not entity:
             return False
         del self._entities[entity.object_id]
@@ -121,7 +121,7 @@ class EntityTable:
                 entity.reading.request_id = 0
 
     def next_to_ask(self, now: float) -> Entity | None:
-        """The next entity for which a CREATE should go, or None for the moment."""
+        """The next entity for which a CREATE should be sent, or None for the moment."""
         if self._settled and not self._asked:
             return None
         overdue = self._overdue(now)
@@ -132,7 +132,7 @@ class EntityTable:
         return next((entity for entity in self._entities.values() if entity.request_id == 0), None)
 
     def next_to_read(self) -> tuple[Entity, RunningRead] | None:
-        """The next entity whose READ_DATA should go, with it; only those for which a CREATE is on its way."""
+        """The next entity whose READ_DATA should be sent, and that read; only entities whose CREATE is on its way."""
         if self._settled:
             return None
         for entity in self._entities.values():
@@ -150,7 +150,7 @@ class EntityTable:
         self._asked[request_id] = entity
 
     def answered(self, request_id: int, status: int) -> Entity | None:
-        """Take the status of a CREATE; None when it answers something else (a DELETE, a read, an old CREATE)."""
+        """Record the status of a CREATE; None when it answers something else (a DELETE, a read, an old CREATE)."""
         entity = self._asked.pop(request_id, None)
         if entity is not None:
             entity.status = status

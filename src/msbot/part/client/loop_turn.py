@@ -9,7 +9,7 @@ from msbot.errors import RequestTimeout
 
 
 class Turn:
-    """Calls `work(now)` once per loop turn in which somebody booked it, and when the timer is due."""
+    """Calls `work(now)` once per loop turn in which `book` was called, and when the timer is due."""
 
     def __init__(self, work: Callable[[float], None]) -> None:
         self._work = work
@@ -19,7 +19,7 @@ class Turn:
 
     @property
     def is_running(self) -> bool:
-        """Whether it was started and not stopped."""
+        """Whether it was started and not cancelled."""
         return self._loop is not None
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -43,7 +43,7 @@ class Turn:
         return self._loop.time() if self._loop is not None else 0.0
 
     def set_timer(self, *times: float | None) -> None:
-        """Have the work done at the earliest of the times, None = never; replaces the earlier timer."""
+        """Have the work done at the earliest of these times, None = never; replaces the previous timer."""
         due_at = min((time for time in times if time is not None), default=None)
         if self._timer is not None and not self._timer.cancelled() and self._timer.when() == due_at:
             return
@@ -67,7 +67,7 @@ class Turn:
 
 
 class News:
-    """Lets coroutines wait for a condition that only the loop's thread changes."""
+    """Lets coroutines wait for a condition that changes only in the loop's thread."""
 
     def __init__(self) -> None:
         self._event = asyncio.Event()
@@ -83,7 +83,7 @@ class News:
         """Wait until the condition holds.
 
         Raises:
-            RequestTimeout: not within `timeout_s` seconds; begins with `words`.
+            RequestTimeout: it did not hold within `timeout_s` seconds; the message begins with `words`.
         """
         self._waiters += 1
         try:

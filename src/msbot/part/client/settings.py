@@ -1,4 +1,4 @@
-"""What may be tuned on a client, and what it tells about itself."""
+"""What may be tuned on a client, and what it reports about itself."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ class ClientSettings:
     mtu: int = 1400
     """Largest message in octets, both ways; the link may lower it."""
     login_period_s: float = 0.5
-    """Between two CREATE_CLIENT without an answer."""
+    """Time between two unanswered CREATE_CLIENT messages."""
     lost_after_s: float = 2.0
-    """Without an answer to the first login for that long the state is `lost`; it goes on trying."""
+    """When the first login has had no answer for this long, the state is `lost`; the client keeps trying."""
     heartbeat_s: float = 0.1
-    """Wait for an acknowledgement before a HEARTBEAT asks for it, as long as the round trip is not known."""
+    """How long to wait for an acknowledgement before a HEARTBEAT asks for it, until the round trip is known."""
     heartbeat_min_s: float = 0.005
-    """The same at least where messages get lost: there the wait follows the round trip."""
+    """The shortest such wait where messages get lost: there the wait follows the round trip."""
     asks_again: bool = False
-    """Whether the login says that this client understands when it should ask again, where many join at once; else it is
-    the login of a C client, octet by octet, and an agent that has no place yet does not answer it."""
+    """Whether the login says that this client understands being told when to ask again, where many join at once; else
+    the login is octet for octet that of a C client, and an agent without a free place does not answer it."""
     reopen_s: float = 1.0
-    """Before the next try after the agent refused the session, or the link broke."""
+    """Time before the next try after the agent refused the session or the link broke."""
     quiet_s: float = 2.0
     """Silence of the agent after which it is pinged."""
     ping_s: float = 0.2
@@ -52,18 +52,19 @@ class ClientSettings:
     pings: int = 3
     """Pings without an answer after which the agent is lost."""
     answer_s: float = 2.0
-    """A creation without a status for that long is asked for again."""
+    """A creation without a status for this long is requested again."""
     stall_s: float = 5.0
-    """Creations without a status, or a full window, for that long without any progress: the session is started over."""
+    """When creations have no status, or the window is full, for this long without any progress, the session is
+    restarted."""
     close_s: float = 1.0
-    """How long a polite end waits for the agent's answer."""
+    """How long a clean end waits for the agent's answer."""
 
     @classmethod
     def for_link(cls, info: LinkInfo) -> Self:
         """The defaults, with more patience where many share a slow medium.
 
-        Others may go first there, hardly anything is lost, and the link itself tells when the master comes and goes;
-        impatience of many would fill the bus with questions.
+        Others may go first there, hardly anything is lost, and the link itself reports when the master comes and goes;
+        many impatient clients would fill the bus with questions.
         """
         if not info.shared_bus:
             return cls()
@@ -85,14 +86,14 @@ class ClientSettings:
 
 @dataclass(slots=True)
 class ClientCounters:
-    """What happened to a client since it was made."""
+    """Counts of what happened to a client since it was made."""
 
     logins: int = 0
     """Sessions that were opened."""
     samples_in: int = 0
     samples_out: int = 0
     dropped: int = 0
-    """Packets and samples that made no sense here."""
+    """Packets and samples that could not be used."""
 
 
 @dataclass(frozen=True, slots=True)

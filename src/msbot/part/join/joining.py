@@ -1,15 +1,15 @@
 """How a part joins a robot: two steps, then beats. Pure: time and news in, actions out.
 
-Theory of operation. A part says nothing about itself before it has heard the robot's profile and found it to be
-the robot it is made for (step 1, thesis 3.12.1). Then it claims its place with its part number (step 2, thesis
-3.12.2) until somebody answers; a stranger hears nothing, and a robot with keys asks for a proof first. With the
-lease it fetches its configuration, and only then it is active: nothing is published before. From the lease on it
-beats; a beat without an answer makes it look after the agent at once, a lease that the inventory no longer knows
-makes it claim again, and when the inventory is silent for three and a half beats the part is lost and begins again
-with a new session (thesis 3.10.3, 3.12.1.1).
+Theory of operation. A part says nothing about itself until it has heard the robot's profile and found that this is the
+robot it is made for (step 1, thesis 3.12.1). Then it claims its place with its part number (step 2, thesis 3.12.2)
+until somebody answers; an unknown part gets no answer, and a robot with keys asks for a proof first. With the lease it
+fetches its configuration, and only then is it active: nothing is published before. From the lease on it sends beats;
+after an unanswered beat it checks the agent at once, when the inventory no longer knows its lease it claims again, and
+when the inventory is silent for three and a half beats the part is lost and begins again with a new session (thesis
+3.10.3, 3.12.1.1).
 
-The owner feeds the news (`agent_found`, `profile_seen`, ...), takes `next_action()` until None after each, and
-calls `handle_timer` when `timer()` says so.
+The owner feeds in the news (`agent_found`, `profile_seen`, ...), calls `next_action()` after each until it returns
+None, and calls `handle_timer` when `timer()` says so.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ TRANSITIONS: dict[tuple[JoinState, JoinEvent], JoinState] = {
 """Every change there is; an event that is not listed for a state leaves it as it is."""
 
 REFUSED_RETRY_S = 2.0
-"""Between two claims after a refusal that said so."""
+"""Time between two claims after an explicit refusal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,16 +85,17 @@ class Pace:
     """How quickly a part asks again."""
 
     retry_s: float = 0.5
-    """Between two claims, and between two requests for the configuration, until an answer comes."""
+    """Time between two claims, and between two requests for the configuration, until an answer comes."""
     answer_s: float = 0.5
-    """A beat without an answer for that long is a missed one."""
+    """A beat without an answer for this long counts as missed."""
     silent_beats: float = 3.5
-    """Beat periods without any answer after which the inventory counts as gone."""
+    """Number of beat periods without any answer after which the inventory counts as gone."""
 
 
 QUICK = Pace()
 PATIENT = Pace(retry_s=2.0, answer_s=1.0, silent_beats=12.0)
-"""Where many share a slow medium: their questions would fill it, and the link itself notices when the master goes."""
+"""For a slow medium with many users: their questions would fill it, and the link itself notices when the master
+goes."""
 
 ANY = "*"
 """In an `ExpectedRobot`: whatever the profile says."""
@@ -133,7 +134,7 @@ class SendProof:
 
     nonce: bytes
     sealed: bool = False
-    """The robot seals its samples: the proof is another one."""
+    """The robot seals its samples, so the proof has another form."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +207,7 @@ class Joining:
         self._heard_at = 0.0
 
     def next_action(self) -> Action | None:
-        """The next thing the owner has to do, or None."""
+        """The next thing that the owner has to do, or None."""
         return self._actions.popleft() if self._actions else None
 
     def agent_found(self, now: float) -> None:
@@ -238,7 +239,7 @@ class Joining:
         """The inventory has answered a claim (step 2): a lease, or 0 and why not in words.
 
         A second verdict with the same lease (the claim was repeated on a slow bus) changes nothing; one with another
-        lease means that the part has got another slot meanwhile, whose configuration it has to fetch.
+        lease means that the part has been given another slot, whose configuration it has to fetch.
         """
         self._heard_at = now
         if lease == 0:
@@ -254,7 +255,7 @@ class Joining:
             self._beat_period_s = beat_period_s
             self._take(E.LEASE_GIVEN, "registered, fetching the configuration", now)
             if is_moved:
-                self.configuration_version = 0  # two slots may be of the same version
+                self.configuration_version = 0  # two slots may have the same version
                 self._fetch_configuration(now)
 
     def configuration_received(self, version: int, slot: str, now: float) -> bool:
@@ -283,7 +284,7 @@ class Joining:
             self._fetch_configuration(now)
 
     def beat_soon(self, now: float) -> None:
-        """Beat at once, besides the regular beats: somebody waits for a sign."""
+        """Send a beat at once, in addition to the regular ones: somebody is waiting for a sign."""
         if self.state in _BEATS:
             self._beat(now)
 
@@ -299,7 +300,7 @@ class Joining:
         return min((time for time in times if time is not None), default=None)
 
     def handle_timer(self, now: float) -> None:
-        """Do what is due: claim, fetch, beat, notice a missed beat."""
+        """Do what is due: claim, fetch, send a beat, notice a missed beat."""
         if self._retry_at is not None and now >= self._retry_at:
             if self.state in _CLAIMS:
                 self._claim(now)
@@ -354,7 +355,7 @@ class Joining:
         if now - self._heard_at >= self._pace.silent_beats * self._beat_period_s:
             reason = "the inventory has not answered any beat lately"
             self._take(E.INVENTORY_SILENT, reason, now)
-            # The agent may well be there: a session whose streams are out of step looks the same from here.
+            # The agent may still be there: a session whose streams are out of step looks the same from here.
             self._actions.append(BeginAnew(reason))
             return
         self._actions.append(CheckAgent())

@@ -1,10 +1,9 @@
-"""Keys: how a part proves that it is the one with its UID, without saying the key.
+"""Keys: how a part proves that its UID is its own, without revealing the key.
 
 Theory of operation. A part and its robot share a secret of 16 octets or more, one for each UID. When the part claims,
-the inventory asks with a nonce that was never used before; the part answers with the first 16 octets of an
-HMAC-SHA-256 over everything its claim says, the nonce and the session in which it is said. Whoever listens learns
-nothing that is of use in another session or for another question (RFC 2104, NIST SP 800-107: 128 bits of a truncated
-HMAC are ample; design PNP 2).
+the inventory sends a nonce that was never used before; the part answers with the first 16 octets of an HMAC-SHA-256
+over everything in its claim, the nonce and the session. An eavesdropper learns nothing that is of use in another
+session or for another challenge (RFC 2104, NIST SP 800-107: 128 bits of a truncated HMAC are ample; design PNP 2).
 
 Every text is preceded by its length, so that no two different claims make the same octets.
 """
@@ -21,13 +20,13 @@ from msbot.part.join.plug import NONCE_OCTETS, PROOF_OCTETS, SEALED_PROOF_OCTETS
 from msbot.part.join.uid import kept_file
 
 KEY_OCTETS = 16
-"""Octets of a key that MsBOT draws, and of the shortest that it takes."""
+"""Octets of a key that MsBOT generates, and of the shortest that it accepts."""
 LONGEST_KEY = 64
-"""Octets of the longest key that it takes: one block of SHA-256."""
+"""Octets of the longest key that it accepts: one block of SHA-256."""
 KEY_VARIABLE = "MSBOT_KEY"
 
 _LABEL = b"MsBOT claim 1\0"
-"""What the proof is for: one of something else never fits."""
+"""What the proof is for: a proof made for another purpose never fits."""
 _SEALED_LABEL = b"MsBOT claim 2\0"
 _SECRET_LABEL = b"MsBOT data 1\0"
 _LENGTH = Struct(">H")
@@ -53,7 +52,7 @@ def prove_sealed(
 ) -> tuple[bytes, bytes]:
     """The answer to the challenge of a robot with sealed samples, 24 octets, and the secret for the seals.
 
-    Args are those of `prove`, and `session_nonce`, as in the claim: so both ends have drawn something of the secret.
+    Args are those of `prove`, and `session_nonce`, as in the claim: thus each end contributes randomness to the secret.
     """
     claimed = _claimed(nonce, uid, part_number, local_name, session_key) + _SESSION.pack(session_nonce)
     return _hmac(key, _SEALED_LABEL, claimed)[:SEALED_PROOF_OCTETS], _hmac(key, _SECRET_LABEL, claimed)
@@ -71,7 +70,7 @@ def _hmac(key: bytes, label: bytes, message: bytes) -> bytes:
 
 
 def is_same(proof: bytes, expected: bytes) -> bool:
-    """Whether two proofs are the same, in a time that does not tell where they differ."""
+    """Whether two proofs are the same, compared in constant time so that it does not reveal where they differ."""
     return hmac.compare_digest(proof, expected)
 
 
@@ -79,7 +78,7 @@ def check_key(key: bytes) -> bytes:
     """Refuse what cannot be a key.
 
     Raises:
-        ConfigError: it has not 16 to 64 octets.
+        ConfigError: it does not have 16 to 64 octets.
     """
     if not KEY_OCTETS <= len(key) <= LONGEST_KEY:
         raise ConfigError(
@@ -98,7 +97,7 @@ def parse_key(text: str) -> bytes:
     """A key from hexadecimal digits; blanks, colons and dashes between them do not count.
 
     Raises:
-        ConfigError: it is something else; the text does not repeat it.
+        ConfigError: it is something else; the message does not repeat the text, which may be secret.
     """
     digits = text.translate(str.maketrans("", "", " :-\r\n\t"))
     try:
@@ -111,10 +110,11 @@ def parse_key(text: str) -> bytes:
 
 
 def given_key(text: str | None, part_number: str, local_name: str) -> bytes | None:
-    """The key that a user gave: digits or the name of a file with them; else the file kept for that part; else None.
+    """The key that a user gave, as digits or as the name of a file with them; else the key file kept for that part;
+    else None.
 
     Raises:
-        ConfigError: there is something that is not a key.
+        ConfigError: what was found is not a key.
     """
     if text is None:
         text = os.environ.get(KEY_VARIABLE) or None

@@ -1,8 +1,8 @@
 """Carries a part's joining over a client: the profile's reader, the inventory's requester, and one timer.
 
-`joining` decides, this file speaks. Claims and configurations travel reliably. Beats and their answers travel best
-effort, because a late beat is worth nothing; so the replies are read on the reliable stream until the part is
-active, and on best effort from then on.
+`joining` decides, this file sends and receives. Claims and configurations travel reliably. Beats and their answers
+travel best effort, because a late beat is worth nothing; so the replies are read on the reliable stream until the part
+is active, and on best effort from then on.
 """
 
 from __future__ import annotations
@@ -71,21 +71,21 @@ class Membership:
         obeyed_stop: Callable[[], int] = lambda: 0,
         nature: plug.Nature = plug.Nature.UNKNOWN,
     ) -> None:
-        """Make the client and ask it for what joining needs; `start` begins.
+        """Make the client and request what joining needs; `start` begins.
 
         Args:
-            make_client: called with the callbacks that joining needs; whoever calls `run` of the client it makes
-                brings the membership to life.
+            make_client: called with the callbacks that joining needs; the membership is alive while the `run` of the
+                client that it makes is awaited.
             joining: in its first state.
             claim: what the part says about itself in step 2.
-            profile_once: read the profile only until step 1 is done, because it costs others on the link their time,
-                and the link itself tells when the robot is another one.
-            prove: the answer to a challenge with that nonce; None = the part has no key.
-            prove_sealed: the same in a robot whose samples are sealed, and the secret for the seals.
-            changed: hears every change of the state.
-            configure: puts a configuration into use; called before the change to `active` is heard.
-            noticed: hears what the inventory says unasked.
-            on_topic: hears the samples that are not the robot's profile, as `Client.on_topic`.
+            profile_once: read the profile only until step 1 is done, because it takes time from others on the link, and
+                the link itself reports when the robot is another one.
+            prove: gives the answer to a challenge with that nonce; None = the part has no key.
+            prove_sealed: gives the answer in a robot whose samples are sealed, and the secret for the seals.
+            changed: called at every change of the state.
+            configure: puts a configuration into use; called before `changed` reports `active`.
+            noticed: called with what the inventory says unasked.
+            on_topic: called with the samples that are not the robot's profile, as `Client.on_topic`.
             obeyed_stop: the number of the STOP that the part obeys, which its beats then carry; 0 = none.
             nature: what is behind the part's ports.
         """
@@ -108,7 +108,7 @@ class Membership:
         self._obeyed_stop = obeyed_stop
         self._nature = nature
         self._turn = Turn(self._work)
-        # Without a name: nobody hears who the part is before it has recognised its robot.
+        # Without a name: nobody learns who the part is before it has recognised its robot.
         self.participant = client.create_participant()
         """Parent of everything the part creates."""
         self.subscriber = client.create_subscriber(self.participant)
@@ -129,7 +129,7 @@ class Membership:
         self._turn.cancel()
 
     def beat_soon(self) -> None:
-        """Beat at once: the master waits for a sign that STOP has arrived."""
+        """Send a beat at once: the master waits for a sign that STOP has arrived."""
         self.joining.beat_soon(self._turn.now())
         self._drain()
 
@@ -146,7 +146,7 @@ class Membership:
         except RemoteProtocolError as error:
             self._drop("profile", error)
             return
-        # The thesis gives the fields their meaning by position (3.12.1).
+        # The thesis defines the fields by their position (3.12.1).
         robot = ExpectedRobot(profile.message, profile.name, profile.id, profile.make)
         self.joining.profile_seen(robot, self._turn.now())
         self._drain()
@@ -252,7 +252,7 @@ class Membership:
             return ENDLESS
         if state in (JoinState.LOOKING, JoinState.LOST):
             return ONE_SAMPLE
-        # Step 1 is done after a profile that did not agree: whoever only ever read one has nothing to end.
+        # Step 1 is done, but only after a profile that did not match is there a running read to end.
         return NO_MORE if state is JoinState.CLAIMING and running == ENDLESS else running
 
     def _send_proof(self, challenge: SendProof) -> None:

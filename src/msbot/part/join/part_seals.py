@@ -1,8 +1,7 @@
-"""Which seals a part uses now: none, those it has just proved for, those of the lease it has. Pure.
+"""Which seals a part uses now: none, those of its latest proof, or those of its lease. Pure.
 
-A new secret comes with every proof; it counts from the first reply that it opens. Whoever was in a robot with sealed
-samples takes nothing unsealed any more as long as it runs: nobody can make it join an open "robot" by breaking its
-session.
+Every proof makes a new secret, which counts from the first reply that it opens. A part that was in a robot with sealed
+samples accepts nothing unsealed as long as it runs: nobody can make it join an open "robot" by breaking its session.
 """
 
 from __future__ import annotations
@@ -30,11 +29,11 @@ class PartSeals:
         self._proved = Seal(secret, is_part=True)
 
     def session_lost(self) -> None:
-        """What was agreed in the session is void."""
+        """Everything agreed in the session is void."""
         self._present = self._proved = None
 
     def open_reply(self, payload: bytes) -> bytes | None:
-        """What the inventory says, without its seal; None: it is refused."""
+        """What the inventory says, without its seal; None: refused."""
         if not plug.is_sealed_reply(len(payload)) or self._may_be_unsealed(payload):
             return payload
         channel = plug.channel_of_reply(len(payload) - SEAL_OCTETS)
@@ -51,7 +50,7 @@ class PartSeals:
         return None
 
     def open(self, object_id: int, payload: bytes) -> bytes | None:
-        """A sample for a data reader, without its seal; None: it is refused."""
+        """A sample for a data reader, without its seal; None: refused."""
         if self._present is None:
             return payload
         for seal in self._usable():
@@ -75,7 +74,7 @@ class PartSeals:
         if self._present is not None:
             return False
         if len(payload) == plug.NONCE_OCTETS and not self._insists:
-            self._proved = None  # a plain challenge: this robot seals nothing, whoever said so before
+            self._proved = None  # a plain challenge: this robot seals nothing, whatever was said before
         return plug.is_refusal(payload) or (self._proved is None and not self._insists)
 
     def _usable(self) -> list[Seal]:

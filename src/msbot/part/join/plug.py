@@ -1,7 +1,7 @@
 """Plug-and-play on the wire: the profile of step 1 and the inventory service of step 2.
 
-One service carries everything a part and the inventory say to each other; what a request or a reply is follows from
-its length, which keeps a beat at 4 octets (one classic CAN frame with header compression):
+One service carries everything that a part and the inventory say to each other; the length of a request or reply tells
+what it is, which keeps a beat at 4 octets (one classic CAN frame with header compression):
 
 ========================  =======================================  ==============
 from the part             answer of the inventory                  octets
@@ -17,11 +17,11 @@ from the part             answer of the inventory                  octets
 `SealedProof`             `VerdictMessage`                         24, 12
 ========================  =======================================  ==============
 
-Besides, the inventory may speak unasked: a `VerdictMessage` (a part that stands by has got a slot), a `BeatReply`
+The inventory may also speak unasked: a `VerdictMessage` (a standby part has been given a slot), a `BeatReply`
 (the configuration has changed, or the lease is void) and a `Notice` (8 octets).
 
-In a robot with `authentication = "key+data"` all but claims, challenges and proofs have a seal of 10 octets behind them
-(`msbot.part.join.seal`).
+In a robot with `authentication = "key+data"` everything but claims, challenges and proofs is followed by a seal of 10
+octets (`msbot.part.join.seal`).
 
 Claim, verdict and configuration as the inventory handles them are values of `msbot.pnp`; here they are messages.
 """
@@ -38,7 +38,7 @@ from msbot.part.messages.wire_types import AtMost, Octets, uint8, uint16, uint32
 PROFILE_TOPIC = "msbot_masterTopic"
 PROFILE_TYPE = "msbot_master"
 PROFILE_PERIOD_S = 5.0
-"""The master repeats the profile that often (thesis 3.12.1)."""
+"""Time between two publications of the master's profile (thesis 3.12.1)."""
 
 INVENTORY_SERVICE = "msbot_inventory"
 INVENTORY_REQUEST_TOPIC = "msbot_inventory_Request"
@@ -53,14 +53,14 @@ TEXT_OCTETS = 254
 NONCE_OCTETS = 16
 PROOF_OCTETS = 16
 SEALED_PROOF_OCTETS = 24
-"""Another length than any sealed request has."""
+"""A length that no sealed request has."""
 
 STOP_SETTING = ".stop"
-"""Name of the setting that tells a part that comes in while STOP holds: its value is the number of that STOP. The part
-is stopped before it is active, and no notice can be lost on the way. Parameters have no dot."""
+"""Name of the setting that tells a part joining during STOP; its value is the number of that STOP. The part is thus
+stopped before it is active, and no notice can be lost on the way. Names of parameters have no dot."""
 
 SAFE_MARK = ".safe."
-"""In the name of a setting: `PORT.safe.FIELD` is a field of the port's safe value. Parameters have no dot."""
+"""In the name of a setting: `PORT.safe.FIELD` is a field of the port's safe value. Names of parameters have no dot."""
 
 MOST_BINDINGS = 120
 """Ports of one part that a configuration can bind: each takes two of the 256 objects that an agent grants a client."""
@@ -69,12 +69,12 @@ Text = Annotated[str, AtMost(TEXT_OCTETS)]
 
 
 class ProfileMessage(Message):
-    """Step 1: what the master publishes about the robot; the thesis gives the fields meaning by position."""
+    """Step 1: what the master publishes about the robot; the thesis defines the fields by their position."""
 
     type_name = PROFILE_TYPE
 
     index: uint32
-    """Count of publications, from 1."""
+    """Number of this publication, counted from 1."""
     message: Text
     """Robot name, `MSBOT_MASTER`."""
     name: Text
@@ -97,7 +97,7 @@ class ClaimMessage(Message):
     uid: Annotated[bytes, Octets(UID_OCTETS)]
     """Identifies the piece of hardware."""
     session_nonce: uint32
-    """Drawn afresh at each start of the part, so that two devices with one UID are told apart."""
+    """Drawn at random at each start of the part, to distinguish two devices with the same UID."""
 
 
 class Challenge(Message):
@@ -114,7 +114,7 @@ class Proof(Message):
 
 
 class SealedChallenge(Message):
-    """The same in a robot whose samples are sealed: who cannot seal must not join."""
+    """The same in a robot whose samples are sealed: a part that cannot seal must not join."""
 
     nonce: Annotated[bytes, Octets(NONCE_OCTETS)]
     version: uint8 = 1
@@ -148,7 +148,7 @@ class Beat(Message):
 
 
 class StoppedBeat(Message):
-    """A beat that says besides: STOP has arrived, and every port has its safe value.
+    """A beat that also says: STOP has arrived, and every port has its safe value.
 
     Only this confirms a STOP. It costs two octets more than a `Beat`, and only while STOP holds.
     """
@@ -170,7 +170,7 @@ class Nature(IntEnum):
 
     @classmethod
     def of(cls, number: int) -> Nature:
-        """The nature of that number; a later version's is unknown here."""
+        """The nature with that number; a number of a later version is `UNKNOWN`."""
         return cls(number) if number in set(cls) else cls.UNKNOWN
 
     @property
@@ -180,7 +180,7 @@ class Nature(IntEnum):
 
 
 class NatureMessage(Message):
-    """A part says what is behind its ports, once after it has become active; not answered."""
+    """A part says what is behind its ports, once, after it has become active; not answered."""
 
     lease: uint32
     nature: uint8
@@ -199,7 +199,7 @@ class ConfigurationRequest(Message):
 
     lease: uint32
     have_version: uint32
-    """The version it works with, 0 = none yet."""
+    """The version in use, 0 = none yet."""
 
 
 class BindingDirection(IntEnum):
@@ -243,11 +243,11 @@ class NoticeKind(IntEnum):
     """What a notice is about."""
 
     PARTNER_LOST = 1
-    """Nobody publishes any more what the port subscribes."""
+    """Nobody publishes any more what the port subscribes to."""
     PARTNER_BACK = 2
     """Somebody publishes it again."""
     IDENTIFY = 3
-    """Show yourself to the people in the room: blink, beep."""
+    """Make yourself noticed by the people in the room: blink, beep."""
     STOP = 4
     """Go to the safe state, and stay in it."""
     GO = 5
@@ -258,8 +258,8 @@ class Notice(Message):
     """Said to a part unasked, best effort."""
 
     number: uint32
-    """About a partner: the version of the configuration that `binding` is in. STOP, GO: which STOP, counted from 1 by
-    the master, so that the GO of an earlier one does not end it. Else 0."""
+    """For a partner: the version of the configuration that `binding` is in. For STOP and GO: which STOP, counted from 1
+    by the master, so that the GO of an earlier one does not end it. Else 0."""
     binding: uint16
     """Which of the configuration's bindings, counted from 0; 0xFFFF = none."""
     kind: uint8
@@ -321,7 +321,7 @@ Request = Beat | NatureMessage | StoppedBeat | ConfigurationRequest | Proof | Se
 
 
 def decode_request(payload: bytes) -> Request:
-    """What a part asks of the inventory, told apart by length.
+    """Decode what a part asks of the inventory; its length tells which message it is.
 
     Raises:
         RemoteProtocolError: it is none of these.
@@ -346,7 +346,7 @@ Reply = BeatReply | Notice | VerdictMessage | Challenge | SealedChallenge | Conf
 
 
 def decode_reply(payload: bytes) -> Reply:
-    """What the inventory says, told apart by length.
+    """Decode what the inventory says; its length tells which message it is.
 
     Raises:
         RemoteProtocolError: it is none of these.

@@ -1,13 +1,13 @@
-"""Sealed samples: with `authentication = "key+data"` every sample says by itself who made it, and when. Pure.
+"""Sealed samples: with `authentication = "key+data"` every sample itself proves who made it, and in which order. Pure.
 
 Theory of operation. The proof with which a part joins (`keys.prove_sealed`) leaves both ends with a secret that never
-travels and that no other session has. From it come two keys, one for each direction. Behind each sample stand a counter
-and the first octets of an HMAC over channel, counter and sample. The receiver takes a sample only when the HMAC fits
-and the counter is higher than any before on that channel: so a sample that was changed, invented, recorded, repeated,
-held back behind a newer one, or moved to another port changes nothing there but a counter of refused samples.
+travels and that no other session has. From it come two keys, one for each direction. Each sample is followed by a
+counter and the first octets of an HMAC over channel, counter and sample. The receiver accepts a sample only when the
+HMAC fits and the counter is higher than any before on that channel: so a sample that was changed, invented, recorded,
+repeated, delayed behind a newer one, or moved to another port changes nothing but a counter of refused samples.
 
-A channel is what keeps its order on the way: the object id of a data writer or reader, or one of the inventory's two.
-What is lost leaves a gap in the counters, which is allowed.
+A channel is a sequence that keeps its order on the way: the object id of a data writer or reader, or one of the
+inventory's two. What is lost leaves a gap in the counters, which is allowed.
 
 =========  ======  ==================================================================
 behind     octets
@@ -17,7 +17,7 @@ tag        6       HMAC-SHA-256(key of the direction, channel (2 octets, big-end
                    counter · sample), the first 6 octets
 =========  ======  ==================================================================
 
-6 octets: who guesses has one chance in 2^48 with each packet, some 900 years at 10,000 packets a second.
+6 octets: a guess succeeds with one chance in 2^48 per packet, some 900 years at 10,000 packets a second.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LAST_COUNTER = 0xFFFFFFFF
 SHORT_SAYINGS = 0
 """Channel of beats, their answers, notices and verdicts."""
 CONFIGURATIONS = 1
-"""Channel of configurations and the requests for them: they travel reliably, so the short ones overtake them."""
+"""Channel of configurations and the requests for them: they travel reliably, so the short messages overtake them."""
 
 TOO_SHORT = "no seal"
 WRONG_TAG = "the seal does not fit"
@@ -49,7 +49,7 @@ class Seal:
     """One end of one part's session: seals what goes, opens what comes.
 
     Args:
-        secret: what the proof left (`keys.prove_sealed`).
+        secret: the secret from the proof (`keys.prove_sealed`).
         is_part: which end this is.
     """
 
@@ -66,15 +66,15 @@ class Seal:
     def seal(self, channel: int, sample: bytes) -> bytes:
         """The sample with its seal behind it.
 
-        After 2^32 - 1 samples of a channel (50 days at 1,000 a second) the other end takes no more: the part is lost
-        to its inventory and joins again, with other keys.
+        After 2^32 - 1 samples of a channel (50 days at 1,000 a second) the other end accepts no more: the inventory
+        loses the part, which joins again with other keys.
         """
         count = self._sent[channel] = min(self._sent.get(channel, 0) + 1, LAST_COUNTER)
         counter = _COUNTER.pack(count)
         return sample + counter + _tag(self._send_key, channel, counter, sample)
 
     def open(self, channel: int, sealed: bytes) -> bytes | None:
-        """The sample in it, or None: it is refused, which changes nothing but `refused` and `reason`."""
+        """The sample without its seal, or None: refused, which changes nothing but `refused` and `reason`."""
         size = len(sealed) - SEAL_OCTETS
         if size < 0:
             self._refuse(TOO_SHORT)

@@ -1,4 +1,4 @@
-"""The UID of a part that runs on a computer: drawn once, kept in the user's state folder."""
+"""The UID of a part that runs on a computer: drawn at random once, kept in the user's state folder."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def parse_uid(text: str) -> bytes:
 
 
 def kept_file(what: str, part_number: str, local_name: str, folder: Path | None = None) -> Path:
-    """Where something about that part is kept on this computer; `what` is `uid` or `key`."""
+    """The file on this computer that keeps the UID or key of that part; `what` is `uid` or `key`."""
     return (folder or state_folder()) / what / f"{_file_name(part_number)}.{_file_name(local_name)}"
 
 
 def stored_uid(part_number: str, local_name: str, folder: Path | None = None) -> bytes:
-    """The UID of that part on this computer; drawn and written down at the first call.
+    """The UID of that part on this computer; drawn and stored at the first call.
 
     Raises:
         ConfigError: the file cannot be read or written, or holds something else.
@@ -51,7 +51,8 @@ def _create(path: Path) -> bytes:
     uid = secrets.token_bytes(UID_OCTETS)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Written aside and linked into place: two starts at once agree on one UID, and nobody reads half a file.
+        # Written to a temporary file and linked into place: two starts at once agree on one UID, and nobody reads half
+        # a file.
         draft = path.with_name(f".{path.name}.{os.getpid()}")
         draft.write_text(uid.hex() + "\n")
         try:

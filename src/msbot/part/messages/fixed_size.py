@@ -1,8 +1,8 @@
-"""Messages of a fixed size, packed and unpacked in one go: a `Twist` costs a fraction of six numbers one by one.
+"""Messages of a fixed size, packed and unpacked in one go: much cheaper for a `Twist` than its six numbers one by one.
 
 A message whose fields are all numbers and booleans, also inside nested messages, has the same octets at the same places
-every time, so one `struct.Struct` with the padding of CDR in it does the whole work. Anything out of the ordinary is
-left to the way field by field, which has the words for it.
+every time, so one `struct.Struct` with the padding of CDR in it does all the work. Anything out of the ordinary is left
+to the slower way, field by field, which has the error messages for it.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def _moved(tree: Branch, by: int) -> Branch:
 def _grow(tree: Branch, values: tuple[object, ...]) -> object:
     cls, fields = tree
     message: object = object.__new__(cls)
-    inside = message.__dict__  # values of the wire always fit: no need to check each one when it is set
+    inside = message.__dict__  # values from the wire always fit: no need to check each one when it is set
     for name, at in fields:
         inside[name] = values[at] if type(at) is int else _grow(at, values)  # type: ignore[arg-type]
     return message

@@ -24,7 +24,7 @@ from msbot.part.messages.wire_types import FieldCodec, codec_for
 from msbot.xrce.messages import CdrReader, CdrWriter
 
 LARGEST_PADDING = 3
-"""Octets after the last field that are taken for padding: some DDS writers fill up to a multiple of 4."""
+"""Octets after the last field that are accepted as padding: some DDS writers fill up to a multiple of 4."""
 
 LONGEST_SHOWN = 60
 """Characters of a wrong value that an error text shows."""
@@ -46,7 +46,7 @@ class Field:
 class Message:
     """Base of everything that travels on a topic or in a service; subclass it and annotate the fields.
 
-    A field that is not given has the value from the class body, else zero (`0`, `False`, `""`, `b""`, `[]`, a nested
+    A field that is not given gets the default from the class body, else zero (`0`, `False`, `""`, `b""`, `[]`, a nested
     message of zeros). Values are checked when they are set and again when they are encoded.
     """
 
@@ -77,7 +77,7 @@ class Message:
         if values:
             raise TypeError(_no_such_field(type(self), next(iter(values))))
 
-    if not TYPE_CHECKING:  # a checker that sees it would let every attribute be set
+    if not TYPE_CHECKING:  # a type checker that saw this would allow any attribute to be set
 
         def __setattr__(self, name: str, value: object) -> None:
             _assign(self, name, value)
@@ -87,7 +87,7 @@ class Message:
             return NotImplemented
         return all(getattr(self, name) == getattr(other, name) for name in self._fields)
 
-    __hash__: ClassVar[None] = None  # type: ignore[assignment]  # it can change, as a dataclass with __eq__
+    __hash__: ClassVar[None] = None  # type: ignore[assignment]  # it is mutable, as is a dataclass with __eq__
 
     def __repr__(self) -> str:
         inside = ", ".join(f"{name}={getattr(self, name)!r}" for name in self._fields)

@@ -6,8 +6,8 @@
 
     part.publish("distance", Distance(metres=0.42, in_range=True))
 
-The library knows the same types by name (`msbot/config/message_types.toml`); a part that needs another one declares a
-class of its own here and a table `[[type]]` in its library file.
+The library knows the same types by name (`msbot/config/message_types.toml`); a part that needs another message declares
+a class of its own like these, and a table `[[type]]` in its library file.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Count(Message):
 
 
 class Level(Message):
-    """How much of the most there is: a knob, loudness, power; -100 to 100 where it has a direction."""
+    """A share of the maximum in percent: a knob, loudness, power; -100 to 100 where it has a direction."""
 
     percent: float32
 
@@ -68,7 +68,7 @@ class Temperature(Message):
 
 
 class Pressure(Message):
-    """Pressure of the air."""
+    """Air pressure."""
 
     hectopascal: float32
 
@@ -140,7 +140,7 @@ class Tone(Message):
 
 
 class Battery(Message):
-    """A battery and what is taken from it."""
+    """A battery and what is drawn from it."""
 
     volts: float32
     amperes: float32
@@ -178,4 +178,4 @@ STANDARD_MESSAGES: dict[str, type[Message]] = {
         Speed, Vector, Stick, Key, Line, Tone, Battery, Weight, Place, Trigger,
     )
 }  # fmt: skip
-"""All of them by their names in the data space."""
+"""All standard messages by their names in the data space."""

@@ -78,7 +78,7 @@ class FieldCodec:
     """Makes the value of a field that nobody set."""
     fits: Callable[[object], bool]
     write: Callable[[CdrWriter, Any], None]
-    """Writes a value that fits (`fits` has seen it, so its static type is of no use here)."""
+    """Writes a value that fits (`fits` has checked it, so its static type is of no use here)."""
     read: Callable[[CdrReader], Any]
     """Reads a value that fits; raises RemoteProtocolError only."""
     fragile: bool = False
@@ -88,7 +88,7 @@ class FieldCodec:
 
 
 RecordCodec = Callable[[object], FieldCodec | None]
-"""Gives the codec of a message class, None for anything else."""
+"""Returns the codec of a message class, None for anything else."""
 
 
 def codec_for(annotation: object, record: RecordCodec) -> FieldCodec | None:
@@ -286,7 +286,7 @@ def _write_all(writer: CdrWriter, element: FieldCodec, values: list[Any]) -> Non
 
 
 def _read_all(reader: CdrReader, element: FieldCodec, count: int) -> list[Any]:
-    # Checked before the loop, so that four octets cannot make us build a list of four thousand million.
+    # Checked before the loop, so that four octets cannot make us build a list of four billion elements.
     if count * element.smallest > reader.remaining:
         raise RemoteProtocolError(f"a list of {count} {element.word} in {reader.remaining} octets")
     if element.code is not None and element.code != "?":
