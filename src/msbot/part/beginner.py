@@ -48,8 +48,8 @@ _waiting = _Waiting()
 
 
 def part_was_made(part: Part) -> None:
-    """Note a part that a program (not a library, test or prompt) made; from now on its mistakes are shown as
-    sentences."""
+    """Note a part made by a program (not a library, test or prompt); its mistakes are shown as sentences from now
+    on."""
     place = _place_in_main()
     if place is None:
         return

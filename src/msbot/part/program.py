@@ -37,8 +37,7 @@ class Listener:
 
 
 class Program:
-    """The functions of one part; the `add_...` methods raise ConfigError for a function that cannot be called as
-    needed."""
+    """The functions of one part; the `add_...` methods raise ConfigError for a function that cannot be called."""
 
     def __init__(self) -> None:
         self.timed: list[Every] = []

@@ -4,7 +4,7 @@
 who                          may
 ===========================  ============================================================================
 anybody                      open a session; read the profile; ask the inventory and get the answers to it alone
-a registered part            besides: write and read the topics of its slot's bindings, by direction
+a registered part            also: write and read the topics of its slot's bindings, by direction
 the robot's own services     everything; they are the clients of the in-process link, and nobody else is
 ===========================  ============================================================================
 
@@ -29,33 +29,33 @@ INVENTORY_REQUEST_TOPIC = "msbot_inventory_Request"
 INVENTORY_REPLY_TOPIC = "msbot_inventory_Reply"
 
 TRUSTED_LINK = "inproc"
-"""Name of the link that the robot's own services speak on."""
+"""Name of the link that the robot's own services use."""
 
 GOODBYE = "session deleted"
-"""The agent's words for a session that its client ended; other reasons mean that it vanished."""
+"""The agent's words for a session that its client ended; any other reason means that the client vanished."""
 REPLACED = "replaced"
-"""How the agent's words begin for a session that its own client reopens; `joined` follows at once."""
+"""Start of the agent's words for a session that its own client reopens; `joined` follows at once."""
 
 RESERVED_TOPICS = frozenset(
     {PROFILE_TOPIC, INVENTORY_REQUEST_TOPIC, INVENTORY_REPLY_TOPIC, compat.REQUEST_TOPIC, compat.REPLY_TOPIC}
 )
-"""No binding and no free topic opens these any further than step 1 and 2 need."""
+"""No binding and no free topic opens these topics any further than steps 1 and 2 need."""
 
 _MAX_PLUGS = 1024
 FLOOD_TOLD_S = 60.0
-"""This often at most it is told of a part that it sends without measure."""
+"""Shortest time between two reports that the same part floods the robot."""
 
 
 class AskingClient(Protocol):
-    """What access needs to know about a client that asks for something; `msbot.agent.ClientInfo` has it."""
+    """What access needs to know about a client that asks for something; `msbot.agent.ClientInfo` provides it."""
 
     @property
     def key(self) -> int:
-        """What the agent knows the session by."""
+        """The key by which the agent knows the session."""
 
     @property
     def client_key(self) -> int:
-        """The client key that the session shows; another session may show it, too."""
+        """The client key that the session shows; another session may show the same one."""
 
     @property
     def patience_s(self) -> float:
@@ -63,7 +63,7 @@ class AskingClient(Protocol):
 
     @property
     def link(self) -> str:
-        """Name of the link it speaks on."""
+        """Name of the link that it uses."""
 
     @property
     def peer(self) -> Hashable:
@@ -94,7 +94,7 @@ class Access:
 
     Args:
         inventory: knows who is registered.
-        clock: the present time in seconds, the inventory's clock.
+        clock: returns the present time in seconds; the inventory's clock.
         free_topics: topics that everybody may write and read.
         trusted_link: name of the link of the robot's own services.
     """
@@ -118,9 +118,9 @@ class Access:
         self._links: dict[int, str] = {}
         """Client key -> the link its session is open on."""
         self._flood_told_at: dict[int, float] = {}
-        """Client key -> when it was told last that it sends without measure."""
+        """Client key -> when its flooding was last reported."""
         self._plugs: dict[tuple[str, Hashable], float] = {}
-        """Peers that a link has seen come and that have no session yet -> when."""
+        """Peers that a link has seen arrive and that have no session yet -> when."""
 
     def may_join(self, client: AskingClient) -> bool:
         """Whether the client may open a session: not with a key that is in use on another link."""
@@ -130,20 +130,20 @@ class Access:
         return False
 
     def keeps(self, client: AskingClient) -> bool:  # noqa: ARG002 - the gate's signature
-        """Always: whoever knows a part's client key must not be able to throw it out."""
+        """Always true: knowing a part's client key must not be enough to throw it out."""
         return True
 
     def is_settled(self, client: AskingClient) -> bool:
-        """Whether the client is the robot's own or holds a slot: strangers cannot put it out."""
+        """Whether the client is the robot's own or holds a slot: strangers cannot displace it."""
         return self._is_trusted(client) or self._inventory.configuration_of(client.key) is not None
 
     def guard_of(self, client: AskingClient) -> _Guard | None:
-        """What opens and seals the samples of a part that has proved its key where they are sealed; else None."""
+        """Opens and seals the samples of a part that has proved its key, in a robot with sealed samples; else None."""
         seal = self._inventory.seals.of(client.key)
         return None if seal is None else _Guard(seal, partial(self._sample_refused, client.key))
 
     def limits(self, client: AskingClient, packets_per_s: float, share: float) -> bool:
-        """Every part, and the journal says so once a minute; never the robot's own services."""
+        """Limit every part, and journal it at most once a minute; never limit the robot's own services."""
         if self._is_trusted(client):
             return False
         now = self._clock()
@@ -158,7 +158,7 @@ class Access:
         return True
 
     def is_latched(self, topic: str) -> bool:
-        """Whether readers get the topic's last sample although they do not ask for it, as the thesis' parts do not."""
+        """Whether readers get the topic's last sample without asking for it; the thesis' parts do not ask."""
         return topic == PROFILE_TOPIC
 
     def joined(self, client: AskingClient) -> None:
@@ -171,7 +171,7 @@ class Access:
         )  # fmt: skip
 
     def left(self, client: AskingClient, reason: str) -> None:
-        """The session has ended; one that its own client reopens keeps its slot meanwhile."""
+        """The session has ended; if its own client is reopening it, the part keeps its slot."""
         if reason.startswith(REPLACED):
             return
         self._links.pop(client.key, None)
@@ -194,7 +194,7 @@ class Access:
         return self._is_bound(client.key, topic, publishes=False)
 
     def peer_joined(self, link: str, peer: Hashable, now: float) -> None:
-        """A link has seen a peer come: its way to `active` is measured from here."""
+        """A link has seen a peer arrive: the time until it is `active` is measured from here."""
         if len(self._plugs) >= _MAX_PLUGS:
             del self._plugs[next(iter(self._plugs))]
         self._plugs[link, peer] = now

@@ -1,11 +1,11 @@
 """Step 2: from a claim to a verdict (thesis 3.12.1.1, 3.12.2). Pure.
 
-A claim that shows the UID of a part which holds a slot in another session is contested: nobody is answered. If the
-old session gives a sign of life after the contest began, the newcomer is a duplicate; if it gives none for
-`LifeTiming.late_s`, it has died and the newcomer is its restart.
+A claim with the UID of a part that holds a slot in another session is contested: nobody is answered. If the old session
+shows a sign of life after the contest began, the newcomer is a duplicate; if it shows none for `LifeTiming.late_s`, it
+has died and the newcomer is the same part, restarted.
 
-When both sessions show one client key, the agent has probed the old one since the new one was opened: then any packet
-of it is a sign of life, and silence for `PartSession.patience_s` is enough. Nobody has to claim again for that.
+When both sessions show the same client key, the agent has probed the old one since the new one was opened: then any
+packet from it is a sign of life, and silence for `PartSession.patience_s` is enough. The newcomer need not claim again.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from msbot.pnp.state_changes import StateChanges
 from msbot.runtime.sentence import said
 
 PENDING = Verdict()
-"""Not decided: nothing is answered."""
+"""Not decided yet: no answer is sent."""
 
 ADOPTABLE = frozenset({Refusal.UNKNOWN_PART, Refusal.WRONG_ROBOT, Refusal.NO_SLOT})
-"""What a person can overrule by putting the part into a slot."""
+"""Refusals that a person can overrule by putting the part into a slot."""
 
 Adopter = Callable[[Claim, Match], str | None]
-"""Asked about a part that would be turned away for an `ADOPTABLE` reason: the free slot it gets all the same."""
+"""Called for a part that would be turned away for an `ADOPTABLE` reason; returns the free slot it gets instead."""
 
 
 class Admission:
@@ -58,7 +58,7 @@ class Admission:
         self.adopter: Adopter | None = None
         self.superseded_handlers: list[Callable[[int], object]] = []
         self._due: dict[InventoryRecord, tuple[float, Claim]] = {}
-        """Contests that end by themselves: when, and what was claimed."""
+        """Contests that end by themselves: when, and the claim."""
 
     def timer(self) -> float:
         """When `handle_timer` wants to be called next."""
@@ -99,9 +99,10 @@ class Admission:
         return self._decide(record, claim, now)
 
     def refuse(self, session: PartSession, claim: Claim | None, match: Match, now: float) -> Verdict:
-        """Turn a claim away whose proof is missing or wrong; whoever holds a slot is not disturbed by it.
+        """Turn away a claim whose proof is missing or wrong; a part that holds a slot is not affected.
 
-        Anybody can say anything before it is proved: no slot is vacated, no identity taken over, no contest begun.
+        Before a proof anybody can claim anything, so no slot is vacated, no identity is taken over and no contest
+        begins.
         """
         record = session.record or self._changes.appear(session, now)
         if record.holds_slot:
@@ -117,7 +118,7 @@ class Admission:
         return self._turn_away(record, match, now)
 
     def sign_of_life(self, record: InventoryRecord, now: float, *, is_beat: bool) -> None:
-        """A registered part was heard: full life status; a late one is active again."""
+        """A registered part was heard: it gets full life status, and a late one is active again."""
         silence = record.life.silence_s(now)
         record.heard_at = now
         if is_beat:
@@ -130,7 +131,7 @@ class Admission:
             )
 
     def _again(self, record: InventoryRecord, claim: Claim, now: float) -> Verdict:
-        """A registered part claims once more: an answer was lost, it restarted, or it knows no beats (compat)."""
+        """A registered part claims again: an answer was lost, it has restarted, or it knows no beats (compat)."""
         if claim.layout == "compact" and record.claim is not None and claim.nonce != record.claim.nonce:
             self._index.grant(record, str(record.slot))
             record.life.register(now)
@@ -139,7 +140,7 @@ class Admission:
         return _verdict(record)
 
     def _other_part(self, session: PartSession, record: InventoryRecord, now: float) -> InventoryRecord:
-        """The session speaks for another part than before."""
+        """The session now speaks for a different part."""
         if record.state is not None and not record.state.is_over:
             self._changes.retire(record, PartState.LEFT, now, said("its session claims for another part now"))
         self._index.detach(record)
@@ -148,7 +149,7 @@ class Admission:
     def _contest(
         self, session: PartSession, claim: Claim, record: InventoryRecord, rival: InventoryRecord, now: float
     ) -> Verdict | None:
-        """Decide between two sessions with one identity; None: the newcomer has won."""
+        """Decide between two sessions with the same identity; None: the newcomer has won."""
         other = self._index.sessions.get(rival.client_key)
         is_probed = other is not None and other.client_key == session.client_key
         contest = record.contest
@@ -207,7 +208,7 @@ class Admission:
         return self._register(record, configuration, match, now)
 
     def _adopted(self, claim: Claim, match: Match) -> Match:
-        """What a person says about a part that the rules turn away, if anybody is asked."""
+        """Ask a person, if an adopter is set, about a part that the rules turn away."""
         if self.adopter is None or match.refusal not in ADOPTABLE or (slot := self.adopter(claim, match)) is None:
             return match
         found = self._matcher.free_slot(slot)
@@ -223,7 +224,7 @@ class Admission:
         return _verdict(record)
 
     def _turn_away(self, record: InventoryRecord, match: Match, now: float) -> Verdict:
-        """Refuse or keep waiting; an event only when that is news."""
+        """Refuse the part or keep it waiting; emit an event only when that is news."""
         record.refused_claims += 1
         record.slot = None
         record.life.end()
@@ -246,7 +247,7 @@ def _verdict(record: InventoryRecord) -> Verdict:
 
 
 def _presentable(claim: Claim) -> Claim:
-    """The claim as people may see it: nothing in it can overflow a table or steer a terminal."""
+    """The claim in a form that is safe to show: nothing in it can overflow a table or control a terminal."""
     number, name = (_printable(text[: MAX_TEXT + 1]) for text in (claim.part_number, claim.local_name))
     return replace(claim, part_number=number, local_name=name)
 

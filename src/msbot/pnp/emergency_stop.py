@@ -1,9 +1,9 @@
-"""STOP as the robot's people see it: which one holds, who has confirmed it, and who has not. Pure.
+"""STOP as the robot's users see it: which one holds, who has confirmed it, and who has not. Pure.
 
 A STOP has a number, counted by the robot from 1 and never used again; GO ends the STOP of that number. Every part that
-holds a slot when STOP is said, or gets one while it holds, is asked to confirm; it does so with a beat that carries the
-number (`msbot.part.join.plug.StoppedBeat`), and with nothing else. A part that falls silent stays among those that did
-not confirm: what it drives may still move. A part that says goodbye has put its ports to their safe values by itself.
+holds a slot when STOP is said, or gets one while it holds, is asked to confirm; only a beat that carries the number
+does so (`msbot.part.join.plug.StoppedBeat`). A part that falls silent stays among those that have not confirmed: what
+it drives may still move. A part that says goodbye has set its ports to their safe values by itself.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class StopRecord:
-    """What is kept of the latest STOP, so that it holds over restarts, restores and a change of master."""
+    """What is stored about the latest STOP, so that it survives restarts, restores and a change of master."""
 
     number: int = 0
     """Which STOP, counted from 1; 0 = nobody ever said STOP."""
     holds: bool = False
     """Whether nobody has said GO yet."""
     by: str = ""
-    """Who said it; or who said GO."""
+    """Who said STOP; once it is over, who said GO."""
     reason: str = ""
     at_ns: int = 0
     """When STOP was said, nanoseconds since 1970."""
 
     def is_newer_than(self, other: StopRecord) -> bool:
-        """Whether this one tells of something that happened later; GO comes after its own STOP."""
+        """Whether this record describes something later; a GO is later than its own STOP."""
         return (self.number, not self.holds) > (other.number, not other.holds)
 
 
@@ -38,40 +38,40 @@ class StopConfirmation:
     part: str
     """The part's name for people."""
     ms: float
-    """From STOP (for a part that came in later: from when it was told) to its confirmation."""
+    """Time from STOP (for a part that joined later: from when it was told) to its confirmation."""
 
 
 @dataclass(frozen=True, slots=True)
 class StopStatus:
-    """What the code has seen of STOP, for pages and commands; a value, made when it is asked for."""
+    """What the code has seen of STOP, for pages and commands; a snapshot, made on request."""
 
     stopped: bool = False
     """Whether STOP holds."""
     number: int = 0
     """Which STOP, counted from 1; 0 = nobody ever said STOP."""
     by: str = ""
-    """Who said it; when it is over: who said GO."""
+    """Who said STOP; once it is over, who said GO."""
     reason: str = ""
     """Why, in that person's words; may be empty."""
     since_ns: int | None = None
-    """When it was said, nanoseconds since 1970; None: no STOP holds."""
+    """When STOP was said, nanoseconds since 1970; None: no STOP holds."""
     confirmed: tuple[StopConfirmation, ...] = ()
-    """The parts that have confirmed this STOP, in the order in which they did."""
+    """The parts that have confirmed this STOP, in the order of their confirmations."""
     silent: tuple[str, ...] = ()
-    """The names of the parts that have not: they may still move."""
+    """The names of the parts that have not confirmed: they may still move."""
     trouble: str = ""
     """Why STOP would not survive a restart of the master, in words; empty: it is stored."""
     is_stored: bool = True
-    """Whether what is said here is stored; False with no `trouble`: it is being stored."""
+    """Whether this status is stored; False without `trouble`: it is being stored."""
 
     @property
     def told(self) -> int:
-        """How many parts were to obey."""
+        """How many parts were told to stop."""
         return len(self.confirmed) + len(self.silent)
 
     @property
     def latency_ms(self) -> float | None:
-        """Until the last part had confirmed; None: not all have, or there was nobody to tell."""
+        """Time until the last part confirmed; None: not all have, or there was nobody to tell."""
         if self.silent or not self.confirmed:
             return None
         return max(one.ms for one in self.confirmed)
@@ -81,13 +81,13 @@ class EmergencyStop:
     """STOP of one robot.
 
     Args:
-        record: what is known from before; a STOP that holds goes on holding.
+        record: what was stored earlier; a STOP that held then still holds.
     """
 
     def __init__(self, record: StopRecord | None = None) -> None:
         self.record = record or StopRecord()
         self._waiting: dict[bytes, tuple[str, float]] = {}
-        """Part -> its name, and since when it is to confirm."""
+        """Part -> its name, and when it was asked to confirm."""
         self._confirmed: dict[bytes, StopConfirmation] = {}
 
     @property
@@ -97,15 +97,15 @@ class EmergencyStop:
 
     @property
     def number(self) -> int:
-        """Which STOP holds, or was the latest."""
+        """The number of the STOP that holds, or of the latest one."""
         return self.record.number
 
     def say(self, by: str, reason: str, parts: Iterable[tuple[bytes, str]], now: float, at_ns: int) -> None:
-        """STOP; one that holds already goes on under its first number and asks those who have not confirmed again.
+        """Say STOP; one that already holds keeps its number, and parts that have not confirmed are asked again.
 
         Args:
             by: who says it.
-            reason: why, may be empty.
+            reason: why; may be empty.
             parts: identity and name of every part that holds a slot.
             now: the robot's clock, seconds.
             at_ns: the wall clock, nanoseconds since 1970.
@@ -118,7 +118,7 @@ class EmergencyStop:
             self.tell(identity, name, now)
 
     def tell(self, identity: bytes, name: str, now: float) -> None:
-        """A part that holds a slot is told of the STOP that holds."""
+        """A part that holds a slot has been told of the STOP that holds."""
         if self.holds and identity not in self._confirmed:
             self._waiting.setdefault(identity, (name, now))
 
@@ -139,7 +139,7 @@ class EmergencyStop:
         self.tell(identity, name, now)
 
     def leave(self, identity: bytes) -> None:
-        """A part has said goodbye, which it does in its safe state: it need not confirm any more."""
+        """A part has said goodbye, which it does only in its safe state: it need no longer confirm."""
         self._waiting.pop(identity, None)
         self._confirmed.pop(identity, None)
 

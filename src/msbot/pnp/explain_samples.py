@@ -1,7 +1,7 @@
-"""Understands what parts and their agent say to each other: `explain`, with the messages on the topics in words.
+"""Explains what parts and their agent say to each other: `explain`, plus the messages on the topics in words.
 
-Which topic a writer or a reader belongs to, and which service a requester, is said in the CREATEs at the beginning of
-a session; who listens from then on knows what the octets of each sample are. Pure; never raises, whatever is said.
+The CREATEs at the beginning of a session say to which topic a writer or reader belongs, and to which service a
+requester; a listener that hears them knows what the octets of each sample are. Pure; never raises, whatever it hears.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ from msbot.xrce.messages import (
 from msbot.xrce.objects import Definition, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef, parse_variant
 
 KNOWN_TYPES: Final[tuple[type[Message], ...]] = (ProfileMessage, HelloWorld)
-"""Message classes that are understood besides those of the inventory."""
+"""Message classes that are understood in addition to those of the inventory."""
 INDENT: Final = "    "
 LARGEST_FLOAT32: Final = 3.4e38
 RELATED: Final = 4
-"""A reply comes to its requester behind the request id and the object id of the request."""
+"""A reply to a requester follows the request id and the object id of the request."""
 IDENTITY: Final = 24
-"""A request comes to its replier behind the identity of its sample, and the reply goes out behind the same."""
+"""A request to a replier follows the identity of its sample, and so does the reply."""
 MAX_JOINED: Final = 1 << 20
-"""Octets of a message in pieces that are kept."""
+"""Most octets that are kept of a message in pieces."""
 
 _NO_HEADER: Final = bytes((SESSION_NONE, 0, 0, 0))
 """Rejoined FRAGMENTs are submessages without a header."""
@@ -50,12 +50,12 @@ _NO_HEADER: Final = bytes((SESSION_NONE, 0, 0, 0))
 
 @dataclass(frozen=True, slots=True)
 class KnownObject:
-    """What somebody who has not listened from the beginning of a session can be told about one of its objects."""
+    """What a listener that missed the beginning of a session can be told about one of its objects."""
 
     topic: str
     type_name: str = ""
     slot: str = ""
-    """Whose it is; empty: nobody's in particular."""
+    """The slot that it belongs to; empty: no particular one."""
     port: str = ""
 
 
@@ -67,7 +67,7 @@ Units = Callable[[str], Mapping[str, str]]
 
 
 class Overhearer:
-    """One listener for any number of sessions, one for each peer."""
+    """Listens to any number of sessions, one for each peer."""
 
     def __init__(
         self, types: Iterable[type[Message]] = KNOWN_TYPES, *, know: Know | None = None, units: Units | None = None
@@ -75,7 +75,7 @@ class Overhearer:
         """Begin to listen.
 
         Args:
-            types: message classes that are understood, by their type names.
+            types: message classes to understand, by their type names.
             know: says what an object is whose CREATE was not heard.
             units: units of message fields, for sentences.
         """
@@ -85,7 +85,7 @@ class Overhearer:
         self._sessions: dict[Hashable, _Session] = {}
 
     def explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
-        """A packet from that peer (`up`) or to it in words; a message is below the sample that carries it."""
+        """Explain a packet from that peer (`up`) or to it; a message appears below the sample that carries it."""
         return self.hear(packet, peer, up=up)[1]
 
     def hear(self, packet: bytes, peer: Hashable, *, up: bool) -> tuple[list[str], list[str]]:
@@ -110,7 +110,7 @@ class _Session:
         self._pieces: dict[bool, _Pieces] = {True: _Pieces(), False: _Pieces()}
 
     def notes(self, header: Header, submessage: Submessage, *, up: bool) -> list[str]:
-        """What can be said about a submessage besides what is in it."""
+        """What can be said about a submessage beyond its own contents."""
         match submessage:
             case CreateClient():
                 self._objects.clear()
@@ -127,7 +127,7 @@ class _Session:
         try:
             self._objects[create.object_id] = parse_variant(create.variant, little_endian=create.little_endian)
         except RemoteProtocolError:
-            self._objects.pop(create.object_id, None)  # `explain` has said what is wrong with it
+            self._objects.pop(create.object_id, None)  # `explain` has already said what is wrong with it
 
     def _sample(self, sample: WriteData | Data) -> list[str]:
         known = self._know(sample.object_id)
@@ -153,7 +153,7 @@ class _Session:
         try:
             message = cls.decode(payload)
         except RemoteProtocolError:
-            return  # the words of the protocol say why
+            return  # the protocol's words already say why
         values = message_words(message, self._units(cls.type_name))
         port = f"{known.port} " if known.port else ""
         form = "{slot} hears {port}{values}" if hears else "{slot} says {port}{values}"
@@ -178,11 +178,11 @@ class _Pieces:
 
     def __init__(self) -> None:
         self._joined: bytearray | None = bytearray()
-        """None: a piece was missed, wait for the end of this message."""
+        """None: a piece was lost, wait for the end of this message."""
         self._next: int | None = None
 
     def add(self, fragment: Fragment, sequence_nr: int) -> bytes | None:
-        """Take a piece; the whole when it was the last one and none was missing."""
+        """Add a piece; returns the whole message when it was the last one and none was missing."""
         ahead = 0 if self._next is None else (sequence_nr - self._next) & 0xFFFF
         if ahead >= 0x8000:
             return None  # a repetition
@@ -213,7 +213,7 @@ def _defined(sample: WriteData | Data, known: KnownObject) -> Definition:
 
 
 def message_words(message: Message, units: Mapping[str, str]) -> Sentence:
-    """The fields of a message with their units, `x 1 m, y -2.5 m`; of a single one no more than its value, `49.9 %`."""
+    """The fields of a message with their units, `x 1 m, y -2.5 m`; for a single field only its value, `49.9 %`."""
     fields = fields_of(type(message))
     forms: list[str] = []
     values: dict[str, object] = {}
@@ -225,7 +225,7 @@ def message_words(message: Message, units: Mapping[str, str]) -> Sentence:
 
 
 def _shown(value: object) -> tuple[str, object]:
-    """How to write a value, and the value: 49.9, not 49.900001525878906, when it came in 32 bits."""
+    """How to format a value, and the value itself: 49.9, not 49.900001525878906, when it came in 32 bits."""
     if isinstance(value, float):
         if not math.isfinite(value):
             return "", value
@@ -239,7 +239,7 @@ def _shown(value: object) -> tuple[str, object]:
 
 
 def value_words(value: object) -> str:
-    """A value as its type means it."""
+    """A value in words that suit its type."""
     spec, shown = _shown(value)
     return f"{{{spec}}}".format(shown)
 
@@ -265,5 +265,5 @@ def _service_words(service: str, kind: str, body: bytes) -> list[str]:
 
 
 def _by_type_name(said: object) -> str:
-    """A message under its name on the wire, which is not always its class'."""
+    """A message under its name on the wire, which is not always the name of its class."""
     return said.type_name + str(said).removeprefix(type(said).__name__) if isinstance(said, Message) else str(said)

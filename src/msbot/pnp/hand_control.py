@@ -1,6 +1,6 @@
-"""Ports that people drive by hand: while somebody holds one, its wire is cut and it hears the master instead. Pure.
+"""Ports that people drive by hand: while somebody holds one, its wire is cut and it listens to the master. Pure.
 
-A held port is bound to a topic of its own, which only the master publishes. The part gets this as any other change of
+A held port is bound to a topic of its own, which only the master publishes. The part gets this like any other change of
 its configuration; when nobody holds the port any more it is bound to its wire again.
 """
 
@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from msbot.pnp.model import Configuration, SlotBinding
 
 TOPIC_PREFIX = "msbot_hand_"
-"""Topics of held ports begin so; a blueprint cannot use such a name."""
+"""Prefix of the topics of held ports; a blueprint cannot use such a name."""
 GENERATION_BIT = 16
-"""Above this bit of a configuration's version is how often ports of the slot were taken or let go."""
+"""The bits of a configuration's version from this one up count how often ports of the slot were taken or released."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +26,12 @@ class HeldPort:
 
     @property
     def topic(self) -> str:
-        """The topic it hears meanwhile."""
+        """The topic that the port reads while it is held."""
         return f"{TOPIC_PREFIX}{self.slot}_{self.port}"
 
 
 class HandControl:
-    """Which ports are held, and what their slots' configurations are meanwhile."""
+    """Which ports are held, and the configurations of their slots while they are."""
 
     def __init__(self) -> None:
         self._held: dict[str, dict[str, HeldPort]] = {}
@@ -67,5 +67,5 @@ class HandControl:
         return replace(configuration, version=version, bindings=tuple(bindings))
 
     def _turn(self, slot: str) -> None:
-        # Never back to 0: a version that was used before must not come again while the part remembers it.
+        # Never back to 0: a version that was used before must not be reused while the part remembers it.
         self._generation[slot] = self._generation.get(slot, 0) % 0xFFFF + 1

@@ -1,14 +1,14 @@
-"""The health inventory: which part sits in which slot and how it is (thesis 3.10.3, 3.12.1.1, 3.12.1.2). Pure.
+"""The health inventory: which part is in which slot and how it is doing (thesis 3.10.3, 3.12.1.1, 3.12.1.2). Pure.
 
-Theory of operation. The agent's gate tells which sessions there are; a session is `new` until it asks for the
+Theory of operation. The agent's gate reports which sessions exist; a session is `new` until it asks for the
 profile or claims, which makes it `checking`. A claim is matched against the library and the slots (`admission`,
-`matching`); if a slot is found, the part gets a lease and is `active` from the moment the verdict exists. Beats
-carry the lease and keep the life status up; silence first makes the part `late`, then `lost`. A session that is
-opened again voids the lease at once, but the slot stays held until the life status has run out, so that nobody
-slips in while a part reconnects. A slot that falls free is given to a part that stands by within the same call
-(`slot_assignment`), and people move parts in the same way.
+`matching`); if a slot is found, the part gets a lease and is `active` as soon as the verdict exists. Beats carry the
+lease and keep the life status up; silence first makes the part `late`, then `lost`. A session that is opened again
+voids the lease at once, but the slot stays held until the life status has run out, so that nobody slips in while a part
+reconnects. A slot that becomes free is given to a standby part within the same call (`slot_assignment`); people's moves
+work the same way.
 
-Everything is told by values: verdicts to the asker, events to the subscribers and the journal.
+All results are values: verdicts go to the claimant, events to the subscribers and the journal.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Inventory:
         random: source of the leases; `random.SystemRandom()` in a real robot.
         now: the present time; ticks count from here.
         timing: the robot's periods.
-        keep_ended: parts that are gone and still shown.
+        keep_ended: how many parts that are gone are still shown.
 
     Raises:
         RegistryError: the slots cannot be read.
@@ -67,7 +67,7 @@ class Inventory:
         """Who is late, who is lost."""
         self._admission = Admission(store, self._index, self._matcher, self._changes, self.watch)
 
-    # What is told
+    # What is reported
 
     def on_event(self, handler: Callable[[PartEvent], None]) -> None:
         """Call the handler with every change of a part, after it is complete."""
@@ -83,19 +83,19 @@ class Inventory:
         self._changes.partner_handlers.append(handler)
 
     def on_take_over(self, handler: Callable[[TakeOver], None]) -> None:
-        """Call the handler when a part that stood by has got the slot of another one."""
+        """Call the handler when a standby part has taken over the slot of another one."""
         self._take_over_handlers.append(handler)
 
     def on_superseded(self, handler: Callable[[int], object]) -> None:
-        """Call the handler with the key of every session whose part came back through another one of its client key."""
+        """Call the handler with the key of every session whose part has come back through another session."""
         self._admission.superseded_handlers.append(handler)
 
     def set_adopter(self, adopter: Adopter | None) -> None:
-        """Ask that about every part that would be turned away though a person could let it in; None = nobody."""
+        """Set whom to ask about every part that would be turned away but that a person could let in; None = nobody."""
         self._admission.adopter = adopter
 
     def find(self, word: str, now: float) -> list[PartInfo]:
-        """Parts a person may mean by a word: name, slot, part number, UID, address or client key."""
+        """Parts that a person may mean by a word: name, slot, part number, UID, address or client key."""
         return [record.info(now, self._index.slot_of(record)) for record in self._index.find(word)]
 
     def holder(self, slot: str, now: float) -> PartInfo | None:
@@ -104,11 +104,11 @@ class Inventory:
         return None if record is None else record.info(now, slot)
 
     def view(self, now: float) -> list[PartInfo]:
-        """All parts that are there or were there lately, in order of appearance."""
+        """All parts that are present or were recently, in order of appearance."""
         return [record.info(now, self._index.slot_of(record)) for record in self._index.records]
 
     def why(self, part: str, now: float) -> list[str]:
-        """In sentences: the state of the part and which rules led there; by name, slot, number, UID, address or key."""
+        """The state of a part and how it came about, in sentences; by name, slot, number, UID, address or key."""
         lines = [line for record in self._index.find(part) for line in record.sentences(now)]
         if lines:
             return lines
@@ -120,7 +120,7 @@ class Inventory:
         return [said("No part is known as {part!r}. Parts seen: {names}.", part=part, names=names)]
 
     def configuration_of(self, client_key: int) -> Configuration | None:
-        """The configuration of the registered part behind a session, or None: what it may use."""
+        """The configuration of the registered part behind a session, which says what it may use; or None."""
         session = self._index.sessions.get(client_key)
         if session is None or session.record is None or not session.record.is_registered:
             return None
@@ -137,12 +137,12 @@ class Inventory:
         return [(record.identity, record.name) for record in self._index.holders.values() if record.is_registered]
 
     def shown_key(self, key: int) -> int | None:
-        """The client key that the session shows which the agent knows by `key`; None: there is no such session."""
+        """The client key shown by the session that the agent knows as `key`; None: there is no such session."""
         session = self._index.sessions.get(key)
         return None if session is None else session.client_key
 
     def standing_of(self, client_key: int) -> Standing | None:
-        """How the part behind a session stands; None: there is no such session, or no part behind it."""
+        """The status of the part behind a session; None: there is no such session, or no part behind it."""
         session = self._index.sessions.get(client_key)
         record = None if session is None else session.record
         if record is None or record.state is None:
@@ -156,14 +156,14 @@ class Inventory:
         self, key: int, address: str, now: float, *, quiet: bool = False, plugged_in_at: float | None = None,
         client_key: int = 0, patience_s: float = 0.0,
     ) -> None:  # fmt: skip
-        """A session was opened, or opened again: earlier rights are void, both steps start over.
+        """A session was opened, or opened again: earlier rights are void, and both steps start over.
 
         Args:
-            key: what the agent knows the client by.
+            key: the key by which the agent knows the session.
             address: the peer in words.
             now: the present time.
-            quiet: do not show it as a part before it claims (the robot's own services).
-            plugged_in_at: when the link saw the peer come; None = the session is the first sign.
+            quiet: do not show it as a part until it claims (the robot's own services).
+            plugged_in_at: when the link saw the peer arrive; None = the session is the first sign of it.
             client_key: the client key that the session shows, if it is not `key`.
             patience_s: how long a living client may take to answer a probe.
         """
@@ -183,7 +183,7 @@ class Inventory:
         self._publish(now)
 
     def client_left(self, key: int, reason: str, now: float, *, politely: bool) -> None:
-        """A session has ended: goodbye (`politely`), or seen to vanish; `reason` in words."""
+        """A session has ended: its client said goodbye (`politely`) or vanished; `reason` in words."""
         self.seals.drop(key)
         session = self._index.sessions.pop(key, None)
         if session is None or session.record is None:
@@ -205,7 +205,7 @@ class Inventory:
             self._publish(now)
 
     def sample_refused(self, key: int, reason: str, now: float) -> None:
-        """A sample of that session has no good seal: it is counted, and noted once for each part."""
+        """A sample of that session has no valid seal: it is counted, and noted once for each part."""
         self.dropped.count("sample without a good seal")
         session = self._index.sessions.get(key)
         record = None if session is None else session.record
@@ -217,7 +217,7 @@ class Inventory:
                 self._publish(now)
 
     def note(self, key: int, words: str, now: float) -> None:
-        """Something about the part behind a session that changes nothing: its history and the journal say so."""
+        """Note something about the part behind a session in its history and the journal, without changing its state."""
         if (session := self._index.sessions.get(key)) is not None and session.record is not None:
             self._changes.note(session.record, now, words)
             self._publish(now)
@@ -235,11 +235,11 @@ class Inventory:
         return verdict
 
     def refuse(self, claim: Claim | None, client_key: int, match: Match, now: float) -> Verdict:
-        """Turn a claim away that was not proved (key mode); a part that is in stays in, and it is only noted.
+        """Turn away a claim that was not proved (key mode); a registered part stays in, and the claim is only noted.
 
         Args:
-            claim: what was claimed; None: nobody knows, there was only a proof.
-            client_key: whose session it came through.
+            claim: what was claimed; None: unknown, there was only a proof.
+            client_key: the session that it came through.
             match: why.
             now: the present time.
         """
@@ -252,7 +252,7 @@ class Inventory:
         return verdict
 
     def beat(self, lease: int, client_key: int, now: float) -> int:
-        """Take a beat; returns the configuration's version, or 0: the lease is unknown, claim again."""
+        """Count a beat; returns the version of the configuration, or 0: the lease is unknown, claim again."""
         record = self._index.by_lease(lease, client_key)
         if record is None or record.configuration is None:
             self.dropped.count("beat with an unknown lease")
@@ -270,7 +270,7 @@ class Inventory:
         return record is not None
 
     def configuration_request(self, lease: int, client_key: int) -> Configuration | None:
-        """The configuration of the part with that lease, or None: the lease is unknown, nothing is answered."""
+        """The configuration of the part with that lease, or None: the lease is unknown, so no answer is sent."""
         record = self._index.by_lease(lease, client_key)
         if record is None:
             self.dropped.count("request for a configuration with an unknown lease")
@@ -280,7 +280,7 @@ class Inventory:
     # What people change
 
     def configuration_changed(self, slot: str) -> None:
-        """Read a slot's configuration again; its part is told at once.
+        """Reload a slot's configuration; its part is told at once.
 
         Raises:
             RegistryError: it cannot be read.
@@ -291,15 +291,15 @@ class Inventory:
             self._changes.publish()
 
     def rearrange(self, moves: Mapping[int, str | None], now: float, reason: str) -> None:
-        """Put parts into slots, all at once, as a person decided; whoever held such a slot stands by.
+        """Put parts into slots, all at once, as a person decided; parts that held these slots stand by.
 
         Args:
-            moves: client key of the part -> its slot from now on; None: out of the one it holds.
+            moves: client key of the part -> its slot from now on; None: take it out of its slot.
             now: the present time.
             reason: what a person did, in words.
 
         Raises:
-            LocalProtocolError: no such part or slot, the part cannot be moved now, or one UID would hold two slots.
+            LocalProtocolError: no such part or slot, it cannot be moved now, or the same UID would hold two slots.
             RegistryError: a configuration cannot be read; nothing has changed.
         """
         records: dict[InventoryRecord, str | None] = {}
@@ -321,7 +321,7 @@ class Inventory:
         self._publish(now)
 
     def blocks_changed(self, now: float) -> None:
-        """Delist every part that is blocked by now.
+        """Delist every part that is now blocked.
 
         Raises:
             RegistryError: the blocks cannot be read.
@@ -336,7 +336,7 @@ class Inventory:
 
     @property
     def slots(self) -> Matcher:
-        """The robot's slots: their names, which fit a part number, which are free."""
+        """The robot's slots: their names, which ones fit a part number, and which are free."""
         return self._matcher
 
     def blocked(self, uid: bytes, number: str) -> str | None:
@@ -348,7 +348,7 @@ class Inventory:
         return self._store.blocked(uid, number)
 
     def reload(self, now: float) -> None:
-        """Read the slots again; a part whose slot is gone is delisted.
+        """Reload the slots; a part whose slot is gone is delisted.
 
         Raises:
             RegistryError: they cannot be read.
@@ -368,7 +368,7 @@ class Inventory:
         return min(self.watch.timer(), self._admission.timer())
 
     def handle_timer(self, now: float) -> None:
-        """Do what is due: decide what was contested, show late parts, count life down."""
+        """Do what is due: decide contests, mark late parts, count down life status."""
         self._admission.handle_timer(now)
         self.watch.handle_timer(now)
         self._publish(now)
@@ -394,7 +394,7 @@ class Inventory:
         self._changes.publish()
 
     def _note_return(self, client_key: int, now: float) -> None:
-        """A delisted part is back on its open session: its way to `active` begins here."""
+        """A delisted part is back on its open session: the time until it is `active` counts from here."""
         session = self._index.sessions.get(client_key)
         if session is not None and session.record is not None and session.record.plugged_in_at is None:
             session.record.plugged_in_at = now

@@ -18,9 +18,9 @@ class PartSession:
         self, key: int, address: str, plugged_in_at: float, *, client_key: int = 0, patience_s: float = 0.0
     ) -> None:
         self.key = key
-        """What the agent knows it by."""
+        """The key by which the agent knows the session."""
         self.client_key = client_key or key
-        """The client key that it shows, which another session may show, too."""
+        """The client key that it shows; another session may show the same one."""
         self.opened_at = plugged_in_at
         """When its client logged in."""
         self.patience_s = patience_s
@@ -32,12 +32,12 @@ class PartSession:
 
 
 class InventoryIndex:
-    """Who is there; keeps its indexes true, decides nothing.
+    """Who is there; keeps its indexes consistent and decides nothing.
 
     Args:
         random: source of the leases; must be unguessable in a real robot.
         timing: the robot's periods.
-        keep_ended: parts that are gone and still shown; the oldest is forgotten first.
+        keep_ended: how many parts that are gone are still shown; the oldest is forgotten first.
     """
 
     def __init__(self, random: Random, timing: LifeTiming, *, keep_ended: int) -> None:
@@ -51,8 +51,8 @@ class InventoryIndex:
         self.holders: dict[str, InventoryRecord] = {}
         """By slot name: who holds it."""
         self.barred: dict[InventoryRecord, str] = {}
-        """Parts that a person took out of a slot -> that slot, which they do not get by themselves before somebody
-        else has held it."""
+        """Parts that a person took out of a slot -> that slot, which they do not get back by themselves until another
+        part has held it."""
         self._by_lease: dict[int, InventoryRecord] = {}
         self._by_identity: dict[bytes, InventoryRecord] = {}
         self._ended: dict[InventoryRecord, None] = {}
@@ -65,7 +65,7 @@ class InventoryIndex:
         return record
 
     def identify(self, record: InventoryRecord, identity: bytes) -> None:
-        """Note who a part says it is; the record that had this identity and has ended is continued by it."""
+        """Note who a part says it is; it continues an ended record of the same identity."""
         old = self._by_identity.get(identity)
         if record.identity and record.identity != identity and self._by_identity.get(record.identity) is record:
             del self._by_identity[record.identity]
@@ -78,15 +78,15 @@ class InventoryIndex:
         self._by_identity[identity] = record
 
     def is_newest(self, record: InventoryRecord) -> bool:
-        """Whether no other session has shown the record's identity after it."""
+        """Whether no later session has shown the record's identity."""
         return self._by_identity.get(record.identity) is record
 
     def has_identity(self, identity: bytes) -> bool:
-        """Whether some part, there or gone, has shown this identity."""
+        """Whether any part, present or gone, has shown this identity."""
         return identity in self._by_identity
 
     def rival(self, record: InventoryRecord, identity: bytes) -> InventoryRecord | None:
-        """Another record of the same identity that holds a slot, or None."""
+        """Another record with the same identity that holds a slot, or None."""
         other = self._by_identity.get(identity)
         return other if other is not None and other is not record and other.holds_slot else None
 
@@ -106,7 +106,7 @@ class InventoryIndex:
         record.lease = 0
 
     def vacate(self, record: InventoryRecord) -> str | None:
-        """End a part's lease and hold on its slot; returns the slot that is free now."""
+        """End a part's lease and its hold on its slot; returns the slot that is now free."""
         self.void_lease(record)
         record.configuration = None
         if not record.holds_slot or record.slot is None:
@@ -116,19 +116,19 @@ class InventoryIndex:
         return record.slot
 
     def by_lease(self, lease: int, client_key: int) -> InventoryRecord | None:
-        """The part with that lease, if it speaks through that session."""
+        """The part with that lease, if it uses that session."""
         record = self._by_lease.get(lease)
         return record if record is not None and record.client_key == client_key else None
 
     def slot_of(self, record: InventoryRecord) -> str | None:
-        """The slot a part holds; for one that is gone, the slot it held as long as nobody else does."""
+        """The slot that a part holds; for one that is gone, the slot that it held, unless another part holds it now."""
         if record.holds_slot:
             return record.slot
         is_over = record.state is not None and record.state.is_over
         return record.slot if is_over and record.slot not in self.holders else None
 
     def detach(self, record: InventoryRecord) -> None:
-        """Part a record from its session; a part that never said who it is is forgotten, others stay shown."""
+        """Separate a record from its session; a part that never said who it is is forgotten, others are still shown."""
         session = self.sessions.get(record.client_key)
         if session is not None and session.record is record:
             session.record = None

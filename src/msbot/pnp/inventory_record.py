@@ -27,13 +27,13 @@ class Contest:
 
 
 class InventoryRecord:
-    """One part: who it is, how it stands, and how it came to that.
+    """One part: who it is, its state, and how it got there.
 
     Args:
         client_key: its session.
         address: the peer in words.
         timing: the robot's periods.
-        plugged_in_at: when its session was opened, or the link saw it come.
+        plugged_in_at: when its session was opened, or the link saw it arrive.
     """
 
     __slots__ = (
@@ -66,28 +66,28 @@ class InventoryRecord:
         self.address = address
         self.life = Life(timing)
         self.plugged_in_at: float | None = plugged_in_at
-        """None: neither a session nor a claim has begun a passage through the two steps."""
+        """When its way through the two steps began, with a session or a claim; None: it has not begun."""
         self.plug_in_to_active_s: float | None = None
         self.state: PartState | None = None
         self.since = plugged_in_at
         self.reason = ""
         self.claim: Claim | None = None
         self.identity = b""
-        """The UID, or a name made from the session for a part without one; empty before the first claim."""
+        """The UID, or for a part without one a name made from the session; empty before the first claim."""
         self.slot: str | None = None
-        """The slot it holds, or held last."""
+        """The slot that it holds, or held last."""
         self.holds_slot = False
         self.lease = 0
         self.configuration: Configuration | None = None
         self.refusal: Refusal | None = None
         self.nature = Nature.UNKNOWN
-        """What is behind its ports, as it says."""
+        """What is behind its ports, as the part itself says."""
         self.refused_claims = 0
         self.refused_samples = 0
-        """Samples that showed its session and had no good seal."""
+        """Samples that showed its session but had no valid seal."""
         self.contest: Contest | None = None
         self.heard_at = plugged_in_at
-        """When it claimed or beat last."""
+        """When it last claimed or sent a beat."""
         self.duplicates: deque[str] = deque(maxlen=_MAX_DUPLICATES)
         self.history: deque[PartEvent] = deque(maxlen=HISTORY)
 
@@ -100,7 +100,7 @@ class InventoryRecord:
     def name(self) -> str:
         """What people call it: local name, else slot, else part number, else address."""
         claim = self.claim
-        where = said("{address}", address=self.address)  # a name of its own, so that it can be kept from students
+        where = said("{address}", address=self.address)  # a name of its own, to be hidden from students
         if claim is None:
             return where
         return claim.local_name or self.slot or claim.part_number or where
@@ -118,7 +118,7 @@ class InventoryRecord:
         return event
 
     def note(self, now: float, reason: str, evidence: Evidence = ()) -> PartEvent:
-        """Something that happened to the part and changes nothing about it; it must have a state."""
+        """Note something that happened to the part without changing its state; it must have a state."""
         assert self.state is not None
         event = self._event(self.state, now, reason, evidence)
         self.history.append(event)
@@ -143,7 +143,7 @@ class InventoryRecord:
         )
 
     def succeed(self, old: InventoryRecord) -> None:
-        """Go on with the history of the same part's earlier session."""
+        """Continue the history of the same part's earlier session."""
         self.history = deque((*old.history, *self.history), maxlen=HISTORY)
         self.refused_claims += old.refused_claims
         self.refused_samples += old.refused_samples
@@ -151,7 +151,7 @@ class InventoryRecord:
             self.slot = old.slot
 
     def take_nature(self, number: int) -> None:
-        """It says what is behind its ports (`Nature`)."""
+        """The part says what is behind its ports (`Nature`)."""
         self.nature = Nature.of(number)
 
     def note_duplicate(self, address: str) -> None:
@@ -184,7 +184,7 @@ class InventoryRecord:
         )
 
     def sentences(self, now: float) -> list[str]:
-        """How the part stands and the chain of changes that led there, oldest first."""
+        """The part's state and the chain of changes that led to it, oldest first."""
         lines: list[str] = [said("{words}: {reason}", words=self._headline(now), reason=self.reason)]
         if self.duplicates:
             addresses = ", ".join(self.duplicates)

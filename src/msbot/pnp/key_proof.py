@@ -1,9 +1,9 @@
-"""Key mode: every claim is asked to prove the key of its UID before anything else is decided. Pure.
+"""Key mode: every claim must prove the key of its UID before anything else is decided. Pure.
 
-Theory of operation. A claim is answered with a nonce that is drawn for this question and never used again. It is bound
-to who asks (the GUID of the writer of its requests, which no later session has) and to what it claims; a claim that is
-repeated because an answer is slow gets the same question again. The proof ends the question, whatever it says. What
-was proved once is remembered, so that an old proof that is shown again can be called by its name.
+Theory of operation. A claim is answered with a question: a nonce drawn for it and never used again. It is bound to the
+claimant (the GUID of the writer of its requests, which no later session has) and to its claim; a claim that is repeated
+because an answer is slow gets the same question again. Any proof ends the question, good or bad. Good proofs are
+remembered, so that a replayed one is recognised as such.
 
 ========================================  ===============================================
 what comes                                what is decided
@@ -33,13 +33,13 @@ from msbot.pnp.slot_matching import NO_UID, Match
 from msbot.runtime.sentence import said
 
 GOOD_FOR_S = 10.0
-"""A question that old is not taken an answer to."""
+"""A question older than this can no longer be answered."""
 UNANSWERED_S = 5.0
-"""A part that repeats its claim so long after the question does not know how to answer it."""
+"""A part that still repeats its claim this long after the question does not know how to answer it."""
 MOST_QUESTIONS = 4096
-"""Open questions; the oldest gives way."""
+"""Most open questions; the oldest is dropped first."""
 MOST_PROOFS = 4096
-"""Proofs that are remembered, to tell a repeated one from a wrong one."""
+"""Most proofs that are remembered, to tell a repeated one from a wrong one."""
 
 
 _V = TypeVar("_V")
@@ -60,30 +60,30 @@ class Asked:
     nonce: bytes | None
     """The question; None: nothing is asked, the claim is refused."""
     refused: Match | None = None
-    """Why the claim is refused, or what is to be said about earlier ones."""
+    """Why the claim is refused, or what to report about earlier ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """What a proof was worth."""
+    """The result of checking a proof."""
 
     claim: Claim | None
-    """What is claimed; None: nobody knows, there was no question."""
+    """What is claimed; None: unknown, there was no question."""
     refused: Match | None = None
-    """Why the proof is not taken; None: it is good."""
+    """Why the proof is not accepted; None: it is good."""
     secret: bytes = b""
-    """For the seals of samples, after a good proof where they are sealed."""
+    """The secret for the seals of samples, after a good proof in a robot with sealed samples."""
     is_repeated: bool = False
-    """The same asker has shown this very proof before, and it was good: the answer may have been lost."""
+    """The same asker has shown this proof before, and it was good: the answer may have been lost."""
 
 
 class Keys:
-    """Asks and checks for one robot.
+    """Asks the questions and checks the proofs of one robot.
 
     Args:
         store: knows the keys.
         random: source of the nonces; must be unguessable in a real robot.
-        sealed: samples are sealed, and only a part that can seal its own proves anything.
+        sealed: samples are sealed, so only proofs of parts that can seal are accepted.
     """
 
     def __init__(self, store: PartStore, random: Random, *, sealed: bool = False) -> None:
@@ -115,10 +115,10 @@ class Keys:
         return Asked(question.nonce, self._unanswered(question, claim, now))
 
     def answer(self, proof: bytes, asker: bytes, session_key: int, now: float) -> Answered:
-        """Check a proof; the question is over, whatever it is worth.
+        """Check a proof; the question is over, whether the proof is good or not.
 
         Args:
-            proof: 16 octets, 24 where samples are sealed.
+            proof: 16 octets, or 24 where samples are sealed.
             asker: who shows it, as in `ask`.
             session_key: the client key of its session.
             now: the present time.
@@ -161,7 +161,7 @@ class Keys:
         return nonce
 
     def _unanswered(self, question: _Question | None, claim: Claim, now: float) -> Match | None:
-        """What is to be said of a part that goes on claiming and does not answer; once for each question."""
+        """What to report about a part that keeps claiming and does not answer; once for each question."""
         if question is None or question.claim != claim or question.complained:
             return None
         waited = now - question.asked_at

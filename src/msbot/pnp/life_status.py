@@ -1,8 +1,9 @@
 """The states of a part, the legal changes between them, and its life status (thesis 3.10.3, 3.12.1.2).
 
-Theory of operation. A registered part beats every `LifeTiming.beat_s`. Registration and every beat set its life status
-to `LifeTiming.life`; a timer takes one off every `LifeTiming.tick_s`; at zero the part is delisted. The last beat falls
-anywhere between two ticks, so a silent part is delisted `(life - 1) x tick` to `life x tick` seconds after its last
+Theory of operation. A registered part sends a beat every `LifeTiming.beat_s`. Registration and every beat set its life
+status to `LifeTiming.life`; a timer takes one off every `LifeTiming.tick_s`; at zero the part is delisted. The last
+beat may fall anywhere between two ticks, so a silent part is delisted `(life - 1) x tick` to `life x tick` seconds
+after its last
 beat: 4 to 6 s with the thesis' numbers. Long before that, after `LifeTiming.late_s`, it is shown as late; it keeps its
 rights until it is delisted.
 
@@ -56,7 +57,7 @@ def check_transition(before: PartState | None, after: PartState) -> None:
     """Make sure that a change is in the table.
 
     Raises:
-        LocalProtocolError: it is not; a fault of the inventory, never of a part.
+        LocalProtocolError: it is not in the table; a fault of the inventory, never of a part.
     """
     if (before, after) not in TRANSITIONS:
         was = "nothing" if before is None else before.value
@@ -67,7 +68,7 @@ class Life:
     """The life status of one part and its beats; pure counting, no clock.
 
     Args:
-        timing: periods and the status a beat restores.
+        timing: the periods, and the status that a beat restores.
     """
 
     __slots__ = ("beats", "last_beat_at", "status", "timing")
@@ -79,7 +80,7 @@ class Life:
         self.beats = 0
         """Beats since the last registration."""
         self.last_beat_at: float | None = None
-        """When it registered or beat last."""
+        """When it last registered or sent a beat."""
 
     def register(self, now: float) -> None:
         """Start counting: full life status, no beats yet."""

@@ -1,8 +1,8 @@
-"""Who is late and who is lost: looks at every part in time, and counts its life status down. Pure.
+"""Who is late and who is lost: checks every part when it is due, and counts down its life status. Pure.
 
-A part of MsBOT lives by its beats. Of the thesis' own programs any packet counts: while samples reach one every
-second, its client library never returns to the program's own lines, and no request comes. One that is silent for a
-beat is asked for a packet, because a program that only listens on a best-effort stream has nothing to say by itself.
+A part of MsBOT lives by its beats. For the thesis' own programs any packet counts: while samples reach such a program
+every second, its client library never returns to the program's own lines, and no request comes. One that is silent for
+a beat is asked for a packet, because a program that only listens on a best-effort stream sends nothing by itself.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from msbot.pnp.state_changes import StateChanges
 from msbot.runtime.sentence import said
 
 STANDBY_SILENCE_S = 6.0
-"""A part that stands by and has not claimed for that long, or for the longest detection time, is gone."""
+"""A standby part that has not claimed for this long, or for the longest detection time, is gone."""
 
 
 class LifeWatch:
@@ -40,7 +40,7 @@ class LifeWatch:
         self._watch_at = now + timing.beat_s / 2
 
     def use_agent(self, *, last_heard: Callable[[int], float | None], probe: Callable[[int], object]) -> None:
-        """Have the agent's word besides the beats.
+        """Use what the agent has heard in addition to the beats.
 
         Args:
             last_heard: when the latest packet of the client with that key came, whatever was in it.
@@ -49,7 +49,7 @@ class LifeWatch:
         self._last_heard, self._probe = last_heard, probe
 
     def last_heard(self, client_key: int) -> float | None:
-        """When the latest packet of that client came, whatever was in it; None: nobody knows."""
+        """When the latest packet of that client came, whatever was in it; None: unknown."""
         return self._last_heard(client_key)
 
     def timer(self) -> float:
@@ -57,10 +57,10 @@ class LifeWatch:
         return min(self._tick_at, self._watch_at)
 
     def handle_timer(self, now: float) -> None:
-        """Do what is due: show late parts, count life down.
+        """Do what is due: mark late parts, count down life status.
 
-        When this process was held up, only one tick is made up for: the beats of that time wait in some queue, and
-        nobody may be delisted for our own delay.
+        When this process was held up, only one tick is made up for: the beats of that time are waiting in some queue,
+        and no part may be delisted for our own delay.
         """
         if now >= self._watch_at:
             self._watch_at = now + self.timing.beat_s / 2

@@ -1,8 +1,8 @@
-"""How busy a CAN bus will be with a robot at work: from its blueprint, without running it. Pure.
+"""How busy a robot at work will keep a CAN bus: from its blueprint, without running it. Pure.
 
-Every message that a robot sends again and again is written as it will be, many times with different numbers in it, cut
-into frames and counted bit by bit. What happens only sometimes is left out: joining, set-up, losses, events. So is the
-profile: a part on a bus reads it once, and the BEACON tells when it has changed.
+Every message that a robot sends periodically is encoded as it will be, many times with different numbers in it, cut
+into frames and counted bit by bit. What happens only occasionally is left out: joining, set-up, losses, events. So is
+the profile: a part on a bus reads it once, and the BEACON shows when it has changed.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from msbot.xrce.messages import (
 )
 
 WRITTEN: Final = 32
-"""Each message is written this often; its cost is the mean."""
+"""How often each message is encoded; its cost is the mean."""
 NUMBERS: Final = 1024
-"""Its sequence numbers are taken from this many: the first quarter of an hour at one message a second."""
+"""How many sequence numbers the messages are spread over: the first quarter of an hour at one message a second."""
 UNKNOWN_BYTES: Final = 8
 """Assumed size of a sample whose type is not known."""
 
@@ -56,19 +56,19 @@ class Flow:
     """Messages of one kind between one part and the master."""
 
     group: str
-    """What it belongs to: `BEACON`, `beats`, or a topic."""
+    """The group that it belongs to: `BEACON`, `beats`, or a topic."""
     what: str
     """The kind in words."""
     slot: str
     """The part's slot; empty: for all of them."""
     rate_hz: float
     cost: Cost
-    """Of one message."""
+    """The cost of one message."""
 
 
 @dataclass(frozen=True, slots=True)
 class Forecast:
-    """All flows of a robot, and what had to be assumed for them."""
+    """All flows of a robot, and the assumptions made for them."""
 
     flows: tuple[Flow, ...]
     assumed: Mapping[str, int]
@@ -77,7 +77,7 @@ class Forecast:
     """Topics whose publishing port has no rate: they are not in the forecast."""
 
     def load(self, bitrate: float, data_bitrate: float | None = None) -> float:
-        """Part of the time that the bus is busy, 1 = always; more than that does not fit it."""
+        """Share of the time that the bus is busy, 1 = always; a larger load does not fit the bus."""
         return sum(flow.rate_hz * flow.cost.seconds(bitrate, data_bitrate) for flow in self.flows)
 
 
@@ -88,9 +88,9 @@ def forecast(
 
     Args:
         blueprint: the robot.
-        library: its part types; their publishing ports say how often they send.
+        library: its part types; the rates of their publishing ports say how often they send.
         framing: the bus.
-        sizes: bytes of a sample by type name; else those of the library, which knows all but texts.
+        sizes: bytes of a sample by type name; by default those of the library, which knows all types but texts.
     """
     robot = blueprint.robot
     profile = Profile(robot.name, robot.version, robot.serial_number, robot.released, robot.manufacturer)
@@ -108,7 +108,7 @@ def forecast(
         part_type = _part_type(blueprint, library, binding)
         port = None if part_type is None else part_type.port(binding.source.port)
         rate_hz = 0.0 if port is None else port.rate_hz
-        # Also a port that is left out has its object ids.
+        # Even a port that is left out has its object ids.
         bound = _bound(binding, scribes, rate_hz, samples.of(binding, part_type))
         if rate_hz:
             flows += bound
@@ -118,7 +118,7 @@ def forecast(
 
 
 class _Scribe:
-    """Writes what one part and the master say to each other, as they would."""
+    """Encodes what one part and the master say to each other, as they would."""
 
     def __init__(self, slot: str, node: int, framing: Framing, *, sealed: bool) -> None:
         self._slot = slot

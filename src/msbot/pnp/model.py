@@ -1,8 +1,8 @@
 """The values of plug-and-play: what a part, a slot, a claim and a change are, and what the inventory asks its store.
 
 A *part* is a thing that is plugged in. A *slot* is a role in the robot; settings, wiring and history belong to it.
-The *inventory* knows which part sits in which slot. Where types, slots and the journal are kept is the business of
-a `PartStore`: the registry in a master, `MemoryStore` in tests and robots without a database.
+The *inventory* knows which part sits in which slot. A `PartStore` keeps types, slots and the journal: the registry in a
+master, `MemoryStore` in tests and robots without a database.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class LifeTiming:
     """
 
     beat_s: float = 1.0
-    """Period in which a part beats, 0.02 to 65 s."""
+    """Period of a part's beats, 0.02 to 65 s."""
     tick_s: float = 2.0
     """Period in which every life status is decremented."""
     life: int = 3
@@ -69,12 +69,12 @@ class LifeTiming:
 
     @property
     def shortest_detection_s(self) -> float:
-        """Least time in seconds from the last beat of a silent part to its delisting."""
+        """Shortest time in seconds from the last beat of a silent part to its delisting."""
         return (self.life - 1) * self.tick_s
 
     @property
     def longest_detection_s(self) -> float:
-        """Most time in seconds from the last beat of a silent part to its delisting."""
+        """Longest time in seconds from the last beat of a silent part to its delisting."""
         return self.life * self.tick_s
 
     @property
@@ -91,7 +91,7 @@ FAST_TIMING = LifeTiming(beat_s=0.25, tick_s=0.5, life=3)
 
 @dataclass(frozen=True, slots=True)
 class SlotBinding:
-    """One port of a slot and the topic it is tied to."""
+    """One port of a slot and the topic that it is bound to."""
 
     port: str
     topic: str
@@ -103,10 +103,10 @@ class SlotBinding:
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """What a part in a slot gets to know: its slot, its bindings and its settings."""
+    """What a part in a slot is told: its slot, its bindings and its settings."""
 
     version: int
-    """At least 1; another number after every change."""
+    """At least 1; a new number after every change."""
     slot: str
     bindings: tuple[SlotBinding, ...] = ()
     settings: tuple[tuple[str, str], ...] = ()
@@ -120,15 +120,15 @@ class Claim:
     part_number: str
     local_name: str = ""
     uid: bytes = b""
-    """8 octets; empty or all zero when the part has none (the thesis' own programs)."""
+    """8 octets; empty or all zeros when the part has none (the thesis' own programs)."""
     nonce: int = 0
-    """Drawn by the part once per start; the same nonce from the same session is the same claim repeated."""
+    """Drawn by the part once per start; the same nonce in the same session is a repeated claim."""
     layout: str = "compact"
     """`compact` (leases and beats) or `compat` (every request of 96 octets registers or beats)."""
 
 
 def identity_of(uid: bytes, client_key: int) -> bytes:
-    """Who a part is: its UID; of a part without one, only its session is known."""
+    """Who a part is: its UID; for a part without one, a name made from its session."""
     return uid or b"session" + client_key.to_bytes(4, "big")
 
 
@@ -137,19 +137,19 @@ class Verdict:
     """The inventory's answer to a claim."""
 
     lease: int = 0
-    """Not 0: registered, and this number goes into every beat."""
+    """Not 0: the part is registered, and every beat carries this number."""
     configuration_version: int = 0
     refusal: Refusal | None = None
-    """Why there is no lease; None with lease 0: not decided yet, nothing is answered."""
+    """Why there is no lease; None with lease 0: not decided yet, no answer is sent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How the part behind a session stands now, in a few words for itself."""
+    """The present status of the part behind a session, in a few words for the part itself."""
 
     state: PartState
     lease: int
-    """0 = it holds none."""
+    """0 = it has none."""
     configuration_version: int
 
 
@@ -162,7 +162,7 @@ class PartInfo:
     local_name: str
     uid: bytes
     slot: str | None
-    """The slot it holds; when it is gone, the one it held as long as no other part holds it."""
+    """The slot that it holds; if the part is gone, the slot that it held, unless another part holds it now."""
     state: PartState
     reason: str
     """Why it is in that state, in words."""
@@ -173,20 +173,20 @@ class PartInfo:
     """Seconds since the last beat or registration; None before the first."""
     beats: int
     plug_in_to_active_ms: float | None
-    """From the session's opening (or the link's notice of the plug) to `active`; None until then."""
+    """Time from the opening of the session (or from when the link noticed the plug) to `active`; None until then."""
     client_key: int
     address: str
     refused_claims: int
     duplicates: tuple[str, ...]
-    """Addresses of refused devices that show the same UID."""
+    """Addresses of refused devices with the same UID."""
     refusal: Refusal | None = None
-    """Why it has no lease, for one that is refused or stands by."""
+    """Why it has no lease, if it is refused or stands by."""
     nature: Nature = Nature.UNKNOWN
     """What is behind its ports, as the part itself says."""
 
 
 class PartStore(Protocol):
-    """What the inventory needs from whoever keeps types, slots and the journal.
+    """What the inventory needs from the store of types, slots and the journal.
 
     Every method returns at once: reads are indexed, writes are handed to a writer. Reads may raise `RegistryError`;
     the claim in question is then refused as `NOT_READY`.
@@ -199,34 +199,34 @@ class PartStore(Protocol):
         """All slots of the robot; asked at the start and after `Inventory.reload`."""
 
     def remembered_slot(self, uid: bytes) -> str | None:
-        """The name of the slot this UID was in last, or None."""
+        """The name of the slot that this UID was last in, or None."""
 
     def placed_slot(self, uid: bytes) -> str | None:
-        """The name of the slot a person put this UID into, or None; it holds whatever the library says."""
+        """The name of the slot that a person put this UID into, or None; it overrules the library."""
 
     def remember(self, uid: bytes, slot: str, claim: Claim) -> None:
-        """Note that this UID now sits in that slot; an empty UID is not remembered."""
+        """Note that this UID is now in that slot; an empty UID is not remembered."""
 
     def configuration(self, slot: str) -> Configuration:
-        """The present configuration of a slot; asked at registration and after a change, never for a beat."""
+        """The present configuration of a slot; called at registration and after a change, never for a beat."""
 
     def blocked(self, uid: bytes, number: str) -> str | None:
         """Why this part (or this part number) is blocked, in words, or None."""
 
     def key_of(self, uid: bytes) -> bytes | None:
-        """The key of the part with that UID, or None; asked in key mode only."""
+        """The key of the part with that UID, or None; called in key mode only."""
 
     def journal(self, event: PartEvent) -> None:
         """Keep an event; never blocks and never raises."""
 
     def kept_stop(self) -> StopRecord | None:
-        """What was kept of the latest STOP; None: nothing. Asked once, when a master begins."""
+        """What was stored about the latest STOP; None: nothing. Called once, when a master starts."""
 
     def keep_stop(self, record: StopRecord) -> None:
-        """Keep what is to be known of STOP after a restart; never blocks and never raises."""
+        """Store what must be known about STOP after a restart; never blocks and never raises."""
 
     def is_kept(self, timeout_s: float) -> bool:
-        """Wait until everything told so far is stored; False: it could not be. Called in a thread of its own."""
+        """Wait until everything handed over so far is stored; False: it could not be. Called in a thread of its own."""
 
 
 class MemoryStore:
@@ -244,7 +244,7 @@ class MemoryStore:
         self.configurations = {configuration.slot: configuration for configuration in configurations}
         self.remembered: dict[bytes, str] = {}
         self.placed: dict[bytes, str] = {}
-        """UID -> the slot a person put it into."""
+        """UID -> the slot that a person put it into."""
         self.blocks: dict[bytes | str, str] = {}
         """UID or part number -> why it is blocked."""
         self.keys: dict[bytes, bytes] = {}

@@ -8,11 +8,11 @@ from enum import Enum
 from msbot.runtime.sentence import said
 
 Evidence = tuple[tuple[str, str], ...]
-"""Why something was decided: pairs of (rule or message, outcome), in the order they were tried."""
+"""Why something was decided: pairs of (rule or message, outcome), in the order in which they were tried."""
 
 
 class PartState(Enum):
-    """How a part stands with the inventory; the legal changes are `msbot.pnp.life_status.TRANSITIONS`."""
+    """The state of a part in the inventory; the legal changes are `msbot.pnp.life_status.TRANSITIONS`."""
 
     NEW = "new"
     CHECKING = "checking"
@@ -43,7 +43,7 @@ class PartEvent:
     part: str
     """The part's name for people: local name, else slot, else part number, else address."""
     slot: str | None
-    """The slot it holds, or has lost by this change."""
+    """The slot that it holds, or has lost by this change."""
     from_state: PartState | None
     """None: the part was not there before."""
     to_state: PartState
@@ -53,11 +53,11 @@ class PartEvent:
     local_name: str = ""
     uid: bytes = b""
     client_key: int = 0
-    """The session it happened to."""
+    """The session to which it happened."""
     address: str = ""
     """The peer in words."""
     identity: bytes = b""
-    """Who it is: `identity_of` its claim; empty before it has claimed."""
+    """Who the part is: `identity_of` its claim; empty before it has claimed."""
 
     def sentences(self) -> list[str]:
         """The event in plain words: one sentence, then one indented line for each piece of evidence."""

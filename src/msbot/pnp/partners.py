@@ -1,7 +1,7 @@
-"""Who hears whom: tells a part when nobody publishes any more what it reads, and when somebody does again. Pure.
+"""Who hears whom: which parts to tell when nobody publishes any more what they read, or somebody does again. Pure.
 
-A topic has a partner as long as one registered part publishes it. What happens within one turn of the inventory counts
-as a whole: a slot that a spare takes over in the moment when it falls free leaves nobody without a partner.
+A topic has a partner as long as one registered part publishes it. Everything within one turn of the inventory counts as
+a single change: when a spare takes over a slot in the moment it becomes free, nobody is left without a partner.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Partners:
         self._touched.append(record)
 
     def settle(self) -> list[PartnerChange]:
-        """Bring the indexes up to date; gives what changed for parts that were there before and still are."""
+        """Bring the indexes up to date; returns what changed for parts that were there before and still are."""
         there: dict[str, bool] = {}
         """Topics whose publishers changed -> whether they had one before."""
         newcomers: set[InventoryRecord] = set()

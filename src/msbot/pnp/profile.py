@@ -1,4 +1,4 @@
-"""The robot's profile: what the master tells everybody, and nothing else (thesis 3.12.1, step 1).
+"""The robot's profile: all that the master tells everybody (thesis 3.12.1, step 1).
 
 The profile names the robot so that a part can recognise it before it says anything about itself. It never says
 anything about parts.
@@ -24,7 +24,7 @@ class Profile:
     version: str = "MSBOT_V1"
     serial_number: str = "X100Y100Z100"
     released: str = "8-4-2021"
-    """Release date as text, in whatever form the maker writes dates."""
+    """Release date as text, in whatever format the maker uses."""
     manufacturer: str = "MASSEY_ENGINEERING_DEP"
 
     def profile_hash(self) -> int:

@@ -1,6 +1,6 @@
-"""The inventory's requests: octets of one in, octets of the answer out, or silence. Pure.
+"""Requests to the inventory: octets of a request in, octets of the answer out, or silence. Pure.
 
-What strangers get is silence (R52, R53); the answer to a part never says more than that part needs. With `explain`
+Strangers get silence (R52, R53); the answer to a part never says more than that part needs. With `explain`
 a refusal is answered with its reason, for the classroom. With `keys` a claim is answered with a question first.
 """
 
@@ -31,7 +31,7 @@ class RequestHandler:
 
     def __init__(self, inventory: Inventory, *, explain: bool = False, keys: Keys | None = None) -> None:
         self.dropped = Tally()
-        """Requests that were not answered because they, or their answers, made no sense; by reason in words."""
+        """Requests that were not answered because they or their answers were malformed; by reason in words."""
         self._inventory = inventory
         self._explain = explain
         self._keys = keys
@@ -41,7 +41,7 @@ class RequestHandler:
 
         Args:
             body: the request.
-            client_key: whose session it came through.
+            client_key: the session that it came through.
             now: the present time.
             asker: GUID of the writer of the request, which no later session of that client has.
         """
@@ -49,7 +49,7 @@ class RequestHandler:
         return None if request is None else self.encode(self.answer(request, client_key, now, asker), client_key)
 
     def read(self, body: bytes, client_key: int, now: float) -> plug.Request | None:
-        """The request in these octets; None: it makes no sense, or its seal does not fit, and is counted."""
+        """The request in these octets; None: it is malformed or its seal is wrong, which is counted."""
         opened = self._opened(body, client_key, now)
         if opened is None:
             return None
@@ -158,7 +158,7 @@ class RequestHandler:
 
 
 def claim_of(message: plug.ClaimMessage) -> Claim:
-    """A claim as the inventory takes it."""
+    """A claim in the form that the inventory uses."""
     return Claim(
         part_number=message.part_number,
         local_name=message.local_name,
@@ -168,7 +168,7 @@ def claim_of(message: plug.ClaimMessage) -> Claim:
 
 
 def verdict_message(verdict: Verdict, beat_ms: int) -> plug.VerdictMessage:
-    """A verdict as it travels."""
+    """A verdict as a message."""
     return plug.VerdictMessage(
         lease=verdict.lease,
         configuration_version=verdict.configuration_version,
@@ -178,7 +178,7 @@ def verdict_message(verdict: Verdict, beat_ms: int) -> plug.VerdictMessage:
 
 
 def configuration_message(configuration: Configuration) -> plug.ConfigurationMessage:
-    """A configuration as it travels.
+    """A configuration as a message.
 
     Raises:
         LocalProtocolError: a text in it is too long.

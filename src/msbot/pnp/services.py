@@ -1,7 +1,7 @@
 """The master's profile and the inventory as clients of the agent: parts of the robot like any other (R2, R3).
 
-Both speak through `msbot.part.Client` over any link; in a master over the in-process link, which is what makes them
-trusted (`msbot.pnp.access`). What they say is decided elsewhere: `profile`, `requests`, `inventory`.
+Both use `msbot.part.Client` over any link; in a master it is the in-process link, which makes them trusted
+(`msbot.pnp.access`). What they say is decided elsewhere: `profile`, `requests`, `inventory`.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from msbot.xrce.objects import EndpointQos
 
 STATUS_TIMEOUT_S = 5.0
-"""How long the agent may take to create what a service needs; then it is asked again."""
+"""How long the agent may take to create what a service needs before it is asked again."""
 
 LONGEST_BEST_EFFORT = 512
-"""Answers up to this many octets go best effort: they need no window, and a part repeats what is not answered. Longer
-ones (configurations) go reliably, because only then can they be cut to the size of a packet."""
+"""Answers up to this many octets go best effort: they need no window, and a part repeats an unanswered request. Longer
+ones (configurations) go reliably, because only a reliable stream can split them into packets."""
 
 MOST_ASKERS = 16_384
-"""Parts that can be told something unasked; whoever is beyond that finds out with its next beat."""
+"""Most parts that can be told something unasked; any further part finds out with its next beat."""
 
 _GUID_BYTES = 16
 _NOBODYS_REQUEST = bytes(8)
 """Sequence number 0: the reply answers no request."""
 GO_TIMES = 3
-"""GO is repeated in this many answers to beats, in case one is lost; STOP in every one until the part confirms."""
+"""GO is repeated with this many answers to beats, in case one is lost; STOP with every one until the part confirms."""
 
 _COMPACT = ServiceNames(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
 _COMPAT = ServiceNames(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
@@ -48,13 +48,13 @@ _log = logging.getLogger(__name__)
 
 
 class MasterService:
-    """Step 1: publishes the robot's profile, latched and again every period (thesis 3.12.1, R44).
+    """Step 1: publishes the robot's profile, latched and repeated every period (thesis 3.12.1, R44).
 
     Args:
         make_client: makes the client that speaks for the master, called with the callbacks that it needs.
         profile: what is published.
         period_s: seconds between two publications.
-        limit: publications after which it falls silent (the thesis' count limit); None = never.
+        limit: number of publications after which it falls silent (the thesis' count limit); None = never.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class MasterService:
     ) -> None:
         self.profile = profile
         self.published = 0
-        """Publications so far; the count in the profile."""
+        """Publications so far; also the count in the profile."""
         self._client = client = make_client(on_state=self._state_changed)
         self._period_s = period_s
         self._limit = limit
@@ -81,7 +81,7 @@ class MasterService:
         """Serve until cancelled.
 
         Raises:
-            LinkDown: the way to the agent cannot be opened.
+            LinkDown: the link to the agent cannot be opened.
         """
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._client.run())
@@ -116,16 +116,16 @@ class MasterService:
 class InventoryService:
     """Step 2: answers claims, beats and requests for configurations in both layouts, and drives the life timer.
 
-    It also speaks unasked, best effort: when a part's configuration has changed, when it has got a slot while it stood
-    by or has lost the one it had, when nobody sends to one of its ports any more, and on STOP. Parts of the thesis'
-    own layout cannot be told anything.
+    It also speaks unasked, best effort: when a part's configuration has changed, when a standby part has been given a
+    slot or a part has lost its own, when nobody publishes to one of its ports any more, and on STOP. Parts that use the
+    thesis' own layout cannot be told anything unasked.
 
     Args:
         make_client: makes the client that speaks for the inventory, called with the callbacks that it needs.
         inventory: decides.
         explain: answer refusals with their reason.
         keys: asks every claim for a proof; None: the robot is open.
-        stop: STOP of this robot, which may hold from before.
+        stop: STOP of this robot, which may still hold from an earlier run.
     """
 
     def __init__(
@@ -141,20 +141,20 @@ class InventoryService:
         self.stop = stop or EmergencyStop()
         """Which STOP holds, and who has confirmed it."""
         self.told_unasked = 0
-        """What was said to parts that did not ask."""
+        """Messages sent to parts that did not ask."""
         self._client = client = make_client(on_request=self._request_received)
         self._askers: dict[int, bytes] = {}
         """Client key -> GUID of its requests in the compact layout."""
         self._leases: dict[int, int] = {}
-        """Client key -> the lease it was told last."""
+        """Client key -> the lease that it was last told."""
         self._go_again: dict[int, int] = {}
-        """Client key -> how often it is still told that STOP is over."""
+        """Client key -> how many more times it is told that STOP is over."""
         self._awake_at = 0.0
-        """When the inventory's timer is looked at next."""
+        """When the inventory's timer is next checked."""
         self._sooner = asyncio.Event()
-        """Set when it is due before that."""
+        """Set when the timer is due before that."""
         self._asking: int | None = None
-        """Whose request is being answered: the answer tells it what has changed."""
+        """The client whose request is being answered: the answer itself tells it what has changed."""
         self._inventory = inventory
         participant = client.create_participant("msbot_inventory")
         self._compact = client.create_replier(participant, _COMPACT)
@@ -169,7 +169,7 @@ class InventoryService:
         """Serve until cancelled.
 
         Raises:
-            LinkDown: the way to the agent cannot be opened.
+            LinkDown: the link to the agent cannot be opened.
         """
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._client.run())
@@ -179,7 +179,7 @@ class InventoryService:
         """Wait until parts can be answered.
 
         Raises:
-            RequestError: not within `timeout_s` seconds, or the agent refused the services.
+            RequestError: not ready within `timeout_s` seconds, or the agent refused the services.
         """
         await self._client.connect(timeout_s)
         await self._client.until_all_statuses(timeout_s)
@@ -196,11 +196,11 @@ class InventoryService:
                 self._inventory.handle_timer(loop.time())
 
     def stop_all(self, by: str, reason: str, at_ns: int) -> None:
-        """Say STOP to all parts, and to those that come in until `go_all`.
+        """Say STOP to all parts, and to those that join before `go_all`.
 
         Args:
             by: who says it.
-            reason: why, may be empty.
+            reason: why; may be empty.
             at_ns: the wall clock, nanoseconds since 1970.
         """
         self.stop.say(by, reason, self._inventory.members(), asyncio.get_running_loop().time(), at_ns)
@@ -250,7 +250,7 @@ class InventoryService:
             self._notify(client_key, plug.NoticeKind.STOP, self.stop.number)  # for parts that do not read the setting
 
     def _speak_of_stop(self, beat: plug.Request, client_key: int, now: float) -> None:
-        """Take a beat as the confirmation that it is, or repeat STOP or GO: a single notice may be lost."""
+        """Take a beat that confirms STOP, or repeat STOP or GO: a single notice may be lost."""
         if self.stop.holds:
             if not self._is_confirmation(beat, client_key, now):
                 self._notify(client_key, plug.NoticeKind.STOP, self.stop.number)
@@ -300,7 +300,7 @@ class InventoryService:
             return
         standing = self._inventory.standing_of(client_key)
         if standing is None or standing.state in (PartState.NEW, PartState.CHECKING):
-            # A session that has ended, or was reopened; that one's requester will ask first.
+            # A session that has ended, or was reopened: its new requester will ask first.
             self._forget(client_key)
         elif not standing.lease:
             self._leases[client_key] = 0
@@ -350,7 +350,7 @@ class InventoryService:
 
 
 def profile_message(profile: Profile, count: int) -> plug.ProfileMessage:
-    """The profile as it travels; the thesis gives the fields their meaning by position (3.12.1).
+    """The profile as a message; the thesis defines the fields by their position (3.12.1).
 
     Raises:
         LocalProtocolError: a text in it is too long.

@@ -1,4 +1,4 @@
-"""The seals of the parts of one robot, by session: where `authentication = "key+data"` holds. Pure."""
+"""The seals of one robot's parts, by session, with `authentication = "key+data"`. Pure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class SessionSeals:
     """Which seal belongs to which session (see `msbot.part.join.seal`).
 
     Args:
-        changed: called with the key of every session that has another seal now.
+        changed: called with the key of every session whose seal has changed.
     """
 
     def __init__(self, changed: Callable[[int], None]) -> None:
@@ -19,11 +19,11 @@ class SessionSeals:
         self._seals: dict[int, Seal] = {}
 
     def of(self, client_key: int) -> Seal | None:
-        """The seal of that session; None: its samples have none."""
+        """The seal of that session; None: its samples are not sealed."""
         return self._seals.get(client_key)
 
     def put(self, client_key: int, secret: bytes) -> None:
-        """A session has proved its key, which left that secret."""
+        """A session has proved its key, which produced that secret."""
         self._seals[client_key] = Seal(secret, is_part=False)
         self._changed(client_key)
 

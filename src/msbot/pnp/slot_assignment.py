@@ -1,7 +1,7 @@
-"""Who sits where when it is not the part that asks: spares that take over, and what people move (R61, R62). Pure.
+"""Slots given without a claim: to spares that take over, and to parts that people move (R61, R62). Pure.
 
-A slot that falls free is given at once to a part that stands by and fits, by the same rules as a claim. The part is
-told by the inventory's service; a part that missed it gets to know by its next claim.
+A slot that becomes free is given at once to a standby part that fits, by the same rules as for a claim. The inventory's
+service tells the part; one that missed the message learns of it with its next claim.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from msbot.pnp.state_changes import StateChanges
 from msbot.runtime.sentence import said
 
 FRESH_S = 3.0
-"""A part that stands by and has claimed within that time is surely there."""
+"""A standby part that has claimed within this time is surely there."""
 
 PLACEABLE = frozenset({PartState.ACTIVE, PartState.LATE, PartState.STANDBY, PartState.REFUSED})
 """States in which a person can put a part into a slot."""
@@ -28,22 +28,22 @@ PLACEABLE = frozenset({PartState.ACTIVE, PartState.LATE, PartState.STANDBY, Part
 
 @dataclass(frozen=True, slots=True)
 class TakeOver:
-    """A part that stood by has got the slot of another one."""
+    """A standby part has taken over the slot of another one."""
 
     at: float
     slot: str
     claim: Claim
-    """What the part that has the slot now says of itself."""
+    """The claim of the part that now has the slot."""
     part: str
     """Its name for people."""
     lost_uid: bytes
-    """The UID of the part that had the slot; empty when it has none."""
+    """The UID of the part that had the slot; empty if it has no UID."""
     lost_part: str
     """The name for people of the part that had the slot."""
 
 
 class SlotAssignment:
-    """Gives slots away without a claim: when one falls free, and when a person says so.
+    """Assigns slots without a claim: when one becomes free, and when a person says so.
 
     Args:
         store: configurations and the memory of slots.
@@ -59,7 +59,7 @@ class SlotAssignment:
         self._changes = changes
 
     def fill(self, now: float) -> list[TakeOver]:
-        """Give the slots that fell free lately to parts that stand by; gives what came of it."""
+        """Give the slots that have become free to standby parts; returns the takeovers."""
         if not self._changes.freed:
             return []
         freed = dict(self._changes.freed)
@@ -81,7 +81,7 @@ class SlotAssignment:
         return taken
 
     def twin(self, moves: Mapping[InventoryRecord, str | None]) -> InventoryRecord | None:
-        """A part that would be in a slot while another session with its UID is in one, too."""
+        """A part that would be in a slot while another session with the same UID is in one, too."""
         wanted = {slot for slot in moves.values() if slot is not None}
         staying = [record for slot, record in self._index.holders.items() if record not in moves and slot not in wanted]
         seen: dict[bytes, InventoryRecord] = {record.identity: record for record in staying}
@@ -91,7 +91,7 @@ class SlotAssignment:
         return None
 
     def rearrange(self, moves: Mapping[InventoryRecord, str | None], now: float, reason: str) -> None:
-        """Put parts into slots, or out of theirs (None), all at once; whoever is in the way stands by.
+        """Put parts into slots, or take them out of theirs (None), all at once; parts that are in the way stand by.
 
         Args:
             moves: parts whose state is in `PLACEABLE`; each slot at most once.
@@ -123,7 +123,7 @@ class SlotAssignment:
         self._changes.turn_away(record, Refusal.BLOCKED, now, reason, ((said("blocked"), reason),))
 
     def _standing_by(self, freed: Mapping[str, InventoryRecord], now: float) -> Iterator[InventoryRecord]:
-        """Parts that could take over, the best first: who was there before, who is named for it, who waits longest."""
+        """Parts that could take over, best first: one that was there before, one named for it, the longest waiting."""
 
         def rank(record: InventoryRecord) -> tuple[bool, bool, float]:
             claim = record.claim
@@ -142,7 +142,7 @@ class SlotAssignment:
             configuration = self._store.configuration(slot)
             self._remember(record, slot)
         except RegistryError:
-            return False  # it stands by as before; its next claim will say why
+            return False  # it remains standby; the answer to its next claim will say why
         self._changes.seat(record, configuration, now, reason, evidence)
         return True
 

@@ -1,14 +1,14 @@
 """Auto-matching: which slot a claim gets, by index and never by scan (thesis 5.4.2, R80, R83).
 
-The rules, in this order; every one that is tried leaves a line of evidence, so that `msbot why` can tell the chain:
+The rules, in this order; every rule that is tried leaves a line of evidence, so that `msbot why` can show the chain:
 
 1. The claim can be read at all.
 2. Neither the part nor its number is blocked.
-3. A person has put this very part into a slot: that one, whatever the library says.
+3. A person has put this particular part into a slot: it gets that one, whatever the library says.
 4. The part number is in the library: exactly this one, or the one before its @ if the version is in its range.
 5. The robot has slots for this number: exactly this one, then those its type is compatible with.
 6. The same UID as before gets its old slot.
-7. Exactly one free slot fits: that one.
+7. Exactly one free slot fits: it gets that one.
 8. Several fit: the local name decides.
 9. Otherwise the part stands by.
 """
@@ -57,7 +57,7 @@ class Matcher:
         self._free: dict[str, dict[str, Slot]] = {}
         """Part number -> slot name -> slot, free ones only."""
         self._wanted: dict[tuple[str, str], Slot] = {}
-        """(part number, local name) -> the slot it asks for."""
+        """(part number, local name) -> the slot that the pair asks for."""
         self.reload(frozenset())
 
     def reload(self, taken: frozenset[str]) -> None:
@@ -85,7 +85,7 @@ class Matcher:
         return slot if slot is not None and name in self._free.get(slot.part_number, {}) else None
 
     def free_slots(self, number: str | None = None) -> list[str]:
-        """The slots nobody holds: those that fit parts of this number, or all.
+        """The slots that nobody holds: those that fit parts of this number, or all.
 
         Raises:
             RegistryError: the library cannot be read.
@@ -97,7 +97,7 @@ class Matcher:
         return [name for tier in tiers for name in self._free.get(tier, {})]
 
     def number_of(self, slot: str) -> str:
-        """The part number that a slot takes; empty when there is no such slot."""
+        """The part number that a slot expects; empty when there is no such slot."""
         found = self._by_name.get(slot)
         return "" if found is None else found.part_number
 
@@ -124,8 +124,8 @@ class Matcher:
         """Try the rules on a claim; never raises.
 
         Args:
-            claim: what the part says of itself.
-            barred: a slot that it does not get by itself, because a person took it out of there.
+            claim: what the part says about itself.
+            barred: a slot that the part does not get by itself, because a person took it out of there.
         """
         fault = _fault_of(claim)
         if fault is not None:
@@ -180,7 +180,7 @@ class Matcher:
         return [number for number in numbers if number in self._by_number]
 
     def _placed(self, uid: bytes, barred: str, evidence: list[tuple[str, str]]) -> Slot | None:
-        """The slot a person put the part into, if it can be had."""
+        """The slot that a person put the part into, if it is available."""
         name = self._store.placed_slot(uid) if uid else None
         if name is None or name == barred:
             return None

@@ -1,4 +1,4 @@
-"""Every change of a part's state: made here, journalled here, and told from here."""
+"""Every change of a part's state is made, journalled and announced here."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from msbot.runtime.sentence import said
 
 
 class StateChanges:
-    """Moves parts from state to state and tells it, after everything is consistent.
+    """Moves parts from state to state, and announces it once everything is consistent.
 
     Args:
         store: gets every event at once.
         index: sessions, parts, holders.
-        matcher: learns which slots become free.
+        matcher: told which slots become free.
     """
 
     def __init__(self, store: PartStore, index: InventoryIndex, matcher: Matcher, hand: HandControl) -> None:
@@ -37,19 +37,19 @@ class StateChanges:
         self._partners = Partners()
         self._is_publishing = False
         self.freed: dict[str, InventoryRecord] = {}
-        """Slots that fell free and were not given away yet -> who held them."""
+        """Slots that became free and are not yet reassigned -> who held them."""
         self.event_handlers: list[Callable[[PartEvent], None]] = []
         self.rights_handlers: list[Callable[[int], None]] = []
         self.partner_handlers: list[Callable[[int, str, bool], None]] = []
 
     def appear(self, session: PartSession, now: float) -> InventoryRecord:
-        """A part is there: nothing is known but its session."""
+        """A part has appeared: nothing is known but its session."""
         record = self._index.open_record(session)
         self.move(record, PartState.NEW, now, said("a session was opened from {address}", address=session.address))
         return record
 
     def move(self, record: InventoryRecord, to: PartState, now: float, reason: str, evidence: Evidence = ()) -> None:
-        """Change a part's state; everything else about it must be up to date already."""
+        """Change a part's state; everything else about it must already be up to date."""
         was_registered = record.is_registered
         event = record.move(to, now, reason, evidence)
         self._store.journal(event)
@@ -58,13 +58,13 @@ class StateChanges:
             self.rights_changed(record)
 
     def note(self, record: InventoryRecord, now: float, reason: str, evidence: Evidence = ()) -> None:
-        """Journal something about a part that changes nothing about it."""
+        """Journal something about a part without changing its state."""
         event = record.note(now, reason, evidence)
         self._store.journal(event)
         self._events.append(event)
 
     def vacate(self, record: InventoryRecord) -> None:
-        """End a part's lease and hold on its slot."""
+        """End a part's lease and its hold on its slot."""
         slot = self._index.vacate(record)
         if slot is not None:
             self._matcher.release(slot)
@@ -90,7 +90,7 @@ class StateChanges:
     def turn_away(
         self, record: InventoryRecord, refusal: Refusal, now: float, reason: str, evidence: Evidence = ()
     ) -> None:
-        """Take a part's place in the robot away, though it is there; what it held must be vacated already."""
+        """Take away the place of a part that is still present; what it held must already be vacated."""
         to = PartState.STANDBY if refusal is Refusal.NO_SLOT else PartState.REFUSED
         record.slot, record.refusal = None, refusal
         record.life.end()
@@ -108,13 +108,13 @@ class StateChanges:
         self._partners.touch(record)
 
     def later(self, tell: Callable[[], object]) -> None:
-        """Call that after all rights and events have been told."""
+        """Call `tell` after all rights and events have been announced."""
         self._later.append(tell)
 
     def publish(self) -> None:
-        """Tell everything that has happened; rights first, events in order.
+        """Announce everything that has happened: rights first, events in order.
 
-        Handlers may call the inventory again; what comes of that is told after what they were told.
+        Handlers may call the inventory again; the consequences are announced after what they are being told now.
         """
         for key, topic, is_there in self._partners.settle():
             self.later(partial(self._tell_partner, key, topic, is_there))

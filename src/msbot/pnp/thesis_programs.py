@@ -1,10 +1,11 @@
 """The layouts and names of the thesis' own programs, which know neither leases nor UIDs (thesis 3.12.2).
 
 A request is a buffer of 96 octets, zero filled: two CDR strings, the part number and the local name. The reply is a
-buffer of the same size with one CDR string, the part number. Every request registers the part or is its heartbeat.
+buffer of the same size with one CDR string, the part number. Every request either registers the part or is its
+heartbeat.
 
-DEVIATION: the thesis' replier answers everybody; here a stranger gets no answer (R52), and only a registered part
-sees its number again.
+DEVIATION: the thesis' replier answers everybody; here a stranger gets no answer (R52), and only a registered part gets
+    its number back.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ SERVICE = "service_name"
 REQUEST_TYPE = "request_type"
 REPLY_TYPE = "reply_type"
 REQUEST_TOPIC = "service_name_Request"
-"""As an XML requester with `service_name="service_name"` and no topic names has it (seen on the wire)."""
+"""The topic of an XML requester with `service_name="service_name"` and no topic names (seen on the wire)."""
 REPLY_TOPIC = "service_name_Reply"
 
 _LENGTH = Struct("<I")

@@ -131,8 +131,7 @@ class NumatoGpio:
         return self._ask("id get")
 
     def set_id(self, text: str) -> None:
-        """Store eight letters or digits in the module, even without power; raises LocalProtocolError for anything
-        else."""
+        """Have the module store eight letters or digits for good; raises LocalProtocolError for anything else."""
         if len(text) != ID_CHARACTERS or not (text.isascii() and text.isalnum()):
             raise LocalProtocolError(f"the id {text!r} must be {ID_CHARACTERS} letters or digits")
         self._order(f"id set {text}")

@@ -85,8 +85,7 @@ class Stall:
         self._since = None
 
     def waits(self, now: float) -> float:
-        """Something is waiting for the agent; returns when this becomes a stall: a time in the past = it already is
-        one."""
+        """Something waits for the agent; returns when this becomes a stall: a time in the past = it is one already."""
         if self._since is None:
             self._since = now
         return self._since + self._stall_s

@@ -54,8 +54,7 @@ class ClientSettings:
     answer_s: float = 2.0
     """A creation without a status for this long is requested again."""
     stall_s: float = 5.0
-    """When creations have no status, or the window is full, for this long without any progress, the session is
-    restarted."""
+    """Creations without a status, or a full window, for this long without any progress: the session is restarted."""
     close_s: float = 1.0
     """How long a clean end waits for the agent's answer."""
 

@@ -94,8 +94,7 @@ class Pace:
 
 QUICK = Pace()
 PATIENT = Pace(retry_s=2.0, answer_s=1.0, silent_beats=12.0)
-"""For a slow medium with many users: their questions would fill it, and the link itself notices when the master
-goes."""
+"""For a slow shared medium: questions of many would fill it, and the link itself notices when the master goes."""
 
 ANY = "*"
 """In an `ExpectedRobot`: whatever the profile says."""
