@@ -1,4 +1,4 @@
-"""The programs that people write on the page: each with its versions, and a word by which it is shared."""
+"""The programs that people write on the page: each with its versions and a word for sharing it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from msbot.registry.records import ProgramRecord, ProgramVersion
 from msbot.runtime.sentence import said
 
 MOST_PROGRAMS = 100
-"""Programs of one person."""
+"""Most programs of one person."""
 MOST_VERSIONS = 50
-"""Versions that are kept of one program, the newest."""
+"""How many versions of one program are kept: the newest ones."""
 
 
 class Programs:
@@ -26,7 +26,7 @@ class Programs:
         self._storage = storage
 
     def of(self, owner: str) -> list[ProgramRecord]:
-        """The programs of a person, the one changed last first.
+        """The programs of a person, the most recently changed first.
 
         Raises:
             RegistryError: the database cannot be read.
@@ -37,7 +37,7 @@ class Programs:
         """A program, or an earlier version of it.
 
         Raises:
-            NotThere: there is none.
+            NotThere: there is no such program or version.
             RegistryError: the database cannot be read.
         """
         return self._storage.read(partial(_text_of, owner=owner, name=name, number=number))
@@ -52,7 +52,7 @@ class Programs:
         return self._storage.read(partial(_versions_of, owner=owner, name=name))
 
     def keep(self, owner: str, name: str, text: str) -> int:
-        """Keep a program; returns the number of its newest version. What is the same as before makes no new one.
+        """Store a program; returns the number of its newest version. An unchanged text makes no new version.
 
         Raises:
             ConfigError: the person has too many programs.
@@ -61,10 +61,10 @@ class Programs:
         return self._storage.change(partial(_keep, owner=owner, name=name, text=text, now_ns=self._storage.epoch_ns()))
 
     def remove(self, owner: str, name: str) -> None:
-        """Forget a program with all its versions.
+        """Delete a program with all its versions.
 
         Raises:
-            NotThere: there is none.
+            NotThere: there is no such program or version.
             RegistryError: the database cannot be written; nothing has changed.
         """
         self._storage.change(partial(_remove, owner=owner, name=name))
@@ -79,17 +79,17 @@ class Programs:
         return self._storage.change(partial(_share, owner=owner, name=name))
 
     def shared(self, word: str) -> tuple[str, str, str]:
-        """Owner, name and text of the program that is shared by that word.
+        """Owner, name and text of the program shared by that word.
 
         Raises:
-            NotThere: there is none.
+            NotThere: there is no such program or version.
             RegistryError: the database cannot be read.
         """
         return self._storage.read(partial(_shared, word=word))
 
 
 def remove_programs_of(connection: Connection, owner: str) -> None:
-    """Forget all programs of a person who is removed."""
+    """Delete all programs of a person who is removed."""
     for row in connection.execute(select(programs.c.id).where(programs.c.owner == owner)).all():
         _remove_id(connection, row.id)
 

@@ -1,8 +1,8 @@
 """A quick look into a SQLite file: what `msbot parts`, `robots` and `why` show, with Python's own sqlite3.
 
-SQLAlchemy alone takes longer to import than such a command may take. What is not as simple as it is in most classrooms
-(a server, a file of an older or newer MsBOT, one that cannot be read) is left to `open_registry`, which says what is
-wrong and what to do.
+SQLAlchemy alone takes longer to import than such a command may take. Whatever is less simple than in most classrooms (a
+server, a file of an older or newer MsBOT, one that cannot be read) is left to `open_registry`, which says what is wrong
+and what to do.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from msbot.registry.records import JournalEntry, PartRecord, RobotRecord
 from msbot.runtime.sentence import from_json
 
 SCHEMA: Final = "0007"
-"""The schema whose columns the queries below know; of another one nothing is read here."""
+"""The schema whose columns the queries below know; a database with any other schema is not read here."""
 NO_MASTER: Final = "its robot has no master at the moment"
-"""Why a part is lost whose robot nobody runs."""
+"""Why a part of a robot that nobody runs is lost."""
 
 _STATES: Final = {state.value: state for state in PartState}
 
@@ -36,7 +36,7 @@ class QuickLook:
         self._path = path
 
     def __enter__(self) -> Self:
-        """Itself."""
+        """Returns itself."""
         return self
 
     def __exit__(
@@ -51,7 +51,7 @@ class QuickLook:
         return str(self._path)
 
     def robots(self) -> list[RobotRecord]:
-        """All robots, the one whose blueprint was applied last first."""
+        """All robots, the one with the most recently applied blueprint first."""
         query = (
             "SELECT id, name, serial_number, version, released, manufacturer, applied_ns FROM robots"
             " ORDER BY applied_ns DESC"
@@ -59,7 +59,7 @@ class QuickLook:
         return [RobotRecord(*row) for row in self._connection.execute(query)]
 
     def is_run(self, robot: RobotRecord) -> bool:
-        """Whether a master runs this robot now; see `running.run_lock`."""
+        """Whether a master is running this robot now; see `running.run_lock`."""
         lock = lock_file(self._path, robot.id)
         if not lock.exists():
             return False
@@ -96,7 +96,7 @@ class QuickLook:
 
 
 def look_into(address: str) -> QuickLook | None:
-    """Open a database for a quick look; None: it is not as simple as that, see the module's docstring."""
+    """Open a database for a quick look; None: it is not simple enough, see the module's docstring."""
     if "://" in address:
         return None
     path = Path(address)
@@ -120,7 +120,7 @@ def lock_file(database: Path, robot_id: int) -> Path:
 
 
 def without_master(record: PartRecord) -> PartRecord:
-    """A part of a robot that nobody runs: it is not active, whatever the database says of its last change."""
+    """The record of a part whose robot nobody runs: not active, whatever the database says about its last change."""
     if not _STATES[record.state].is_registered:
         return record
     return replace(record, state=PartState.LOST.value, reason=NO_MASTER)

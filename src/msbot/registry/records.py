@@ -1,4 +1,4 @@
-"""What the registry gives back about robots, parts and the journal."""
+"""What the registry returns about robots, parts and the journal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NO_UID = bytes(8)
 
 @dataclass(frozen=True, slots=True)
 class RobotRecord:
-    """A robot the database knows."""
+    """A robot that the database knows."""
 
     id: int
     name: str
@@ -26,21 +26,21 @@ class RobotRecord:
     released: str
     manufacturer: str
     applied_ns: int
-    """When its blueprint was applied last, nanoseconds since 1970."""
+    """When its blueprint was last applied, nanoseconds since 1970."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartRecord:
-    """A part the database knows, as after its last change of state."""
+    """A part that the database knows, as it was after its last change of state."""
 
     robot: str
-    """Name of the robot it was seen at."""
+    """Name of the robot where it was seen."""
     uid: bytes
     """8 octets; empty when it has none."""
     part_number: str
     local_name: str
     slot: str | None
-    """The slot it is in, or was in last."""
+    """The slot that it is in, or was last in."""
     state: str
     """Value of `PartState`."""
     reason: str
@@ -59,16 +59,16 @@ class JournalEntry:
     """One line of the journal."""
 
     number: int
-    """Counts up through the whole database."""
+    """Counted over the whole database."""
     robot: str
     at_ns: int
     """Nanoseconds since 1970."""
     event: PartEvent
-    """What happened; its `at` is in seconds since 1970, its session is not kept."""
+    """What happened; its `at` is in seconds since 1970, and its session is not stored."""
 
 
 class EditKind(Enum):
-    """What a person changed: the word of the row."""
+    """What a person changed; the value is the word in the row."""
 
     VALUE = "value"
     PLACE = "place"
@@ -88,7 +88,7 @@ class EditKind(Enum):
 UNDOABLE = frozenset(
     kind.value for kind in (EditKind.VALUE, EditKind.PLACE, EditKind.BLOCK, EditKind.BIND, EditKind.APPLY)
 )
-"""What an undo without a number takes back; the others it passes over."""
+"""The kinds that an undo without a number takes back; it skips the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,31 +96,31 @@ class EditRecord:
     """One thing a person changed."""
 
     id: int
-    """Counts up through the whole database; what `undo` takes."""
+    """Counted over the whole database; the number that `undo` takes."""
     at_ns: int
     """Nanoseconds since 1970."""
     who: str
     kind: str
     """The value of an `EditKind`."""
     slot: str
-    """The slot it is about; empty when it is about none, or about several."""
+    """The slot that the edit is about; empty if it is about none or several."""
     words: str
-    """What it did, for people."""
+    """What the edit did, in words for people."""
     undone: bool
-    """Whether it was taken back."""
+    """Whether it was undone."""
     slots: tuple[str, ...] = ()
-    """Slots whose configuration it changed."""
+    """Slots whose configuration the edit changed."""
     placed: tuple[tuple[bytes, str | None], ...] = ()
-    """UIDs that belong elsewhere since, and the slots they belong in; None: in none."""
+    """UIDs that belong elsewhere since the edit, and the slots they belong in; None: in none."""
     placed_before: tuple[tuple[bytes, str | None], ...] = ()
-    """The same UIDs, and the slots they belonged in before."""
+    """The same UIDs, and the slots that they belonged in before."""
     can_be_undone: bool = False
-    """Whether `undo` takes it back when no number is given."""
+    """Whether `undo` without a number can take it back."""
 
 
 @dataclass(frozen=True, slots=True)
 class ValueRecord:
-    """A parameter of a slot: what it is, which value holds, and where that comes from."""
+    """A parameter of a slot: what it is, its value, and where the value comes from."""
 
     name: str
     kind: str
@@ -131,14 +131,14 @@ class ValueRecord:
     default: Scalar
     """The library's value."""
     value: Scalar
-    """The value that holds."""
+    """The value in force."""
     origin: str
-    """`library`, `blueprint` or `hand`: where that value comes from."""
+    """`library`, `blueprint` or `hand`: where the value comes from."""
     description: str
     changed_ns: int
-    """When it got this value, nanoseconds since 1970."""
+    """When the parameter got this value, nanoseconds since 1970."""
     who: str
-    """Who set it by hand; empty for another origin."""
+    """Who set it by hand; empty for any other origin."""
 
     def read(self, text: str) -> Scalar:
         """The value that a person means by this text.
@@ -146,7 +146,7 @@ class ValueRecord:
         Raises:
             ConfigError: it is not a value of this parameter; the text says what would be right.
         """
-        from msbot.config import Parameter, ParameterKind  # whoever lists parts needs no library
+        from msbot.config import Parameter, ParameterKind  # listing parts needs no library
 
         parameter = Parameter(self.name, ParameterKind(self.kind), self.default, self.unit, self.least, self.most)
         value = _scalar(parameter.kind, text)
@@ -157,7 +157,7 @@ class ValueRecord:
 
 
 def _scalar(kind: ParameterKind, text: str) -> Scalar:
-    """The text as a value of this kind, or the text itself when it is none."""
+    """The text as a value of this kind, or the text itself when it is not one."""
     from msbot.config import ParameterKind
 
     text = text if kind is ParameterKind.TEXT else text.strip()
@@ -188,16 +188,16 @@ class UserRecord:
     role: str
     """`viewer`, `student`, `teacher` or `administrator`."""
     password_hash: str
-    """Salted hash; empty: no password will do."""
+    """Salted hash; empty: no password is accepted."""
     tokens: tuple[tuple[str, str], ...]
-    """Pairs of (what for, hash)."""
+    """Pairs of (purpose, hash)."""
     created_ns: int
     changed_ns: int
 
 
 @dataclass(frozen=True, slots=True)
 class KeyRecord:
-    """A part that has a key; the key itself is told by `Registry.key_of` only."""
+    """A part that has a key; only `PartKeys.find` returns the key itself."""
 
     uid: bytes
     created_ns: int

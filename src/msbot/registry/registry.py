@@ -1,4 +1,4 @@
-"""The SQL database manager (thesis 5.4.2): the one object through which everybody else uses the database."""
+"""The SQL database manager (thesis 5.4.2): the one object through which all other rooms use the database."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ def open_registry(
     epoch_ns: Callable[[], int] = time.time_ns,
     migrations: Migrations | None = None,
 ) -> Registry:
-    """Open a database; make it, or bring it up to date, where that is needed.
+    """Open a database; create it or bring it up to date if needed.
 
     Args:
         address: a path, `sqlite:///path` or `postgresql://user@host/name`.
-        create: make the database when it is not there.
+        create: create the database if it does not exist.
         read_only: change nothing, not even the schema.
         busy_timeout_s: how long to wait for another program.
         epoch_ns: wall clock, nanoseconds since 1970.
-        migrations: others than MsBOT's own, for tests.
+        migrations: used instead of MsBOT's own, for tests.
 
     Raises:
         RegistryError: it cannot be used; the text says why and what to do.
@@ -82,7 +82,7 @@ class Registry:
 
     def __init__(self, storage: Storage) -> None:
         self.storage = storage
-        """Reading with a time limit, and what is not stored."""
+        """Reads with a time limit, and knows what is not stored yet."""
         self.runs = Runs(storage)
         self.robots = Robots(storage, self.runs)
         self.edits = Edits(storage)
@@ -104,7 +104,7 @@ class Registry:
         self.close()
 
     def close(self) -> None:
-        """Store what is waiting and let go of the database."""
+        """Store what is waiting and close the database."""
         self.runs.end()
         self.storage.close()
         self.runs.release()

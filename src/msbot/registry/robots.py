@@ -16,7 +16,7 @@ from msbot.registry.running.runs import Runs
 
 
 class Robots:
-    """Reads what the database knows of robots, and applies blueprints. Every method may raise `RegistryError`."""
+    """Reads what the database knows about robots, and applies blueprints. Every method may raise `RegistryError`."""
 
     def __init__(self, storage: Storage, runs: Runs) -> None:
         self._storage = storage
@@ -25,8 +25,8 @@ class Robots:
     def apply_blueprint(self, blueprint: Blueprint, library: Library, who: str = "msbot") -> RobotRecord:
         """Store or update a robot, its slots, bindings, settings and the library, all or nothing.
 
-        Which part sat in which slot, what was set by hand, and the journal stay. If a robot that was there before
-        changes, that is an edit of `who` and can be undone.
+        The memory of which part was in which slot, the values set by hand, and the journal are kept. A change to an
+        existing robot is an edit by `who` and can be undone.
 
         Raises:
             RegistryError: the database cannot be written; nothing has changed.
@@ -36,7 +36,7 @@ class Robots:
     def change_blueprint(
         self, blueprint: Blueprint, library: Library, who: str
     ) -> tuple[RobotRecord, EditRecord | None]:
-        """The same; gives the edit, too, None when it changes nothing.
+        """The same; also returns the edit, None when nothing changes.
 
         Raises:
             RegistryError: the database cannot be written; nothing has changed.
@@ -47,7 +47,7 @@ class Robots:
         )
 
     def all(self) -> list[RobotRecord]:
-        """All robots of the database, the one used last first."""
+        """All robots of the database, the most recently used first."""
         return self._storage.read(store.list_robots)
 
     def find(self, blueprint: Blueprint) -> RobotRecord | None:
@@ -57,11 +57,11 @@ class Robots:
         return self._storage.read(find)
 
     def blueprint(self, robot: RobotRecord, *, by_hand: bool = True) -> Blueprint:
-        """What the database knows of a robot, as a blueprint.
+        """What the database knows about a robot, as a blueprint.
 
         Args:
             robot: which one.
-            by_hand: with what people set by hand; otherwise as the blueprint was applied last.
+            by_hand: include what people set by hand; otherwise as the blueprint was last applied.
         """
         return self._storage.read(partial(blueprint_reader.read, robot_id=robot.id, by_hand=by_hand))
 
@@ -74,7 +74,7 @@ class Robots:
         return [slot.name for slot in self._storage.read(partial(store.list_slots, robot_id=robot.id))]
 
     def values(self, robot: RobotRecord, slot: str) -> tuple[ValueRecord, ...]:
-        """The parameters of a slot, the values that hold, and where these come from.
+        """The parameters of a slot, their values, and where these come from.
 
         Raises:
             ConfigError: there is no such slot.
@@ -83,7 +83,7 @@ class Robots:
         return self._storage.read(partial(values.read_values, robot_id=robot.id, slot=slot))
 
     def parts(self, robot: RobotRecord | None = None) -> list[PartRecord]:
-        """All parts that were ever seen, as after their last change of state; those in slots first.
+        """All parts that were ever seen, as they were after their last change of state; those in slots first.
 
         While nobody runs a robot, none of its parts is active: those that were when the master was killed are lost.
         """
@@ -99,9 +99,9 @@ class Robots:
         """The newest lines of the journal, the oldest of them first.
 
         Args:
-            limit: this many at most.
-            part: only those about this part: its name, slot, local name, part number or UID; capitals do not matter.
-            robot: only those of this robot.
+            limit: the most lines to return.
+            part: only lines about this part: its name, slot, local name, part number or UID; case does not matter.
+            robot: only lines about this robot.
         """
         robot_id = None if robot is None else robot.id
         self._storage.catch_up()

@@ -1,4 +1,4 @@
-"""What the database knows of a robot, as a blueprint: as it was applied, or as it holds with what was set by hand."""
+"""What the database knows about a robot, as a blueprint: as it was applied, or with the changes made by hand."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from msbot.errors import RegistryError
 from msbot.registry.database.tables import bindings, library, robots, settings, slots
 from msbot.registry.running.configurations import ORIGINS
 
-"""(slot, parameter) or (topic, "") -> who made it so by hand."""
+"""(slot, parameter) or (topic, "") -> who set it by hand."""
 
 
 def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
@@ -35,7 +35,7 @@ def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
     Args:
         connection: an open connection.
         robot_id: the robot.
-        by_hand: with what people set by hand; otherwise as the blueprint was applied.
+        by_hand: include what people set by hand; otherwise as the blueprint was applied.
 
     Raises:
         RegistryError: there is no such robot.
@@ -56,7 +56,8 @@ def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
 
 
 def _own_library(connection: Connection, robot_id: int) -> tuple[str, ...]:
-    """Where the part types of the robot's slots come from that MsBOT does not bring: folders, or files beside it."""
+    """Where part types of the robot's slots come from that are not MsBOT's own: folders, or files beside the
+    blueprint."""
     query = (
         select(library.c.source)
         .join(slots, slots.c.part_number == library.c.number)
@@ -69,7 +70,7 @@ def _own_library(connection: Connection, robot_id: int) -> tuple[str, ...]:
 
 
 def _in_dds(found: tuple[Binding, ...], by_topic: Mapping[str, dict[str, Any]]) -> tuple[Binding, ...]:
-    """With what the blueprint says about topics in DDS; nobody can change that by hand."""
+    """The bindings with what the blueprint says about topics in DDS; nobody can change that by hand."""
 
     def read(entry: dict[str, Any]) -> InDds:
         return InDds(**{**entry, "ros_fields": tuple((ours, theirs) for ours, theirs in entry["ros_fields"])})
@@ -81,7 +82,7 @@ def _in_dds(found: tuple[Binding, ...], by_topic: Mapping[str, dict[str, Any]]) 
 
 
 def read_notes(connection: Connection, robot_id: int) -> dict[tuple[str, str], str]:
-    """What was made by hand, and by whom."""
+    """What was set or made by hand, and by whom."""
     query = (
         select(slots.c.name.label("slot"), settings.c.name, settings.c.who)
         .join(slots, settings.c.slot_id == slots.c.id)
@@ -111,7 +112,7 @@ def _slots(connection: Connection, robot_id: int, origins: tuple[str, ...]) -> t
 
 
 def _bindings(connection: Connection, robot_id: int, *, by_hand: bool) -> tuple[Binding, ...]:
-    """One binding for each sender of a topic; a topic without a sender has a source without a name."""
+    """One binding for each sender of a topic; for a topic without a sender, the source has no name."""
     held = bindings.c.in_use if by_hand else bindings.c.origin == "blueprint"
     query = (
         select(bindings, slots.c.name.label("slot"))

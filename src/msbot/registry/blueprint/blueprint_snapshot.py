@@ -1,4 +1,4 @@
-"""All that a blueprint decides about a robot, as one value: so that applying a blueprint can be undone."""
+"""Everything that a blueprint decides about a robot, as one value, so that applying a blueprint can be undone."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from msbot.registry.database.tables import bindings, robots, settings, slots
 from msbot.runtime.sentence import said
 
 _NOT_OF_BLUEPRINT = ("id", "applied_ns", "stop")
-"""Columns of a robot that no blueprint decides; above all, undoing one must not end STOP."""
+"""Columns of a robot that no blueprint decides; above all, undoing a blueprint must not end STOP."""
 _SLOT_COLUMNS = ("position", "part_number", "local_name", "description")
 
 Content = Mapping[str, object]
-"""What `read` gives; as JSON in an edit."""
+"""What `read` returns; stored as JSON in an edit."""
 
 
 def read(connection: Connection, robot_id: int, like: Content | None = None) -> dict[str, object]:
-    """The robot's row, the slots of its blueprint, their wires and settings; no numbers of rows, no versions.
+    """The robot's row, the slots of its blueprint, their wires and settings; no row numbers, no versions.
 
-    With `like` only those columns of the robot that it has: an older MsBOT knew fewer.
+    With `like`, only the columns of the robot that `like` has: an older MsBOT knew fewer.
     """
     known = None if like is None else like["robot"]
     assert known is None or isinstance(known, dict)
@@ -41,7 +41,7 @@ def read(connection: Connection, robot_id: int, like: Content | None = None) -> 
 
 
 def write(connection: Connection, robot_id: int, content: Content) -> None:
-    """Put the robot back to what it was; slots that have come since are taken out of the blueprint and kept aside."""
+    """Restore the robot to what it was; slots added since are taken out of the blueprint and kept aside."""
     changed = slots_of(read(connection, robot_id), content)
     robot, wanted = content["robot"], content["slots"]
     assert isinstance(robot, dict)

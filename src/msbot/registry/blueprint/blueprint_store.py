@@ -1,7 +1,7 @@
-"""The statements that bring a robot's tables in line with its blueprint, and leave alone what is not its business.
+"""The statements that bring a robot's tables in line with its blueprint, and leave everything else alone.
 
 Slots keep their number, settings made by hand and memory of parts; a slot that is taken out of the blueprint is
-kept aside in case it comes back. A slot's configuration gets another version only when it has changed.
+kept aside in case it comes back. A slot's configuration gets a new version only when it has changed.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _put_robot(connection: Connection, blueprint: Blueprint, now_ns: int) -> Rob
 
 
 def _put_slots(connection: Connection, robot_id: int, blueprint: Blueprint) -> dict[str, int]:
-    """Gives the number of each slot of the blueprint, by name."""
+    """Returns the number of each slot of the blueprint, by name."""
     connection.execute(update(slots).where(slots.c.robot_id == robot_id).values(in_blueprint=False))
     rows = [
         {
@@ -89,7 +89,7 @@ def _put_settings(
     *,
     now_ns: int,
 ) -> None:
-    """Write what differs; a value set by hand stays as long as the part type takes it."""
+    """Write what differs; a value set by hand stays as long as the part type accepts it."""
     query = select(settings).join(slots, settings.c.slot_id == slots.c.id)
     rows_there = connection.execute(query.where(slots.c.robot_id == robot_id, slots.c.in_blueprint))
     present: dict[_Setting, Scalar] = {(row.slot_id, row.name, row.origin): row.value for row in rows_there}
@@ -122,12 +122,12 @@ def _is(setting: _Setting) -> tuple[ColumnElement[bool], ...]:
 
 
 def _same(old: Scalar | None, new: Scalar) -> bool:
-    """Whether a value is the same and of the same kind: 1 is not true."""
+    """Whether a value is the same and of the same kind: 1 is not True."""
     return old == new and isinstance(old, bool) == isinstance(new, bool)
 
 
 def _put_bindings(connection: Connection, robot_id: int, slot_ids: Mapping[str, int], blueprint: Blueprint) -> None:
-    """Write the blueprint's wires; what was taken away by hand stays away, what was made by hand stays if it can."""
+    """Write the blueprint's wires; wires removed by hand stay removed, wires made by hand stay if possible."""
     wanted: dict[_End, dict[str, object]] = {}
     for binding in blueprint.bindings:
         for endpoint in binding.ends:
@@ -158,7 +158,7 @@ def _put_bindings(connection: Connection, robot_id: int, slot_ids: Mapping[str, 
 
 
 _End = tuple[int, str, str, bool]
-"""Slot, port, topic, whether it publishes: what makes a row of `bindings` the same."""
+"""Slot, port, topic, whether it publishes: what identifies a row of `bindings`."""
 
 
 def _contradicts(row: Mapping[str, object], wanted: Mapping[_End, Mapping[str, object]]) -> bool:
@@ -171,7 +171,7 @@ def _contradicts(row: Mapping[str, object], wanted: Mapping[_End, Mapping[str, o
 
 
 def _put_library(connection: Connection, part_types: Library) -> None:
-    """Write the types that are new or changed; forget those that are gone and that no other robot's slots need."""
+    """Write the types that are new or changed; delete those that are gone and that no other robot's slots need."""
     present = {row.number: row.digest for row in connection.execute(select(library.c.number, library.c.digest))}
     rows = [_library_row(part_type) for part_type in part_types]
     changed = [row for row in rows if present.pop(str(row["number"]), None) != row["digest"]]

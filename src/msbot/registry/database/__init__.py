@@ -1,1 +1,1 @@
-"""The database itself: tables, connecting, schema versions, reading, and the one thread that writes."""
+"""The database itself: tables, connections, schema versions, reading, and the one thread that writes."""

@@ -1,4 +1,4 @@
-"""What went wrong with a database, in words and with the remedy."""
+"""What went wrong with a database, in words, with the remedy."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _SQLITE_WORDS = {
     "SQLITE_CORRUPT": f"is damaged: move the file away and put a backup in its place, {ELSE}",
     "SQLITE_NOTADB": f"is not a database: some other file has this name; move it away, {ELSE}",
 }
-"""By the beginning of SQLite's error name."""
+"""Sentences by the beginning of SQLite's error name."""
 
 _TRANSIENT = ("SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_READONLY", "SQLITE_PERM", "SQLITE_CANTOPEN", "SQLITE_FULL",
               "SQLITE_IOERR", "SQLITE_CORRUPT", "SQLITE_NOTADB")  # fmt: skip
 
 
 def fault_words(error: BaseException) -> str:
-    """A sentence's second half that follows "the database NAME", for any error of a database driver."""
+    """The second half of a sentence that begins "the database NAME", for any error of a database driver."""
     if isinstance(error, RegistryError):
         return str(error)
     if name := _sqlite_name(error):
@@ -44,9 +44,9 @@ def fault_words(error: BaseException) -> str:
 
 
 def is_about_the_database(error: BaseException) -> bool:
-    """Whether another try of the same statement may succeed later: locked, full, gone; not a wrong statement."""
+    """Whether the same statement may succeed later: the database is locked, full or gone; no wrong statement."""
     if isinstance(error, RegistryError):
-        return True  # what was found out before the statement was tried
+        return True  # found out before the statement was tried
     if name := _sqlite_name(error):
         return name.startswith(_TRANSIENT)
     if isinstance(error, DBAPIError):
@@ -56,7 +56,7 @@ def is_about_the_database(error: BaseException) -> bool:
 
 @contextmanager
 def told_as_registry_error(database: str) -> Iterator[None]:
-    """Turn every error of the database into a `RegistryError` that names it and the remedy."""
+    """Turn every error of the database into a `RegistryError` that names the database and the remedy."""
     try:
         yield
     except NoSuchModuleError as error:
@@ -68,11 +68,11 @@ def told_as_registry_error(database: str) -> Iterator[None]:
 
 
 def refusal(error: RegistryError, *, is_being_stored: bool) -> RegistryError:
-    """What whoever asked for a change is told when the database did not take it.
+    """The error for the person who asked for a change that the database did not accept.
 
     Args:
         error: from `told_as_registry_error`.
-        is_being_stored: the commit was in hand.
+        is_being_stored: the commit had begun.
     """
     cause = error.__cause__
     if is_being_stored and isinstance(cause, DBAPIError) and cause.connection_invalidated:
@@ -81,7 +81,7 @@ def refusal(error: RegistryError, *, is_being_stored: bool) -> RegistryError:
 
 
 def not_known(why: str) -> RegistryError:
-    """Nobody can say whether a change is stored."""
+    """The error for a change of which nobody knows whether it is stored."""
     return RegistryError(
         said(
             "it is not known yet whether this change is stored: {why}. If it is, it counts: look at what was changed "
@@ -96,7 +96,7 @@ def _sqlite_name(error: BaseException) -> str:
     cause = error.orig if isinstance(error, DBAPIError) else error
     if not isinstance(cause, sqlite3.Error):
         return ""
-    # Errors that the driver finds itself carry no name.
+    # Errors found by the driver itself carry no name.
     return getattr(cause, "sqlite_errorname", "")
 
 

@@ -1,8 +1,8 @@
-"""The file of an SQLite database while it is used: what if somebody deletes it, or puts another in its place?
+"""Guards the file of an SQLite database while it is used: somebody may delete or replace it.
 
-SQLite goes on writing into a file that has no name any more, and says nothing; everything would be gone with the end
-of the process. So the file is looked at before each transaction: one that was deleted is written again from what is
-still open, one that was replaced is not touched, and what the robot had is kept beside it.
+SQLite silently goes on writing to a deleted file; everything would be lost when the process ends. So the file is
+checked before each transaction: a deleted one is written again from what is still open; a replaced one is not touched,
+and the robot's own data are saved beside it.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ _log = logging.getLogger(__name__)
 
 
 class DatabaseFile:
-    """Looks after one file; all methods but the first belong to the writer's thread.
+    """Guards one file; all methods but the first belong to the writer's thread.
 
     Args:
-        engine: whose connections are given up when the file is written again.
-        path: the file; it is there.
+        engine: its connections are discarded when the file is written again.
+        path: the file, which must exist.
     """
 
     def __init__(self, engine: Engine, path: Path) -> None:
@@ -38,10 +38,10 @@ class DatabaseFile:
         self._open()
 
     def check(self) -> None:
-        """Look whether the file is still there; write it again when it was deleted.
+        """Check that the file is still there; write it again if it was deleted.
 
         Raises:
-            RegistryError: it is not what it was; the text says what to do.
+            RegistryError: it is not the same file any more; the text says what to do.
         """
         try:
             if identity_of(self._path) != self._known:
@@ -58,7 +58,7 @@ class DatabaseFile:
             raise RegistryError(f"cannot be reached ({error.strerror}): look at the disk and its folder") from None
 
     def close(self) -> None:
-        """Let go of the file; after all other connections. Once more does nothing."""
+        """Release the file, after all other connections are closed. A second call does nothing."""
         self._anchor.close()
         if not self._is_closed:
             self._is_closed = True
@@ -69,19 +69,19 @@ class DatabaseFile:
         in_use[self._known] -= 1
 
     def _open(self) -> None:
-        """Keep one connection open: what has no name any more can be read by it."""
+        """Keep one connection open: through it a deleted file can still be read."""
         self._anchor = sqlite3.connect(sqlite_address(self._path), uri=True, check_same_thread=False)
         self._anchor.execute("PRAGMA schema_version").fetchone()
         self._known = identity_of(self._path)
         in_use[self._known] += 1
         self._descriptor = os.open(self._path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
-        """Stays open as long as any connection, see `engine.in_use`."""
+        """Stays open as long as any connection does, see `engine.in_use`."""
 
     def _put_back(self) -> None:
         part = self._path.with_name(f"{self._path.name}.part{os.getpid()}")
         try:
             self._copy(part)
-            for ending in ("-wal", "-shm"):  # of the file that is gone
+            for ending in ("-wal", "-shm"):  # they belong to the file that is gone
                 self._path.with_name(self._path.name + ending).unlink(missing_ok=True)
             part.replace(self._path)
         except (OSError, sqlite3.Error) as error:

@@ -1,4 +1,4 @@
-"""From the words after `--db` to a connection: a file (SQLite) or a server (PostgreSQL)."""
+"""From the value of `--db` to a connection: a file (SQLite) or a server (PostgreSQL)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from msbot.errors import RegistryError
 from msbot.registry.database.database_errors import ELSE, told_as_registry_error
 
 WRITE = "msbot_write"
-"""Execution option of connections that take SQLite's write lock at once, so that they cannot meet half-way."""
+"""Execution option of connections that take SQLite's write lock at once, so that two of them cannot deadlock."""
 
 MAGIC = b"SQLite format 3\x00"
 """The first octets of every SQLite file."""
@@ -27,7 +27,7 @@ MAGIC = b"SQLite format 3\x00"
 WAIT_S = "msbot_wait_s"
 """Execution option of writing connections: wait only this long for another program."""
 AT_ONCE = "msbot_at_once"
-"""Execution option of connections that begin no transaction: each statement sees what is stored when it runs."""
+"""Execution option of connections without a transaction: each statement sees what is stored when it runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Address:
 
     url: URL
     words: str
-    """For messages; without a password."""
+    """The address for messages, without a password."""
     path: Path | None
     """The file, for SQLite."""
 
@@ -67,7 +67,7 @@ def parse_address(text: str | Path) -> Address:
 
 
 def without_password(text: str) -> str:
-    """The address as messages show it.
+    """The address as messages show it, without its password.
 
     Raises:
         RegistryError: it is not an address of a database.
@@ -114,8 +114,9 @@ def check_file(address: Address, *, create: bool, read_only: bool) -> None:
 in_use: Counter[tuple[int, int]] = Counter()
 """Files (device, number) that this process has open as databases.
 
-They are never opened and closed besides SQLite: when a process closes a file, POSIX takes all its locks on it away, and
-whoever looks into the database next would believe that nobody uses it, and tidy the log away that is being written.
+Nothing but SQLite may open and close them: when a process closes a file, POSIX releases all locks that the process has
+on it, and the next program to open the database would think that nobody uses it and delete the log that is being
+written.
 """
 
 
@@ -123,7 +124,7 @@ def identity_of(path: Path) -> tuple[int, int]:
     """Which file it is, whatever its name.
 
     Raises:
-        OSError: it is not there, or cannot be looked at.
+        OSError: it is not there, or cannot be inspected.
     """
     found = path.stat()
     return found.st_dev, found.st_ino
@@ -142,20 +143,20 @@ def _check_magic(path: Path) -> None:
 
 
 def sqlite_address(path: Path, *, may_make: bool = False) -> str:
-    """The file for SQLite, which must not make it again: one that was deleted would come back empty."""
+    """The file as an SQLite address; SQLite must not create it again: a deleted one would come back empty."""
     return f"file:{quote(str(path))}?mode={'rwc' if may_make else 'rw'}"
 
 
 def make_private(path: Path) -> None:
-    """Have a file, made if there is none, that nobody but its owner can read: keys and hashes of passwords are in it.
+    """Make a file private to its owner, creating it if needed: it contains keys and password hashes.
 
     Raises:
-        OSError: it cannot be made.
+        OSError: it cannot be created.
     """
     try:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600))
     except FileExistsError:
-        with contextlib.suppress(OSError):  # a file of somebody else, or of a system without such rights
+        with contextlib.suppress(OSError):  # a file of somebody else, or a system without such rights
             os.chmod(path, 0o600)
 
 

@@ -1,4 +1,4 @@
-"""A person's change on its way to the database, and whoever waits for it: a thread, or an event loop."""
+"""A person's change on its way to the database, and how a thread or an event loop waits for it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _T = TypeVar("_T")
 class PendingChange(Executor, Generic[_T]):
     """A person's change on its way to the database; made by `Writer.submit`.
 
-    It is an executor so that an event loop with a virtual clock knows that a thread is at work for it.
+    It is an executor so that an event loop with a virtual clock knows that a thread is working for it.
     """
 
     def __init__(
@@ -23,21 +23,22 @@ class PendingChange(Executor, Generic[_T]):
     ) -> None:
         self.change = change
         self.wait_s = wait_s
-        """How long it waits for another program that writes."""
+        """How long it waits for another program that is writing."""
         self.done: Future[_T] = Future()
         self.is_given_up = False
         self.is_being_stored = False
         self._give_up = give_up
 
     def submit(self, _fn: object, /, *_args: object, **_kwargs: object) -> Future[_T]:  # type: ignore[override]
-        """What the event loop waits for."""
+        """The future that the event loop waits for."""
         return self.done
 
     def wait(self, limit_s: float) -> _T:
-        """Wait until it is stored; gives what the change gives.
+        """Wait until it is stored; returns what the change returns.
 
         Raises:
-            RegistryError: it cannot be stored; nothing has changed. Or it is not known whether it was: the text says.
+            RegistryError: it cannot be stored and nothing has changed, or it is unknown whether it was; the text says
+                which.
             Exception: what the change raises.
         """
         try:
@@ -46,7 +47,7 @@ class PendingChange(Executor, Generic[_T]):
             return self._give_up(self)
 
     async def stored(self, limit_s: float) -> _T:
-        """The same for an event loop, which goes on meanwhile."""
+        """The same for an event loop, without blocking it."""
         waiting = asyncio.get_running_loop().run_in_executor(self, self.done.result)
         done, _ = await asyncio.wait({waiting}, timeout=limit_s)
         if done:

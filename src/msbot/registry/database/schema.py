@@ -20,7 +20,7 @@ from msbot.registry.database.tables import metadata
 
 _VERSION_TABLE = "alembic_version"
 _MIGRATION_LOCK = 0x4D734254_4D494752
-"""Number of the server's lock that lets one process at a time change the tables."""
+"""Number of the lock on the server that lets only one process at a time change the tables."""
 _FILE = re.compile(r"v(\d{4})_\w+\.py")
 
 _log = logging.getLogger(__name__)
@@ -31,13 +31,13 @@ class Migrations:
     """A folder of numbered migrations."""
 
     location: str
-    """As Alembic wants it: a folder, or `package:folder`."""
+    """As Alembic expects it: a folder, or `package:folder`."""
     newest: int
-    """The schema that the last of them makes."""
+    """The version of the schema after the last migration."""
 
 
 def own_migrations() -> Migrations:
-    """The migrations MsBOT brings."""
+    """The migrations that come with MsBOT."""
     return Migrations("msbot.registry:migrations", _newest(files("msbot.registry") / "migrations" / "versions"))
 
 
@@ -56,7 +56,7 @@ def read_version(engine: Engine, address: Address, migrations: Migrations) -> in
     """The schema of the database; 0: it is empty.
 
     Raises:
-        RegistryError: it is newer, another program's, or cannot be read.
+        RegistryError: it is newer, belongs to another program, or cannot be read.
     """
     with told_as_registry_error(address.words), engine.connect() as connection:
         return _version(connection, address, migrations.newest)
@@ -66,13 +66,13 @@ def check_schema(engine: Engine, address: Address, migrations: Migrations) -> bo
     """Whether the database has the newest schema; False: it is empty or older.
 
     Raises:
-        RegistryError: it is newer, another program's, or cannot be read.
+        RegistryError: it is newer, belongs to another program, or cannot be read.
     """
     return read_version(engine, address, migrations) == migrations.newest
 
 
 def bring_up_to_date(engine: Engine, address: Address, migrations: Migrations) -> None:
-    """Make the tables of a new database; copy an older one aside and migrate it. One transaction.
+    """Create the tables of a new database; back up and migrate an older one. One transaction.
 
     Raises:
         RegistryError: see `check_schema`; or it cannot be written.
@@ -84,7 +84,7 @@ def bring_up_to_date(engine: Engine, address: Address, migrations: Migrations) -
     ):
         if address.path is None:
             connection.execute(text(f"SELECT pg_advisory_xact_lock({_MIGRATION_LOCK})"))
-        # Another process may have done it since it was checked.
+        # Another process may have done it since the check.
         version = _version(connection, address, migrations.newest)
         if version == migrations.newest:
             return
@@ -122,7 +122,7 @@ _OTHER = "choose another --db"
 
 
 def _back_up(path: Path, version: int) -> Path:
-    """Copy the database beside itself under a name that is free; gives the copy's path."""
+    """Copy the database to a file beside it with an unused name; returns the path of the copy."""
     number = 1
     while (copy := path.with_name(f"{path.name}.schema{version}.{number}.backup")).exists():
         number += 1
@@ -133,7 +133,7 @@ def _back_up(path: Path, version: int) -> Path:
 
 
 def _back_up_on_server(connection: Connection, version: int) -> str:
-    """Copy the tables into a schema of the same database whose name is free; gives its name in words."""
+    """Copy the tables into a schema with an unused name in the same database; returns its name in words."""
     inspector = inspect(connection)
     number, known = 1, inspector.get_schema_names()
     while (name := f"msbot_schema{version}_{number}_backup") in known:
@@ -145,7 +145,7 @@ def _back_up_on_server(connection: Connection, version: int) -> str:
 
 
 def _upgrade(connection: Connection, location: str) -> None:
-    # Imported here because it takes a tenth of a second and is needed once in a database's life.
+    # Imported here because that takes a tenth of a second and is needed once in a database's life.
     from alembic import command
     from alembic.config import Config
 
@@ -157,7 +157,7 @@ def _upgrade(connection: Connection, location: str) -> None:
 
 
 def _write_comments(connection: Connection) -> None:
-    """Put each column's comment into the database, where it has room for them."""
+    """Store each column's comment in the database, if it supports comments."""
     if connection.dialect.supports_comments:
         for table in metadata.sorted_tables:
             for column in table.columns:

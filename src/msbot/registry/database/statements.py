@@ -1,4 +1,4 @@
-"""The statements of a running robot: who its parts are, what they may do, and what happened.
+"""The SQL statements of a running robot: who its parts are, what they may do, and what happened.
 
 Every function works on an open connection and leaves the transaction to its caller. Together with
 `blueprint_store` these are all SQL statements of the project; they run on SQLite and on PostgreSQL.
@@ -30,7 +30,7 @@ STATES = {state.value: state for state in PartState}
 def upsert(
     connection: Connection, table: Table, key: Mapping[str, object], values: Mapping[str, object], **first: object
 ) -> None:
-    """Change the row with this key, or make it; `first` are columns that only a new row gets."""
+    """Update the row with this key, or insert it; `first` are columns that only a new row gets."""
     statement = _upsert(connection.dialect.name, table, tuple(key), tuple(values))
     connection.execute(statement, {**key, **values, **first})
 
@@ -39,7 +39,7 @@ def upsert(
 def _upsert(
     dialect: str, table: Table, key: tuple[str, ...], values: tuple[str, ...]
 ) -> sqlite.Insert | postgresql.Insert:
-    """The statement of `upsert`. Made once: to make one costs several times what executing it does."""
+    """The statement of `upsert`. Cached: building it costs several times as much as executing it."""
     statement = _insert(dialect, table)
     return statement.on_conflict_do_update(
         index_elements=list(key), set_={name: statement.excluded[name] for name in values}
@@ -49,7 +49,7 @@ def _upsert(
 def upsert_many(
     connection: Connection, table: Table, key: Sequence[str], rows: Sequence[Mapping[str, object]], *, first: str = ""
 ) -> None:
-    """Change or make many rows at once; all have the same columns, and `first` is one that only a new row gets."""
+    """Update or insert many rows at once; all have the same columns, and `first` is one that only a new row gets."""
     if not rows:
         return
     statement = _insert(connection.dialect.name, table)
@@ -58,7 +58,7 @@ def upsert_many(
 
 
 def _insert(dialect: str, table: Table) -> sqlite.Insert | postgresql.Insert:
-    """An INSERT that can change a row that is there; PostgreSQL's takes long to import, and few need it."""
+    """An INSERT that can update an existing row; PostgreSQL's takes long to import, and few need it."""
     if dialect != "postgresql":
         return sqlite.insert(table)
     from sqlalchemy.dialects import postgresql
@@ -67,7 +67,7 @@ def _insert(dialect: str, table: Table) -> sqlite.Insert | postgresql.Insert:
 
 
 def list_robots(connection: Connection) -> list[RobotRecord]:
-    """All robots, the one used last first."""
+    """All robots, the most recently used first."""
     return [_robot(row) for row in connection.execute(select(robots).order_by(robots.c.applied_ns.desc()))]
 
 
@@ -141,7 +141,7 @@ def note_state(connection: Connection, robot_id: int, event: PartEvent, now_ns: 
 
 
 def end_run(connection: Connection, robot_id: int, reason: str, now_ns: int) -> None:
-    """Parts that are registered when a run ends are lost until they claim again."""
+    """Mark the parts that are registered when a run ends as lost, until they claim again."""
     query = _PART_QUERY.where(parts.c.robot_id == robot_id, parts.c.state.in_(_REGISTERED))
     for record in [_part(row) for row in connection.execute(query)]:
         event = PartEvent(
@@ -178,7 +178,7 @@ _JOURNAL_LINE = journal.insert()
 
 
 def write_journal(connection: Connection, robot_id: int, event: PartEvent, now_ns: int) -> None:
-    """Add one line."""
+    """Add one line to the journal."""
     row = {
         "robot_id": robot_id,
         "at_ns": now_ns,
@@ -198,7 +198,7 @@ def write_journal(connection: Connection, robot_id: int, event: PartEvent, now_n
 
 
 def read_journal(connection: Connection, robot_id: int | None, part: str | None, limit: int) -> list[JournalEntry]:
-    """The newest lines, oldest of them first; of one part when it is named by name, slot, number or UID."""
+    """The newest lines, the oldest of them first; only those of one part if its name, slot, number or UID is given."""
     query = select(journal, robots.c.name.label("robot")).join(robots, journal.c.robot_id == robots.c.id)
     if robot_id is not None:
         query = query.where(journal.c.robot_id == robot_id)
@@ -211,10 +211,10 @@ def read_journal(connection: Connection, robot_id: int | None, part: str | None,
 
 
 def prune(connection: Connection, robot_id: int, journal_rows: int, strangers: int, strangers_rows: int) -> None:
-    """Forget the oldest lines of the journal, and strangers that came once and were never let in.
+    """Delete the oldest lines of the journal, and strangers that came once and were never let in.
 
-    Lines about parts in slots and lines about others are counted apart: however many strangers come, they push out
-    their own kind only.
+    Lines about parts in slots and lines about others are counted separately: however many strangers come, their lines
+    displace only lines about strangers.
     """
     for about, rows in ((journal.c.slot != "", journal_rows), (journal.c.slot == "", strangers_rows)):
         these = and_(journal.c.robot_id == robot_id, about)
@@ -230,13 +230,13 @@ def prune(connection: Connection, robot_id: int, journal_rows: int, strangers: i
 
 
 def read_node_ids(connection: Connection, robot_id: int, link: str) -> list[tuple[int, str, int]]:
-    """(node id, UID, kept_ns) of a CAN bus, the one kept longest ago first."""
+    """(node id, UID, kept_ns) of a CAN bus, the least recently stored first."""
     query = select(node_ids).where(node_ids.c.robot_id == robot_id, node_ids.c.link == link)
     return [(row.node_id, row.uid, row.kept_ns) for row in connection.execute(query.order_by(node_ids.c.kept_ns))]
 
 
 def keep_node_id(connection: Connection, robot_id: int, link: str, *, node_id: int, uid: str, kept_ns: int) -> None:
-    """Give an address to a UID; whoever had it, and whatever address the UID had, is released."""
+    """Give an address to a UID; its previous owner and the UID's previous address are released."""
     here = and_(node_ids.c.robot_id == robot_id, node_ids.c.link == link)
     connection.execute(delete(node_ids).where(here, or_(node_ids.c.node_id == node_id, node_ids.c.uid == uid)))
     row = {"robot_id": robot_id, "link": link, "node_id": node_id, "uid": uid, "kept_ns": kept_ns}
@@ -244,7 +244,7 @@ def keep_node_id(connection: Connection, robot_id: int, link: str, *, node_id: i
 
 
 def bump_versions(connection: Connection, robot_id: int, names: Sequence[str]) -> None:
-    """Give the configurations of these slots another version."""
+    """Give the configurations of these slots a new version."""
     if names:
         changed = and_(slots.c.robot_id == robot_id, slots.c.name.in_(names))
         connection.execute(update(slots).where(changed).values(configuration_version=slots.c.configuration_version + 1))

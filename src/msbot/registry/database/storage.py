@@ -1,4 +1,4 @@
-"""An open database: reading with a time limit, writing in order, and saying what is not stored."""
+"""An open database: reading with a time limit, writing in order, and reporting what is not stored."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from msbot.registry.database.writer import Writer
 from msbot.runtime.daemon_threads import DaemonThreads
 
 SLOWEST_S = 5.0
-"""How long a person waits for a change at a running robot, besides the database's wait for another program."""
+"""How long a person waits for a change at a running robot, in addition to the database's wait for another program."""
 UNHURRIED_S = 60.0
 """How long a command waits for a change while no robot runs in its process."""
 LOOP_PATIENCE_S = 0.4
-"""How long a change waits for another program when a robot runs in this process: people wait for it."""
+"""How long a change waits for another program when a robot runs in this process, because people are waiting."""
 LIMIT_S = 2.5
-"""How long whoever reads for a page or a command waits; NiceGUI gives up a page that is not made within 3 s."""
+"""How long a read for a page or command may take; NiceGUI gives up on a page that is not built within 3 s."""
 CATCH_UP_S = 0.5
-"""How long a reader waits for what was told before."""
+"""How long a reader waits until earlier notes are stored."""
 READERS = 4
-"""How many of them are served at the same time."""
+"""How many readers are served at the same time."""
 MOST_WAITING = 64
-"""How many more may wait; the next one is sent away."""
+"""How many more readers may wait; further ones are turned away."""
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -38,14 +38,14 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True)
 class StorageHealth:
-    """What of a running robot is not in its database, for pages and commands."""
+    """What a running robot has not been able to store in its database, for pages and commands."""
 
     trouble: str | None
-    """Why changes are not being stored at the moment, in words; None when all is well."""
+    """Why changes are not being stored at the moment, in words; None if all is well."""
     waiting: int
     """Changes kept in memory until they can be stored."""
     lost: int
-    """Changes that were given up since the start: too many waited, or the database did not take them."""
+    """Changes that were dropped since the start: too many were waiting, or the database did not accept them."""
 
     @property
     def is_well(self) -> bool:
@@ -54,7 +54,7 @@ class StorageHealth:
 
 
 class Storage:
-    """What the parts of the registry stand on; see `Registry`."""
+    """The foundation of the registry's components; see `Registry`."""
 
     def __init__(
         self,
@@ -70,13 +70,13 @@ class Storage:
         self.epoch_ns = epoch_ns
         self.busy_timeout_s = busy_timeout_s
         self.runs_a_robot = False
-        """Whether parts and people wait for this process."""
+        """Whether parts and people depend on this process."""
         self._file = None if read_only or address.path is None else DatabaseFile(engine, address.path)
         check = (lambda: None) if self._file is None else self._file.check
         self._writer = None if read_only else Writer(engine, address.words, check=check)
         self._threads = DaemonThreads(READERS, "msbot registry reader")
         self._asking: dict[int, float] = {}
-        """When each of those that are being served, or wait, has asked."""
+        """When each reader that is being served or waiting made its request."""
         self._asked = 0
 
     @property
@@ -104,11 +104,11 @@ class Storage:
         return self._writer
 
     def flush(self, timeout_s: float = 10.0) -> bool:
-        """Wait until everything told so far is stored; False: it cannot be at the moment (see `health`)."""
+        """Wait until everything handed over so far is stored; False: it cannot be at the moment (see `health`)."""
         return self._writer is None or self._writer.flush(timeout_s)
 
     def catch_up(self) -> None:
-        """Give what was told a moment to be stored, so that who reads next sees it; not for the event loop."""
+        """Give what was handed over a moment to be stored, so that the next reader sees it; not for the event loop."""
         if self.runs_a_robot:
             self.flush(CATCH_UP_S)
 
@@ -123,7 +123,7 @@ class Storage:
 
     @property
     def patience_s(self) -> float:
-        """How long a change waits for another program that writes."""
+        """How long a change waits for another program that is writing."""
         return min(LOOP_PATIENCE_S, self.busy_timeout_s) if self.runs_a_robot else self.busy_timeout_s
 
     @property
@@ -132,7 +132,7 @@ class Storage:
         return (SLOWEST_S if self.runs_a_robot else UNHURRIED_S) + self.patience_s
 
     def change(self, change: Callable[[Connection], _T]) -> _T:
-        """Make a change after everything that was told before, and wait for it.
+        """Make a change after everything that was handed over before, and wait for it.
 
         Raises:
             RegistryError: it cannot be stored; nothing has changed.
@@ -140,7 +140,7 @@ class Storage:
         return self.writer.submit(change, wait_s=self.patience_s).wait(self.limit_s)
 
     def write(self, write: Callable[[Connection], _T]) -> _T:
-        """Write in one transaction, at once; before a robot runs.
+        """Write in one transaction, at once; only before a robot runs.
 
         Raises:
             RegistryError: it cannot be written; nothing has changed.
@@ -150,10 +150,10 @@ class Storage:
             return write(connection)
 
     async def in_time(self, ask: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> _T:
-        """Call something that reads or changes the database, without holding up the event loop.
+        """Call something that reads or changes the database, without blocking the event loop.
 
         Raises:
-            RegistryError: the database does not answer in time; besides what `ask` raises.
+            RegistryError: the database does not answer in time; also whatever `ask` raises.
         """
         now = monotonic()
         if len(self._asking) >= READERS + MOST_WAITING or (
@@ -174,7 +174,7 @@ class Storage:
         return answer.result()
 
     def close(self) -> None:
-        """Store what is waiting and let go of the database."""
+        """Store what is waiting and close the database."""
         if self._writer is not None:
             self._writer.close()
         self._threads.shutdown()
@@ -187,6 +187,6 @@ class Storage:
 
 
 def _retrieve(answer: asyncio.Future[_T]) -> None:
-    """Look at what came too late, so that nobody is told of an error that nobody waits for."""
+    """Retrieve a late result, so that asyncio does not report an error that nobody is waiting for."""
     if not answer.cancelled():
         answer.exception()

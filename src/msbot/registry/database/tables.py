@@ -1,4 +1,4 @@
-"""The tables of the registry, each column with a comment; `docs/reference/registry.md` shows the same list.
+"""The tables of the registry, with a comment on each column; `docs/reference/registry.md` shows the same list.
 
 Times are nanoseconds since 1970 (`_ns`). UIDs are 16 hexadecimal digits. A change here needs a migration in
 `migrations/versions`; a test compares the two.
@@ -33,7 +33,7 @@ metadata = MetaData(
 )
 
 BigId = BigInteger().with_variant(Integer, "sqlite")
-"""A number that counts up by itself; SQLite does so only for INTEGER."""
+"""An auto-incrementing number; SQLite increments only INTEGER."""
 
 robots = Table(
     "robots",

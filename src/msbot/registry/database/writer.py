@@ -1,12 +1,12 @@
-"""The one thread that writes: what the event loop tells is queued and stored in order; people's changes wait for it.
+"""The one thread that writes: notes from the event loop and people's changes are queued and stored in order.
 
-Two kinds of work share one queue. A *note* (a line of the journal, a memory of a part) never blocks and never raises
-in the loop: while the database cannot be written (locked, full, frozen, away) notes are kept in memory and tried
-again, many in one transaction; only when the queue is full is the oldest given up, and counted in `lost`. A *change*
-of a person is tried once, in its own transaction, after all notes before it; whoever asked for it waits for a limited
-time and is told that nothing was changed, or that it is stored.
+Two kinds of work share one queue. A *note* (a line of the journal, a memory of a part) never blocks and never raises in
+the loop: while the database cannot be written (locked, full, frozen, away) notes are kept in memory and tried again,
+many in one transaction; only when the queue is full is the oldest dropped, and counted in `lost`. A *change* by a
+person is tried once, in its own transaction, after all notes before it; the person waits for a limited time and is told
+whether it is stored.
 
-While there is nothing to do the thread looks now and then whether the database still answers (`Writer.watch`).
+While there is nothing to do, the thread checks now and then whether the database still answers (`Writer.watch`).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from msbot.registry.database.pending_change import PendingChange
 from msbot.runtime.sentence import said
 
 Note = Callable[[Connection], None]
-"""Executes its statements on the connection; must not commit. May be called again after a failed transaction."""
+"""Executes its statements on the connection; must not commit, and may be called again after a failed transaction."""
 
 CAPACITY = 10_000
 BATCH = 256
@@ -43,7 +43,7 @@ LONGEST_RETRY_S = 5.0
 SILENT_S = 2.0
 """A database that has not answered for this long counts as silent."""
 WATCH_S = 1.0
-"""How often an idle database is looked at."""
+"""Period in which an idle database is checked."""
 
 _log = logging.getLogger(__name__)
 _T = TypeVar("_T")
@@ -51,14 +51,14 @@ Follow = Callable[[Connection], Callable[[bool], None]]
 
 
 class Writer:
-    """See the module docstring. Made and closed by the registry.
+    """The thread that writes (see the module's docstring); created and closed by the registry.
 
     Args:
         engine: where to write.
         database: the database in words.
-        capacity: notes kept in memory at most.
-        first_retry_s: pause after a first failure; doubles up to 5 s.
-        check: called before each transaction; raises `RegistryError` when the database is not what it was.
+        capacity: most notes kept in memory.
+        first_retry_s: pause after the first failure; doubles up to 5 s.
+        check: called before each transaction; raises `RegistryError` when the database was replaced or lost.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Writer:
         check: Callable[[], None] = lambda: None,
     ) -> None:
         self.lost = 0
-        """Notes that were given up: the queue was full, or the database does not take them."""
+        """Notes that were dropped: the queue was full, or the database does not accept them."""
         self._follow: Follow = lambda _: lambda _: None
         self._watch: Callable[[Connection], None] | None = None
         self._engine = engine.execution_options(**{WRITE: True})
@@ -86,9 +86,9 @@ class Writer:
         self._fault = ""
         self._tries = 0
         self._last_failed = 0
-        """Number of the last try that failed."""
+        """Number of the most recent try that failed."""
         self._asked_at: float | None = None
-        """When the database was asked for what it has not answered yet."""
+        """When the request was made that the database has not answered yet."""
         self._hurry = False
         self._closing = False
         self._thread = Thread(target=self._serve, name="msbot registry writer", daemon=True)
@@ -101,7 +101,7 @@ class Writer:
 
     @property
     def fault(self) -> str | None:
-        """What is wrong with the database, as the second half of a sentence; None when all is well."""
+        """What is wrong with the database, as the second half of a sentence; None if all is well."""
         if self._fault:
             return self._fault
         asked_at = self._asked_at
@@ -114,7 +114,7 @@ class Writer:
 
     @property
     def trouble(self) -> str | None:
-        """Why changes are not being stored, in words; None when all is well."""
+        """Why changes are not being stored, in words; None if all is well."""
         fault = self.fault
         if fault is None:
             return None
@@ -126,12 +126,12 @@ class Writer:
         )
 
     def watch(self, look: Callable[[Connection], None], follow: Follow) -> None:
-        """Have somebody told of what changes in the database.
+        """Register functions that follow what changes in the database.
 
         Args:
             look: called about once a second while there is nothing to write.
-            follow: called in the transaction of each change; what it gives is called when that is stored, with True
-                when nobody waits for it any more.
+            follow: called in the transaction of each change; the function that it returns is called once the change is
+                stored, with True if nobody waits for it any more.
         """
         with self._changed:
             self._watch, self._follow = look, follow
@@ -151,14 +151,14 @@ class Writer:
             self._changed.notify_all()
 
     def submit(self, change: Callable[[Connection], _T], *, wait_s: float) -> PendingChange[_T]:
-        """Make a person's change after everything that was told before.
+        """Make a person's change after everything that was handed over before.
 
         Args:
             change: executes its statements; called once.
-            wait_s: so long the database waits for another program that writes.
+            wait_s: how long the database waits for another program that is writing.
 
         Raises:
-            RegistryError: too much waits already, or the database is closed; nothing has changed.
+            RegistryError: too many changes are waiting already, or the database is closed; nothing has changed.
         """
         job = PendingChange(self.give_up, change, wait_s)
         with self._changed:
@@ -172,10 +172,10 @@ class Writer:
         return job
 
     def give_up(self, job: PendingChange[_T]) -> _T:
-        """Nobody waits for a change any more; gives what it gave if it is stored by now.
+        """Stop waiting for a change; returns its result if it is stored by now.
 
         Raises:
-            RegistryError: nothing has changed; or it is not known whether it was stored.
+            RegistryError: nothing has changed, or it is unknown whether the change was stored.
         """
         with self._changed:
             job.is_given_up = True
@@ -196,7 +196,7 @@ class Writer:
         """Wait until everything handed over is stored; False: a try has just failed, or it took too long."""
         until = monotonic() + timeout_s
         with self._changed:
-            # A try that runs already may have met what has been mended since; the next one counts.
+            # A try already under way may have met a fault that has been cured since; the next one counts.
             last_try = self._tries
             self._hurry = self.pending > 0
             self._changed.notify_all()
@@ -230,7 +230,7 @@ class Writer:
                 self._look()
 
     def _take(self) -> PendingChange[object] | str:
-        """The next change; or what to do: `notes` are in hand, `nothing` to do for a while, the `end`."""
+        """The next change, or what to do: `notes` are ready, `nothing` to do for a while, or the `end`."""
         with self._changed:
             while not self._waiting and not self._closing:
                 if not self._changed.wait(None if self._watch is None else WATCH_S):
@@ -249,7 +249,7 @@ class Writer:
             return "notes"
 
     def _look(self) -> None:
-        """Find out whether the database answers, before somebody needs it."""
+        """Find out whether the database answers before somebody needs it."""
         watch = self._watch
         if watch is None:
             return
@@ -300,7 +300,7 @@ class Writer:
                 self._changed.notify_all()
 
     def _store(self) -> bool:
-        """Store the notes in hand; False: the writer had to end before that could be done."""
+        """Store the notes taken from the queue; False: the writer had to end before that could be done."""
         pause_s = self._first_retry_s
         at_once = len(self._in_hand)
         while self._in_hand:
@@ -314,13 +314,13 @@ class Writer:
                     return False
                 pause_s = min(2 * pause_s, LONGEST_RETRY_S)
             elif at_once > 1:
-                at_once = 1  # find the one that is wrong
+                at_once = 1  # to find the one that is wrong
             else:
                 self._give_up(error)
         return True
 
     def _try(self, notes: Sequence[Note]) -> Exception | None:
-        """Store all of the notes or none; gives the error."""
+        """Store all of the notes or none; returns the error, if any."""
         with self._changed:
             self._tries += 1
         self._asked_at = monotonic()
@@ -355,7 +355,7 @@ class Writer:
             self._fault = words
 
     def _wait_after(self, error: Exception, pause_s: float) -> bool:
-        """Note a failure and wait for the next try; False: the writer is to end."""
+        """Note a failure and wait for the next try; False: the writer has to end."""
         self._note_fault(error)
         with self._changed:
             self._last_failed = self._tries
@@ -366,14 +366,14 @@ class Writer:
             return not self._closing
 
     def _refuse_changes(self) -> None:
-        """Nobody waits for a change that cannot be made now."""
+        """Refuse all waiting changes: nobody should wait for one that cannot be made now."""
         for job in [one for one in self._waiting if isinstance(one, PendingChange)]:
             self._waiting.remove(job)
             self._answer(job, error=RegistryError(said("nothing was changed: {trouble}", trouble=self.trouble)))
 
     @staticmethod
     def _answer(job: PendingChange[object], made: object = None, *, error: BaseException | None = None) -> None:
-        """Tell whoever waits; who has stopped waiting has cancelled it."""
+        """Pass on the result; a caller that stopped waiting has cancelled the job."""
         if not job.done.set_running_or_notify_cancel():
             return
         if error is None:

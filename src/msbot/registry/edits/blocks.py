@@ -1,4 +1,4 @@
-"""What is not let in, whatever it claims: parts by their UID, or all parts of a number."""
+"""Blocks: parts that are not let in whatever they claim, by UID, or all parts of a part number."""
 
 from __future__ import annotations
 

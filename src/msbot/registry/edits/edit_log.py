@@ -1,4 +1,4 @@
-"""The list of what people changed: one row for each edit, with what it touched as it was before and as it is after."""
+"""The list of what people changed: one row for each edit, with the state before and after it."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from msbot.registry.records import UNDOABLE, EditKind, EditRecord
 from msbot.runtime.sentence import from_json, to_json
 
 EDITS_KEPT = 10_000
-"""Edits of a robot that are kept."""
+"""How many edits of a robot are kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class Author:
-    """Whose edit it is, and when and where."""
+    """Who makes an edit, when, and on which robot."""
 
     robot_id: int | None
     """None: it concerns all robots of the database."""
@@ -34,17 +34,17 @@ class Author:
 
 
 class Cell(Protocol):
-    """What an edit touches, with its content: the value of a parameter, where parts belong, a block, the ends of a
-    topic, or all that a blueprint decides."""
+    """What an edit changes, with its content: the value of a parameter, where parts belong, a block, the ends of a
+    topic, or everything that a blueprint decides."""
 
     def as_json(self) -> dict[str, object]:
-        """As the row keeps it."""
+        """The cell as the row stores it."""
 
     def as_it_is(self, connection: Connection, robot_id: int) -> Self:
         """The same cell with its present content."""
 
     def write(self, connection: Connection, author: Author) -> None:
-        """Make the present content this; raises ConfigError when a slot is gone."""
+        """Write this content to the database; raises ConfigError when a slot is gone."""
 
 
 def record(
@@ -57,7 +57,7 @@ def record(
     before: Cell | None = None,
     after: Cell | None = None,
 ) -> EditRecord:
-    """Write one line; the change itself is the caller's."""
+    """Write one line of the list; the caller makes the change itself."""
     row = {
         "robot_id": author.robot_id,
         "at_ns": author.now_ns,
@@ -76,13 +76,13 @@ def record(
 
 
 def read_edits(connection: Connection, robot_id: int | None, limit: int) -> list[EditRecord]:
-    """The newest edits, the newest first; without a robot those that concern all."""
+    """The most recent edits, newest first; without a robot, those that concern all robots."""
     query = select(edits).where(edits_of(robot_id)).order_by(edits.c.id.desc()).limit(limit)
     return [_edit(row) for row in connection.execute(query)]
 
 
 def edits_of(robot_id: int | None) -> ColumnElement[bool]:
-    """Which rows are a robot's."""
+    """The condition for the rows of a robot."""
     return edits.c.robot_id.is_(None) if robot_id is None else edits.c.robot_id == robot_id
 
 
@@ -103,7 +103,7 @@ def _edit(row: Row[tuple[object, ...]]) -> EditRecord:
 
 
 def words_of(row: Row[tuple[object, ...]]) -> str:
-    """What the edit of a row did, able to be said in other languages."""
+    """What the edit of a row did, as a sentence that can be translated."""
     return str(row.words) if row.said is None else from_json(row.said)
 
 

@@ -18,24 +18,24 @@ Making = Callable[[Connection, Author], EditRecord]
 class Edits:
     """Makes changes and reads the list of them.
 
-    A change waits until everything told before is stored, so that it is made upon what is true; when the database
-    cannot be written it is refused and nothing has changed.
+    A change waits until everything handed over before is stored, so that it is based on the true state; when the
+    database cannot be written, the change is refused and nothing has changed.
     """
 
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
 
     def make(self, robot: RobotRecord | None, who: str, making: Making) -> EditRecord:
-        """Make a change of a robot, or of what concerns all robots of the database.
+        """Make a change to a robot, or to something that concerns all robots of the database.
 
         Raises:
-            ConfigError: it makes no sense; the text says why.
+            ConfigError: the change makes no sense; the text says why.
             RegistryError: the database cannot be written; nothing has changed.
         """
         return self._storage.change(self._by(robot, who, making))
 
     async def make_soon(self, robot: RobotRecord | None, who: str, making: Making) -> EditRecord:
-        """The same for an event loop, which goes on meanwhile."""
+        """The same for an event loop, without blocking it."""
         storage = self._storage
         change = storage.writer.submit(self._by(robot, who, making), wait_s=storage.patience_s)
         return await change.stored(storage.limit_s)
@@ -45,7 +45,7 @@ class Edits:
         return lambda connection: making(connection, author)
 
     def note(self, robot: RobotRecord, kind: EditKind, words: str, who: str) -> None:
-        """Keep a line about something a person did that changed nothing stored; as soon as it can be stored."""
+        """Record something a person did that changed nothing in the database, as soon as it can be stored."""
         making = self._by(robot, who, partial(record, kind=kind, words=words))
 
         def write(connection: Connection) -> None:
@@ -54,7 +54,7 @@ class Edits:
         self._storage.writer.put(write)
 
     def latest(self, robot: RobotRecord | None, limit: int = 50) -> list[EditRecord]:
-        """The newest edits, the newest first; without a robot those of users and keys.
+        """The most recent edits, newest first; without a robot, those of users and keys.
 
         Raises:
             RegistryError: the database cannot be read.

@@ -1,4 +1,4 @@
-"""Where parts belong: the memory of which UID sits in which slot, when a person changes it."""
+"""Where parts belong: people's changes to the memory of which UID is in which slot."""
 
 from __future__ import annotations
 
@@ -62,16 +62,16 @@ def put(
     by_hand: bool = True,
     before: Mapping[bytes, str | None] | None = None,
 ) -> EditRecord:
-    """Let a part belong in a slot, or in none; others that belonged in that slot belong nowhere.
+    """Make a part belong in a slot, or in none; others that belonged in that slot now belong nowhere.
 
     Args:
         connection: an open transaction.
         author: who does it.
         uid: the part; it must have been seen before.
         slot: where it belongs from now on; None: nowhere.
-        words: what happened, for people; made from the rest when empty.
-        by_hand: the part then goes into that slot before all rules, whatever the library says.
-        before: where parts belonged before, if that is not what is stored now: an undo brings it back.
+        words: what happened, for people; if empty, composed from the rest.
+        by_hand: the part goes into that slot regardless of the rules and the library.
+        before: where parts belonged before, if that differs from what is stored now; an undo restores it.
 
     Raises:
         ConfigError: the part was never seen, has no UID, or there is no such slot.
@@ -89,7 +89,7 @@ def put(
 
 
 def swap(connection: Connection, author: Author, uid: bytes, slot: str, *, other: bytes = b"") -> EditRecord:
-    """Let a part belong in a slot, and `other`, which was there, where the part came from (in no slot: nowhere).
+    """Make a part belong in a slot, and `other`, which was there, in the slot the part came from (or nowhere).
 
     Raises:
         ConfigError: a part was never seen, has no UID, or there is no such slot.
@@ -126,7 +126,7 @@ def _move(
 
 
 def read(connection: Connection, robot_id: int, uids: Iterable[str] | None = None) -> dict[str, Belonging]:
-    """Where these parts (all that belong anywhere, if none are named) belong, by UID; only slots of the blueprint."""
+    """Where these parts belong, by UID (None: all that belong anywhere); only slots of the blueprint."""
     last, placed = slots.alias("last"), slots.alias("placed")
     query = (
         select(parts.c.identity, last.c.name.label("last"), placed.c.name.label("placed"))
@@ -153,7 +153,7 @@ def read_slot(connection: Connection, robot_id: int, slot: str) -> list[str]:
 
 
 def check_known(connection: Connection, robot_id: int, uid: bytes) -> str:
-    """The UID as text, when the robot has seen that part.
+    """The UID as text, provided that the robot has seen that part.
 
     Raises:
         ConfigError: it has no UID, or was never seen here.

@@ -1,4 +1,4 @@
-"""The parameters of slots: which value holds, where it comes from, and setting one by hand."""
+"""The parameters of slots: the value in force, where it comes from, and setting one by hand."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ HAND = "hand"
 
 @dataclass(frozen=True, slots=True)
 class ValueCell:
-    """What is set by hand for a parameter of a slot."""
+    """The value set by hand for a parameter of a slot."""
 
     slot: str
     name: str
     value: Scalar | None
-    """None: nothing."""
+    """None: not set by hand."""
 
     def as_json(self) -> dict[str, object]:
         """See `Cell.as_json`."""
@@ -45,10 +45,10 @@ class ValueCell:
 
 
 def set_value(connection: Connection, author: Author, slot: str, name: str, value: Scalar | None) -> EditRecord:
-    """Set a parameter of a slot by hand; None takes that back, so that blueprint or library hold again.
+    """Set a parameter of a slot by hand; None clears it, so that the value of blueprint or library holds again.
 
     Raises:
-        ConfigError: no such slot or parameter, or the value is not allowed.
+        ConfigError: there is no such slot or parameter, or the value is not allowed.
     """
     old = check_value(connection, author.robot, slot, name, value)
     after = ValueCell(slot, name, value)
@@ -132,10 +132,10 @@ def read_values(connection: Connection, robot_id: int, slot: str) -> tuple[Value
 
 
 def check_value(connection: Connection, robot_id: int, slot: str, name: str, value: Scalar | None) -> ValueRecord:
-    """The parameter as it is now, when it may be set to this value by hand.
+    """The parameter as it is now, provided that it may be set to this value by hand.
 
     Raises:
-        ConfigError: no such slot or parameter, or the value is not allowed; None when nothing was set by hand.
+        ConfigError: no such slot or parameter, the value is not allowed, or it is None and nothing was set by hand.
     """
     known = {record.name: record for record in read_values(connection, robot_id, slot)}
     record = known.get(name)
@@ -173,10 +173,10 @@ def hand_value(connection: Connection, robot_id: int, slot: str, name: str) -> S
 def write_hand_value(
     connection: Connection, robot_id: int, slot: str, name: str, value: Scalar | None, *, who: str, now_ns: int
 ) -> None:
-    """Set a value by hand, or take it back with None; the caller has checked it.
+    """Set a value by hand, or clear it with None; the caller has checked it.
 
     Raises:
-        ConfigError: there is no such slot any more.
+        ConfigError: the slot no longer exists.
     """
     slot_id, _ = find_slot(connection, robot_id, slot)
     key = {"slot_id": slot_id, "name": name, "origin": HAND}

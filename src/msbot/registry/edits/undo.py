@@ -1,4 +1,4 @@
-"""Taking an edit back: its cell is written as it was before, as an edit of its own."""
+"""Undoing an edit: its cell is restored to its content before, as an edit of its own."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from msbot.runtime.sentence import said
 
 @dataclass(frozen=True, slots=True)
 class BlueprintCell:
-    """All that a blueprint decides about a robot."""
+    """Everything that a blueprint decides about a robot."""
 
     content: snapshot.Content
 
@@ -43,7 +43,7 @@ class BlueprintCell:
 
 
 def read_cell(content: Mapping[str, Any]) -> Cell:
-    """The cell that a row of the edits keeps, also one that an older MsBOT has written."""
+    """The cell that a row of the edits stores, even one written by an older MsBOT."""
     match content["of"]:
         case "value":
             return ValueCell(content["slot"], content["name"], content["value"])
@@ -58,12 +58,12 @@ def read_cell(content: Mapping[str, Any]) -> Cell:
 
 
 def undo(connection: Connection, author: Author, number: int | None) -> EditRecord:
-    """Take an edit back, the newest that is not undone if none is named; an undo can be undone, too.
+    """Undo an edit: the newest that is not undone, if none is given; an undo can be undone, too.
 
-    `slots` and `placed` of what is returned say what is otherwise now.
+    `slots` and `placed` of the result say what is different now.
 
     Raises:
-        ConfigError: there is no such edit, it is undone already, or what it changed has been changed since.
+        ConfigError: there is no such edit, it is already undone, or what it changed has been changed again since.
     """
     row = _find(connection, author.robot, number)
     if not row.before:
@@ -88,7 +88,7 @@ def undo(connection: Connection, author: Author, number: int | None) -> EditReco
 def apply_blueprint(
     connection: Connection, blueprint: Blueprint, library: Library, *, who: str, now_ns: int
 ) -> tuple[RobotRecord, EditRecord | None]:
-    """Apply a blueprint; what it changes about a robot that was there is an edit."""
+    """Apply a blueprint; its changes to an existing robot are recorded as an edit."""
     old = store.find_robot(connection, blueprint.robot.name, blueprint.robot.serial_number)
     before = None if old is None else snapshot.read(connection, old.id)
     robot = blueprint_store.apply(connection, blueprint, library, now_ns)

@@ -12,7 +12,7 @@ from msbot.registry.records import KeyRecord, UserRecord, uid_text
 from msbot.runtime.sentence import said
 
 ROLES = ("viewer", "student", "teacher", "administrator")
-"""What a user may be, from least to most rights."""
+"""The roles of users, from least to most rights."""
 
 
 def list_users(connection: Connection) -> list[UserRecord]:
@@ -35,10 +35,10 @@ def keep_user(
     tokens: tuple[tuple[str, str], ...],
     now_ns: int,
 ) -> str:
-    """Add a user, or change the one of that name; gives what was done, in words.
+    """Add a user, or change the one with that name; returns what was done, in words.
 
     Raises:
-        ConfigError: no such role, no name, or nobody would be administrator any more.
+        ConfigError: there is no such role, no name was given, or no administrator would be left.
     """
     if role not in ROLES:
         raise ConfigError(said("there is no role {role!r}; there are {roles}", role=role, roles=", ".join(ROLES)))
@@ -64,10 +64,10 @@ def keep_user(
 
 
 def remove_user(connection: Connection, name: str) -> str:
-    """Forget a user; gives what was done, in words.
+    """Delete a user; returns what was done, in words.
 
     Raises:
-        ConfigError: there is none of that name, or nobody would be administrator any more.
+        ConfigError: there is no user with that name, or no administrator would be left.
     """
     user = find_user(connection, name)
     if user is None:
@@ -100,7 +100,7 @@ def find_key(connection: Connection, uid: bytes) -> bytes | None:
 
 
 def keep_key(connection: Connection, uid: bytes, key: bytes, *, who: str, now_ns: int) -> str:
-    """Give a part a key in place of the one it may have had; gives what was done, in words.
+    """Give a part a key, replacing any earlier one; returns what was done, in words.
 
     Raises:
         ConfigError: the part has no UID.
@@ -114,7 +114,7 @@ def keep_key(connection: Connection, uid: bytes, key: bytes, *, who: str, now_ns
 
 
 def remove_key(connection: Connection, uid: bytes) -> str:
-    """Forget the key of a part; gives what was done, in words.
+    """Delete the key of a part; returns what was done, in words.
 
     Raises:
         ConfigError: it has none.

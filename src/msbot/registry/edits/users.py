@@ -1,4 +1,4 @@
-"""Users and the keys of parts: who may log in, and what a part must prove to know."""
+"""Users and the keys of parts: who may log in, and the secret that a part must prove to know."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from msbot.registry.records import EditKind, EditRecord, KeyRecord, UserRecord
 
 
 class Person(NamedTuple):
-    """Somebody who may sign in, as they are to be kept."""
+    """A user as they are to be stored."""
 
     name: str
-    """To log in with."""
+    """The name to log in with."""
     role: str
     """`viewer`, `student`, `teacher` or `administrator`."""
     password_hash: str = ""
-    """Salted; empty: no password will do."""
+    """Salted hash; empty: no password is accepted."""
     tokens: tuple[tuple[str, str], ...] = ()
-    """Pairs of (what for, hash) that stand for a password."""
+    """Pairs of (purpose, hash) of tokens that replace a password."""
 
 
 def keep(connection: Connection, author: Author, people: Iterable[Person]) -> EditRecord:
-    """Add users, or change those of these names: all of them, or nobody; for `Edits.make`. Gives the last edit.
+    """Add users, or change those with these names, all or nothing; for `Edits.make`. Returns the last edit.
 
     Raises:
-        ConfigError: no such role, or nobody would be administrator any more.
+        ConfigError: there is no such role, or no administrator would be left.
     """
     edit = None
     for name, role, password_hash, tokens in people:
@@ -45,16 +45,16 @@ def keep(connection: Connection, author: Author, people: Iterable[Person]) -> Ed
 
 
 def remove(connection: Connection, author: Author, name: str) -> EditRecord:
-    """Forget a user; for `Edits.make`.
+    """Delete a user; for `Edits.make`.
 
     Raises:
-        ConfigError: there is none of that name, or nobody would be administrator any more.
+        ConfigError: there is no user with that name, or no administrator would be left.
     """
     return record(connection, author, EditKind.USER, statements.remove_user(connection, name))
 
 
 class Users:
-    """Who may sign in."""
+    """The users who may log in."""
 
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
@@ -68,7 +68,7 @@ class Users:
         return self._storage.read(statements.list_users)
 
     def find(self, name: str) -> UserRecord | None:
-        """The user of that name.
+        """The user with that name.
 
         Raises:
             RegistryError: the database cannot be read.
@@ -77,7 +77,7 @@ class Users:
 
 
 class PartKeys:
-    """The secrets of parts, for robots that ask for one."""
+    """The secret keys of parts, for robots that ask for them."""
 
     def __init__(self, storage: Storage, edits: Edits) -> None:
         self._storage = storage
@@ -100,7 +100,7 @@ class PartKeys:
         return self._storage.read(partial(statements.find_key, uid=uid))
 
     def keep(self, uid: bytes, key: bytes, who: str) -> EditRecord:
-        """Give a part a key in place of the one it may have had.
+        """Give a part a key, replacing any earlier one.
 
         Raises:
             ConfigError: the part has no UID.
@@ -114,7 +114,7 @@ class PartKeys:
         return self._edits.make(None, who, make)
 
     def remove(self, uid: bytes, who: str) -> EditRecord:
-        """Forget the key of a part.
+        """Delete the key of a part.
 
         Raises:
             ConfigError: it has none.

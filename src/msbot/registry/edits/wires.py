@@ -1,7 +1,7 @@
-"""Wires made and taken away by hand: topics between ports, checked like those of a blueprint.
+"""Wires made and removed by hand: topics between ports, checked like those of a blueprint.
 
-A wire that the blueprint asks for and a person takes away stays in the table, not in use, so that the next start of
-the master does not bring it back. A wire that a person makes stays until the blueprint says otherwise.
+A wire that the blueprint asks for and a person removes stays in the table, marked as not in use, so that the next start
+of the master does not bring it back. A wire that a person makes stays until the blueprint says otherwise.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from msbot.runtime.sentence import said
 
 @dataclass(frozen=True, slots=True)
 class WireEnd:
-    """One port that is, or was, tied to a topic."""
+    """One port that is, or was, bound to a topic."""
 
     slot: str
     port: str
@@ -38,7 +38,7 @@ class WireEnd:
 
     @property
     def at(self) -> tuple[str, str, bool]:
-        """Slot, port and direction: what makes it the same end."""
+        """Slot, port and direction: what identifies the end."""
         return (self.slot, self.port, self.publishes)
 
     @property
@@ -49,14 +49,14 @@ class WireEnd:
 
 @dataclass(frozen=True, slots=True)
 class TopicCell:
-    """The ends of a topic, also those that are not in use."""
+    """The ends of a topic, including those that are not in use."""
 
     topic: str
     ends: tuple[WireEnd, ...] = ()
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Self:
-        """What `as_json` gave, also of an older MsBOT: each end is a list of the seven fields."""
+        """The cell from the result of `as_json`, even of an older MsBOT: each end is a list of the seven fields."""
         return cls(str(content["topic"]), tuple(WireEnd(*end) for end in content["ends"]))
 
     def as_json(self) -> dict[str, object]:
@@ -81,7 +81,7 @@ class TopicCell:
         robot_id, old = author.robot, self.as_it_is(connection, author.robot).ends
         here = (bindings.c.robot_id == robot_id, bindings.c.topic == self.topic)
         kept, known = {end.at for end in self.ends}, {end.at for end in old}
-        # Rows that stay keep their place: wires are in the order of the blueprint, then of their making.
+        # Rows that stay keep their place: wires are in the order of the blueprint, then in the order they were made.
         for end in old:
             if end.at not in kept:
                 connection.execute(delete(bindings).where(*here, *_is_at(connection, robot_id, end)))
@@ -113,7 +113,7 @@ def bind(
     targets: Sequence[SlotPort] = (),
     reliable: bool = True,
 ) -> EditRecord:
-    """Join ports by a topic, besides those it joins; it then has this reliability at all its ports.
+    """Connect ports by a topic, in addition to those it already connects; all its ports then have this reliability.
 
     Raises:
         ConfigError: a port does not exist, has another direction or type, or is bound to another topic.
@@ -142,7 +142,7 @@ def bind(
 
 
 def unbind(connection: Connection, author: Author, topic: str, endpoint: SlotPort | None) -> EditRecord:
-    """Take a port off a topic, or all its ports.
+    """Unbind a port from a topic, or all its ports.
 
     Raises:
         ConfigError: there is no such topic, or the port is not bound to it.
@@ -171,7 +171,7 @@ def unbind(connection: Connection, author: Author, topic: str, endpoint: SlotPor
             )
         )
     left = [replace(end, in_use=end.in_use and end not in gone) for end in before.ends]
-    # What the blueprint asks for is remembered, so that its next start does not bring it back.
+    # Remember what the blueprint asks for, so that the master's next start does not bring it back.
     kept = tuple(end for end in left if end.in_use or end.origin == "blueprint")
     TopicCell(topic, kept).write(connection, author)
     words = (
@@ -209,7 +209,7 @@ def read_library(connection: Connection, robot_id: int) -> Library:
 
 
 def _check(connection: Connection, robot_id: int, topic: str) -> None:
-    """All wires are as a blueprint's must be; they were before this topic was changed."""
+    """Check that all wires obey the rules of a blueprint, as they did before this topic was changed."""
     types = set(
         connection.execute(
             select(bindings.c.type_name).where(

@@ -1,7 +1,7 @@
-"""Is a file that somebody hands in a backup of MsBOT that does no harm? Looked at by a process with limits.
+"""Is an uploaded file a harmless backup of MsBOT? A process with limits finds out.
 
-A file may be damaged, hold a view that never ends, or say who is administrator. So it is opened by another process,
-which may use little time and memory; that reads every row as the robot would.
+A file may be damaged, contain a view that never ends, or change who is administrator. So another process opens it, with
+little time and memory, and reads every row as the robot would.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from msbot.registry.running.robot_memory import read_memory
 from msbot.runtime.worker import WorkLimits, run_limited
 
 LIMITS = WorkLimits(cpu_s=30, memory_mb=1024, wall_s=120.0)
-"""The largest backup that may be handed in, of 256 MB, takes some 10 s and 200 MB."""
+"""The largest backup that may be uploaded, of 256 MB, takes some 10 s and 200 MB of memory."""
 
 
 def check_backup(path: Path, *, needs_administrator: bool) -> None:
-    """Look at a file in a process of its own; brings the schema of an older backup up to date.
+    """Check a file in a process of its own; brings the schema of an older backup up to date.
 
     Args:
         path: a copy of the file that nobody else uses.
-        needs_administrator: refuse one that nobody could sign in with as administrator.
+        needs_administrator: refuse a backup with which nobody could log in as administrator.
 
     Raises:
-        RegistryError: it is not used; the text says why.
+        RegistryError: the backup cannot be used; the text says why.
     """
     try:
         fault = run_limited(fault_of, LIMITS, str(path), needs_administrator)
@@ -43,7 +43,7 @@ def check_backup(path: Path, *, needs_administrator: bool) -> None:
 
 
 def fault_of(path: str, needs_administrator: bool) -> str:
-    """What is wrong with it, the worst; empty: nothing."""
+    """The worst thing that is wrong with it; empty: nothing."""
     with Path(path).open("rb") as stream:
         if stream.read(len(MAGIC)) != MAGIC:
             return "it is not a database"
@@ -62,13 +62,13 @@ def fault_of(path: str, needs_administrator: bool) -> str:
                 return "it has no administrator, so nobody could sign in: restore it with `msbot db restore`"
     except MsbotError as error:
         return str(error).replace(f"the database {path}", "it").replace(path, "it").partition(": ")[0]
-    except Exception as error:  # whatever it holds, nothing of it may reach the robot
+    except Exception as error:  # whatever the file contains, nothing of it may reach the robot
         return f"it cannot be read ({type(error).__name__}: {error})"
     return ""
 
 
 def _strange(path: str) -> str:
-    """Anything but tables and indexes: reading such a table could run for ever."""
+    """Anything but tables and indexes: reading such an object could run for ever."""
     with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as connection:
         query = "SELECT type, name, coalesce(sql, '') FROM sqlite_master"
         for kind, name, sql in connection.execute(query):

@@ -1,4 +1,4 @@
-"""What contradicts itself in a database, in sentences. None of it can come about through MsBOT itself."""
+"""Contradictions in a database, in sentences. MsBOT itself cannot cause any of them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_TOLD = 100
 
 
 def find(connection: Connection) -> list[str]:
-    """All that is wrong, the worst first."""
+    """Everything that is wrong, the worst first."""
     found = list(_damage(connection))
     if found:
         return found[:MOST_TOLD]
@@ -30,7 +30,7 @@ def find(connection: Connection) -> list[str]:
 
 
 def _damage(connection: Connection) -> Iterator[str]:
-    """What SQLite finds in its own file; a server looks after itself."""
+    """Damage that SQLite finds in its own file; a server looks after itself."""
     if connection.dialect.name != "sqlite":
         return
     for (words,) in connection.exec_driver_sql("PRAGMA integrity_check"):
@@ -62,7 +62,7 @@ def _of_robot(connection: Connection, robot_id: int) -> Iterator[str]:
 
 
 def _of_settings(connection: Connection, robot_id: int) -> Iterator[str]:
-    """Every parameter of every slot has the library's value, and no value is of a parameter that is not there."""
+    """Check that every parameter of every slot has the library's value, and that every value has a parameter."""
     query = (
         select(slots.c.name, library.c.parameters, slots.c.id)
         .join(library, slots.c.part_number == library.c.number)
@@ -85,7 +85,7 @@ def _of_users(connection: Connection) -> Iterator[str]:
 def _of_edits(connection: Connection) -> Iterator[str]:
     undoing = edits.alias("undoing")
     query = select(edits.c.id).outerjoin(undoing, edits.c.undone_by == undoing.c.id)
-    # The newest are kept, and an undo is newer than what it undoes.
+    # The newest edits are kept, and an undo is newer than what it undoes.
     for number in connection.execute(query.where(edits.c.undone_by.is_not(None), undoing.c.id.is_(None))).scalars():
         yield f"edit {number} was undone by an edit that is not there"
     strange = select(func.count()).select_from(journal).where(journal.c.to_state.not_in(list(store.STATES)))

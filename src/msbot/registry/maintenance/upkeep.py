@@ -1,7 +1,7 @@
-"""Taking care of a database: migrate it, copy it, bring a copy back, look for contradictions.
+"""Maintaining a database: migrate it, copy it, restore a copy, look for contradictions.
 
-A backup is always one SQLite file with all rows, whatever the database is: it can be brought back to a file or to a
-server, and looked at with any SQLite tool.
+A backup is always one SQLite file with all rows, whatever the database is: it can be restored to a file or to a server,
+and inspected with any SQLite tool.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Migrated:
 
 
 def migrate(address: str, *, migrations: Migrations | None = None) -> Migrated:
-    """Bring an older database up to date, after a copy; one that is up to date is left alone.
+    """Bring an older database up to date, after backing it up; one that is up to date is left alone.
 
     Raises:
         RegistryError: it is not there, is newer, or cannot be written.
@@ -55,7 +55,7 @@ def migrate(address: str, *, migrations: Migrations | None = None) -> Migrated:
 
 
 def back_up(address: str, target: Path) -> int:
-    """Copy a database to a new SQLite file while it is used; gives the number of rows.
+    """Copy a database to a new SQLite file while it is in use; returns the number of rows.
 
     Raises:
         RegistryError: it is not there or not up to date, the file exists, or cannot be written.
@@ -73,7 +73,7 @@ def back_up(address: str, target: Path) -> int:
                 with told_as_registry_error(str(target)), _writing(copy) as connection, connection.begin():
                     rows = _copy(source, connection)
                 with told_as_registry_error(str(target)), copy.connect() as connection:
-                    # The copy should be one file.
+                    # The copy should be a single file.
                     connection.exec_driver_sql("COMMIT")
                     connection.exec_driver_sql("PRAGMA journal_mode = DELETE")
         finally:
@@ -86,10 +86,10 @@ def back_up(address: str, target: Path) -> int:
 
 
 def restore(source: Path, address: str) -> Path | None:
-    """Put the content of a backup in place of what a database has; gives the copy of what it had, if it had robots.
+    """Replace the content of a database by that of a backup; returns a copy of the old content if it had robots.
 
     Raises:
-        RegistryError: the backup or the database cannot be used, or a master runs one of its robots.
+        RegistryError: the backup or the database cannot be used, or a master is running one of its robots.
     """
     if not source.exists():
         raise RegistryError(f"there is no backup {source}: name a file that `msbot db backup` has written")
@@ -165,7 +165,7 @@ def _replace(copy: Path, where: Address, engine: Engine) -> None:
 
 
 def _snapshot(engine: Engine, where: Address) -> Connection:
-    """A connection that sees one moment, however long it reads."""
+    """A connection that sees the database at one moment, however long it reads."""
     connection = engine.connect()
     return connection if where.path else connection.execution_options(isolation_level="REPEATABLE READ")
 
@@ -175,7 +175,7 @@ def _writing(engine: Engine) -> Connection:
 
 
 def _copy(source: Connection, target: Connection) -> int:
-    """Copy all rows into tables that have none; counters go on behind them."""
+    """Copy all rows into empty tables; counters continue after them."""
     count = 0
     for table in metadata.sorted_tables:
         for rows in source.execution_options(yield_per=_ROWS).execute(select(table)).partitions():

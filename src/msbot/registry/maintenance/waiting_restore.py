@@ -1,7 +1,7 @@
-"""A backup that a person has handed to a running robot: it waits beside the database until the master restarts.
+"""A backup uploaded to a running robot: it waits beside the database until the master restarts.
 
-A database cannot be exchanged under a running robot. What waits is one file, `robot.db.restore`; bringing it back
-removes it, and keeps what the database had, as `msbot db restore` does.
+A database cannot be replaced under a running robot. The waiting backup is one file, `robot.db.restore`; restoring it
+removes the file and keeps a copy of the old content, as `msbot db restore` does.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ def hold(address: str, backup: Path, *, needs_administrator: bool = True) -> Pat
 
     Args:
         address: the database.
-        backup: the file; it stays as it is.
-        needs_administrator: refuse one without: where people sign in, nobody could any more.
+        backup: the file; it is not changed.
+        needs_administrator: refuse a backup without one: if log-in is required, nobody could log in any more.
 
     Raises:
         RegistryError: it is not a usable backup, the database is not a file, or the folder cannot be written.
@@ -46,10 +46,10 @@ def hold(address: str, backup: Path, *, needs_administrator: bool = True) -> Pat
 
 
 def bring_back_held(address: str) -> Path | None:
-    """Put a waiting backup in force; gives where the old content is kept, None when nothing waited.
+    """Restore a waiting backup; returns where the old content is kept, None when nothing was waiting.
 
     Raises:
-        RegistryError: it cannot be brought back; it still waits.
+        RegistryError: it cannot be restored; it keeps waiting.
     """
     place = _place_of(address)
     if place is None or not place.exists():
@@ -60,7 +60,7 @@ def bring_back_held(address: str) -> Path | None:
 
 
 def _copy(source: Path, target: Path) -> None:
-    """However large it is, the system copies it: nothing of it is in our memory."""
+    """Copy a file; the operating system does it, so that even a large file takes none of our memory."""
     make_private(target)
     shutil.copyfile(source, target)
 

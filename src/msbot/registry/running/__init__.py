@@ -1,1 +1,1 @@
-"""What a running robot needs of the database: its memory, the right to run it, what it stores."""
+"""What a running robot needs from the database: its memory, the right to run it, what it stores."""

@@ -1,4 +1,4 @@
-"""What the parts in slots get to know: bindings, the settings that hold, safe values; of all slots at once."""
+"""The configurations of all slots at once: bindings, settings in force, safe values."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from msbot.pnp import Configuration, SlotBinding
 from msbot.registry.database.tables import bindings, library, settings, slots
 
 ORIGINS = ("library", "blueprint", "hand")
-"""Where the value of a setting can come from; the later one holds."""
+"""Where the value of a setting can come from; a later one takes precedence."""
 
 
 def read_configurations(connection: Connection, robot_id: int) -> dict[str, Configuration]:
-    """The configurations of all slots of a robot, also of those that are not in its blueprint."""
+    """The configurations of all slots of a robot, including those that are not in its blueprint."""
     query = (
         select(slots.c.id, slots.c.name, slots.c.configuration_version, library.c.ports)
         .outerjoin(library, slots.c.part_number == library.c.number)
@@ -45,7 +45,7 @@ def _bindings(connection: Connection, robot_id: int) -> defaultdict[int, list[Sl
 
 
 def _settings(connection: Connection, robot_id: int) -> defaultdict[int, dict[str, Scalar]]:
-    """The values that hold: by hand before blueprint before library."""
+    """The values in force: those set by hand before the blueprint's before the library's."""
     query = (
         select(settings.c.slot_id, settings.c.name, settings.c.origin, settings.c.value)
         .join(slots, settings.c.slot_id == slots.c.id)
@@ -58,7 +58,7 @@ def _settings(connection: Connection, robot_id: int) -> defaultdict[int, dict[st
 
 
 def _safe_values(ports: Sequence[Mapping[str, object]], of: Sequence[SlotBinding]) -> dict[str, Scalar]:
-    """What the slot's type applies to itself at the ports that are bound, as settings `PORT.safe.FIELD`."""
+    """The safe values that the slot's type declares for its bound ports, as settings `PORT.safe.FIELD`."""
     bound = {binding.port for binding in of if not binding.publishes}
     values: dict[str, Scalar] = {}
     for port in ports:

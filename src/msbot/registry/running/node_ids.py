@@ -10,10 +10,10 @@ from msbot.registry.database.writer import Writer
 
 
 class StoredNodeIds:
-    """Addresses are looked up in memory and kept by the writer thread.
+    """Addresses are looked up in memory and stored by the writer thread.
 
     Args:
-        writer: who writes.
+        writer: the thread that writes.
         robot_id: the robot of the bus.
         link: the bus, as in the link's address.
         rows: (node id, UID as text, kept_ns) from the database, oldest first.

@@ -1,6 +1,6 @@
-"""All that a running robot needs of its database, read in one go: it never asks the database again.
+"""Everything that a running robot needs from its database, read in one go: it never queries the database again.
 
-What people change, here or in another process, is read again by the writer's thread after the change is stored.
+What people change, here or in another process, is reloaded by the writer's thread after the change is stored.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from msbot.registry.running.configurations import read_configurations
 
 @dataclass(frozen=True, slots=True)
 class RobotMemory:
-    """A robot as its database has it at one moment."""
+    """A robot as its database had it at one moment."""
 
     newest_edit: int
     """Number of the newest change in the database, of any robot."""
     blueprint: Blueprint
-    """As it holds, with what was set by hand."""
+    """The blueprint in force, including what was set by hand."""
     slots: tuple[Slot, ...]
     types: Mapping[str, tuple[PartType, str]]
     """Part number -> the type, and the versions it describes."""
     configurations: Mapping[str, Configuration]
     blocks: Mapping[tuple[str, str], str]
-    """(`uid` or `number`, which) -> why it is blocked."""
+    """(`uid` or `number`, its value) -> why it is blocked."""
     keys: Mapping[str, bytes]
     """UID -> key."""
     places: Mapping[str, places.Belonging]

@@ -1,6 +1,7 @@
-"""What the inventory asks and tells the registry about one robot: `msbot.pnp.PartStore` in memory, kept by SQL.
+"""The registry as the inventory of one robot uses it: `msbot.pnp.PartStore` in memory, backed by SQL.
 
-Reads are answered from memory; writes go to the writer thread. So a robot goes on whatever happens to its database.
+Reads are answered from memory; writes go to the writer thread. So a robot keeps running whatever happens to its
+database.
 """
 
 from __future__ import annotations
@@ -22,25 +23,25 @@ from msbot.registry.running import stop_record
 from msbot.registry.running.robot_memory import RobotMemory
 
 JOURNAL_ROWS = 100_000
-"""Lines of the journal that are kept."""
+"""How many lines of the journal are kept."""
 STRANGERS_ROWS = 10_000
-"""Lines of them about parts in no slot: those that are turned away again and again push out their own kind only."""
+"""How many of them may be about parts in no slot: parts turned away again and again displace only such lines."""
 STRANGERS = 1_000
-"""Parts that never were in a slot and are kept nevertheless."""
+"""How many parts that were never in a slot are kept."""
 PRUNE_EVERY = 1_000
-"""How many lines are written before old ones are looked for."""
+"""How many lines are written before old ones are deleted."""
 
 
 class RobotStore:
     """The `PartStore` of one robot.
 
-    Its methods belong to the event loop's thread; `use` may be called by any.
+    Its methods belong to the event loop's thread; `use` may be called from any thread.
 
     Args:
-        writer: who writes.
+        writer: the thread that writes.
         database: the database in words.
-        robot: whose parts these are.
-        memory: the robot as the database has it.
+        robot: the robot that the parts belong to.
+        memory: the robot as it is in the database.
         epoch_ns: wall clock, nanoseconds since 1970.
     """
 
@@ -60,11 +61,11 @@ class RobotStore:
         self.strangers = 0
         """Events of sessions that never said what they are: counted, not journalled."""
         self._told = 0
-        """How many memories of parts were handed to the writer."""
+        """How many memories of parts have been handed to the writer."""
         self._stored = 0
         """How many of them it has stored."""
         self._unstored: deque[tuple[int, str, str]] = deque()
-        """(number, UID, slot) of those that it has not."""
+        """(number, UID, slot) of those that it has not stored."""
         self._remembered: dict[str, str] = {}
         self._placed: dict[str, str] = {}
         self.use(memory, 0)
@@ -74,36 +75,36 @@ class RobotStore:
         self._news_listeners.append(listener)
 
     def tell_news(self) -> None:
-        """The database has what nobody of this process waits for."""
+        """Announce that the database has something new that nobody in this process is waiting for."""
         for listener in self._news_listeners:
             listener()
 
     @property
     def newest_edit(self) -> int:
-        """Number of the newest change that is known here."""
+        """Number of the newest change known here."""
         return self._memory.newest_edit
 
     @property
     def blueprint(self) -> Blueprint:
-        """The robot as it holds, with what people set by hand."""
+        """The robot's blueprint in force, including what people set by hand."""
         return self._memory.blueprint
 
     @property
     def users(self) -> tuple[UserRecord, ...]:
-        """Who may sign in."""
+        """The users who may log in."""
         return self._memory.users
 
     @property
     def stored(self) -> int:
-        """How many memories of parts the database has; for `use`."""
+        """How many memories of parts the database has stored; for `use`."""
         return self._stored
 
     def use(self, memory: RobotMemory, stored: int) -> None:
-        """Take over what the database has now.
+        """Take over the present content of the database.
 
         Args:
-            memory: what it has.
-            stored: the value of `stored` when that was read: what was told later is still true.
+            memory: that content.
+            stored: the value of `stored` when the content was read: whatever was remembered later still counts.
         """
         with self._lock:
             self._memory = memory
@@ -179,7 +180,7 @@ class RobotStore:
     def journal(self, event: PartEvent) -> None:
         """See `PartStore.journal`."""
         if not event.part_number and event.to_state is not PartState.REFUSED:
-            self.strangers += 1  # whoever opens sessions and never says what it is must not push out what matters
+            self.strangers += 1  # a client that opens sessions and never says what it is must not displace what matters
             return
         now_ns = self._epoch_ns()
         is_about_the_part = self._is_about_the_part(event)
@@ -196,7 +197,7 @@ class RobotStore:
         self._writer.put(write)
 
     def _is_about_the_part(self, event: PartEvent) -> bool:
-        """Whether the part's row changes: not before its claim, and not by a duplicate of a registered part."""
+        """Whether the event changes the part's row: not before its claim, nor for a duplicate of a registered part."""
         if not event.part_number:
             return False
         identity = uid_text(event.uid) or f"{event.part_number}/{event.local_name}"

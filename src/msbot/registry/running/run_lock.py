@@ -1,7 +1,7 @@
-"""One robot of a database is run by one master at a time.
+"""The lock that lets only one master at a time run a robot of a database.
 
-The lock ends with the process, however it ends: beside a file it is SQLite's own lock on an empty file, on a server
-it is an advisory lock of the session.
+The lock ends with the process, however that ends: for a database file it is SQLite's own lock on an empty file beside
+it, on a server it is an advisory lock of the session.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class RunLock:
     """The right to run a robot, from making this object until `release`.
 
     Raises:
-        RegistryError: another master runs it, or the lock cannot be made.
+        RegistryError: another master is running it, or the lock cannot be made.
     """
 
     def __init__(self, engine: Engine, address: Address, robot: RobotRecord, timeout_s: float) -> None:
@@ -54,7 +54,7 @@ class RunLock:
 
 
 def is_run(engine: Engine, address: Address, robot: RobotRecord) -> bool:
-    """Whether a master runs this robot at the moment."""
+    """Whether a master is running this robot at the moment."""
     if address.path is not None and not lock_file(address.path, robot.id).exists():
         return False
     try:
@@ -65,8 +65,8 @@ def is_run(engine: Engine, address: Address, robot: RobotRecord) -> bool:
 
 
 def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> Callable[[], None] | None:
-    """Take the lock; gives the way to release it, or None when somebody else has it."""
-    # The file is left behind: taking it away could let two waiting masters lock two files of one name.
+    """Take the lock; returns a function that releases it, or None when somebody else has it."""
+    # The file is left behind: deleting it could let two waiting masters lock two files of the same name.
     with contextlib.suppress(OSError):  # the next line says what is wrong
         make_private(lock_file(database, robot.id))
     connection = sqlite3.connect(lock_file(database, robot.id), timeout=timeout_s, isolation_level=None)
@@ -81,11 +81,11 @@ def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> Callab
 
 
 def _lock_on_server(engine: Engine, robot: RobotRecord, timeout_s: float) -> Callable[[], None] | None:
-    """Take the lock; gives the way to release it, or None when somebody else has it."""
+    """Take the lock; returns a function that releases it, or None when somebody else has it."""
     connection = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
 
     def end_session() -> None:
-        # A connection that only went back to the pool would keep lock and time-out.
+        # A connection that merely went back to the pool would keep the lock and the time-out.
         connection.invalidate()
         connection.close()
 

@@ -1,4 +1,4 @@
-"""The robots that this process runs: the right to run them, and their memory, which follows every change."""
+"""The robots that this process is running: the right to run them, and their memory, which follows every change."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class Runs:
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
         self._locks: dict[int, run_lock.RunLock] = {}
-        """Robots that this process runs, by number."""
+        """Robots that this process is running, by number."""
         self._stores: dict[int, RobotStore] = {}
 
     def begin(self, robot: RobotRecord) -> RobotStore:
         """The `PartStore` for a run of this robot; parts that were active when the last run ended are lost now.
 
         Raises:
-            RegistryError: another master runs this robot, or the database cannot be read or written.
+            RegistryError: another master is running this robot, or the database cannot be read or written.
         """
         storage = self._storage
         writer = storage.writer
@@ -50,10 +50,10 @@ class Runs:
         return self._stores[robot.id]
 
     def store(self, robot: RobotRecord) -> RobotStore:
-        """The memory of a robot that runs here: answers at once, whatever the database does.
+        """The memory of a robot that is running here: answers at once, whatever the database does.
 
         Raises:
-            RegistryError: this process does not run it.
+            RegistryError: this process is not running it.
         """
         found = self._stores.get(robot.id)
         if found is None:
@@ -61,7 +61,7 @@ class Runs:
         return found
 
     def is_run(self, robot: RobotRecord) -> bool:
-        """Whether a master runs this robot now: this process, or another one.
+        """Whether a master is running this robot now, in this process or another one.
 
         Raises:
             RegistryError: the database cannot be read.
@@ -78,15 +78,15 @@ class Runs:
         return StoredNodeIds(self._storage.writer, robot.id, link, rows=rows, epoch_ns=self._storage.epoch_ns)
 
     def on_news(self, robot: RobotRecord, call: Callable[[], object]) -> None:
-        """Have a function called, in any thread, when the database has what nobody of this process waits for.
+        """Have a function called, from any thread, when the database has news that nobody in this process awaits.
 
-        That is another program's change, or one that was stored later than somebody would wait.
+        That is a change by another program, or one that was stored after its caller stopped waiting.
         """
         if robot.id in self._stores:
             self._stores[robot.id].on_news(call)
 
     def end(self) -> None:
-        """Tell the journal that parts are lost with their master."""
+        """Write to the journal that the parts are lost with their master."""
         now_ns = self._storage.epoch_ns()
         for robot_id in self._locks:
             end = partial(store.end_run, robot_id=robot_id, reason="the master has ended", now_ns=now_ns)
@@ -100,7 +100,7 @@ class Runs:
         self._stores.clear()
 
     def _follow(self, connection: Connection) -> Callable[[bool], None]:
-        """Read what a change has made of the robots that run here; called by the writer's thread."""
+        """Reload the robots that are running here after a change; called by the writer's thread."""
         read = [(one, read_memory(connection, one.robot.id), one.stored) for one in self._stores.values()]
 
         def take_over(is_late: bool) -> None:
@@ -112,7 +112,7 @@ class Runs:
         return take_over
 
     def _look(self, connection: Connection) -> None:
-        """Follow what other programs have changed, such as a new key; called by the writer's thread."""
+        """Reload what other programs have changed, such as a new key; called by the writer's thread."""
         newest = read_newest_edit(connection)
         for one in self._stores.values():
             if newest != one.newest_edit:

@@ -1,4 +1,4 @@
-"""The latest STOP of a robot, as its database keeps it."""
+"""The latest STOP of a robot, as its database stores it."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from msbot.registry.database.tables import robots
 
 
 def read(connection: Connection, robot_id: int) -> StopRecord | None:
-    """What is kept; None: nobody ever said STOP."""
+    """The stored record; None: nobody ever said STOP."""
     kept = connection.execute(select(robots.c.stop).where(robots.c.id == robot_id)).scalar_one_or_none()
     return None if kept is None else StopRecord(**kept)
 
 
 def write(connection: Connection, robot_id: int, record: StopRecord) -> None:
-    """Keep it in place of what was kept before."""
+    """Store it in place of the previous one."""
     connection.execute(update(robots).where(robots.c.id == robot_id).values(stop=asdict(record)))

@@ -1,4 +1,4 @@
-"""Whether parts must prove that they know their key stands in the database like the blueprint's other options."""
+"""Store whether parts must prove that they know their key, like the blueprint's other options."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -8,5 +8,5 @@ down_revision: str | None = "0002"
 
 
 def upgrade() -> None:
-    """Add the column; robots from before let parts in by what they say."""
+    """Add the column; existing robots let parts in without a proof."""
     op.add_column("robots", sa.Column("authentication", sa.Text(), nullable=False, server_default="open"))

@@ -1,4 +1,4 @@
-"""STOP is kept with its robot, so that it holds after a restart and on another computer."""
+"""Store STOP with its robot, so that it still holds after a restart and on another computer."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -8,5 +8,5 @@ down_revision: str | None = "0004"
 
 
 def upgrade() -> None:
-    """Add the column; in robots from before nobody has said STOP."""
+    """Add the column; in existing robots nobody has said STOP."""
     op.add_column("robots", sa.Column("stop", sa.JSON(), nullable=True))

@@ -1,4 +1,4 @@
-"""Topics that are in DDS for others, too."""
+"""Store which topics are also shared with others over DDS."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -8,5 +8,5 @@ down_revision: str | None = "0005"
 
 
 def upgrade() -> None:
-    """Add the column; robots from before keep to themselves."""
+    """Add the column; existing robots share no topics."""
     op.add_column("robots", sa.Column("in_dds", sa.JSON(), nullable=False, server_default="{}"))

@@ -1,4 +1,4 @@
-"""What the journal and the list of changes say, with its values, so that pages can say it in other languages."""
+"""Store the sentences of the journal and of the edits with their values, so that pages can translate them."""
 
 import sqlalchemy as sa
 from alembic import op
