@@ -53,32 +53,3 @@ def test_the_readme_shows_the_examples_as_they_are() -> None:
     assert len(shown) == 3
     for name, code in shown:
         assert code.strip() == (ROOT / name).read_text().strip()
-
-
-NO_FACTS = {
-    "demo", "init", "master", "part", "host", "export", "completion",  # they run, or write a file
-    "library add", "db migrate", "db backup", "db restore", "service install", "service remove",  # they do one thing
-    "user add", "user passwd", "user role", "user remove", "key new", "key remove",
-    "idl to-python", "idl to-idl", "idl to-c",  # they write source texts
-    "bus decode", "bus dump", "bus send", "bus serve", "bus selftest",  # they show a bus as it goes by
-    *(f"agent {sub}" for sub in ("udp4", "udp6", "tcp4", "tcp6", "serial", "multiserial", "pseudoterminal", "can",
-                                 "canfd", "can-legacy")),
-}  # fmt: skip
-
-
-def leaves(command: click.Command, name: str) -> dict[str, click.Command]:
-    if isinstance(command, click.Group):
-        subs = command.commands.items()
-        return {leaf: one for sub, below in subs for leaf, one in leaves(below, f"{name} {sub}").items()}
-    return {name: command}
-
-
-def test_every_command_that_tells_facts_tells_them_as_json() -> None:
-    context = click.Context(msbot)
-    found: dict[str, click.Command] = {}
-    for name in COMMANDS:
-        command = msbot.get_command(context, name)
-        assert command is not None
-        found |= leaves(command, name)
-    assert set(found) >= NO_FACTS
-    assert [name for name, one in found.items() if name not in NO_FACTS and "--json" not in options_of(one)] == []

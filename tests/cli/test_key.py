@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from msbot.cli.key import command, qr_code
-from msbot.config import load_blueprint, load_library, write_sample
+from msbot.config import SAMPLES, load_blueprint, load_library, parse_blueprint, write_sample
 from msbot.part.join.keys import given_key, parse_key
 from msbot.pnp import Claim, PartEvent, PartState
 from msbot.registry import open_registry
@@ -91,7 +91,13 @@ def test_the_list_shows_whose_keys_there_are_and_no_key(folder: Path) -> None:
     assert "  eye" in output
     assert key.hex() not in output.replace("-", "")
     listed = json.loads(run("list", "--json").output)
-    assert {(row["uid"], row["part"]) for row in listed} == {(uid.hex(), None), (UID, "eye")}
+    robot = load_blueprint(folder / "robot.toml", load_library()).robot.name
+    known = {(row["uid"], row["part"], row["robot"]) for row in listed}
+    assert known == {(uid.hex(), None, None), (UID, "eye", robot)}
+    library = load_library()
+    with open_registry(folder / "robot.db") as registry:
+        registry.robots.apply_blueprint(parse_blueprint(SAMPLES["rover"], library), library)
+    assert f"  eye of {robot}" in run("list").output
 
 
 def test_a_removed_key_is_gone(folder: Path) -> None:

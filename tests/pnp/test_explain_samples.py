@@ -19,6 +19,9 @@ from msbot.part.join.plug import (
     PROFILE_TYPE,
     Beat,
     BeatReply,
+    BindingDirection,
+    ConfigurationMessage,
+    PortBinding,
 )
 from msbot.part.messages.standard import Level
 from msbot.pnp import KnownObject, Overhearer
@@ -236,6 +239,37 @@ def test_a_session_that_began_before_anybody_listened_is_understood_by_what_the_
     assert hear(Data(7, 0x26, value), 7, up=False)[0] == ["lamp hears bright 49.9 %"]
     assert hear(WriteData(7, 0x15, value), 8, up=True)[0] == [], "nothing is known of that peer"
     assert hear(WriteData(7, 0x15, b"x"), 7, up=True)[0] == [], "nonsense is said in the protocol's words"
+
+
+def test_a_session_that_was_heard_from_its_beginning_says_itself_whose_it_is() -> None:
+    listener = Overhearer((Level,), units=lambda _: {"percent": "%"})
+    bound = [
+        PortBinding(port=port, topic="dial", topic_type=Level.type_name, direction=direction, reliable=0)
+        for port, direction in (("level", BindingDirection.PUBLISH), ("echo", BindingDirection.SUBSCRIBE))
+    ]
+    told = ConfigurationMessage(version=1, slot="knob", bindings=bound, settings=[]).encode()
+    endpoints = packet(
+        Create(12, 0x0012, topic_variant("dial", Level.type_name, 0x11)),
+        Create(14, 0x0015, writer_variant(0x12, 0x13, QOS)),
+        Create(15, 0x0016, reader_variant(0x12, 0x14, QOS)),
+    )
+    value = Level(percent=49.9).encode()
+
+    def said() -> list[str]:
+        up = listener.hear(packet(WriteData(20, 0x0015, value)), 1, up=True)[0]
+        return up + listener.hear(packet(Data(20, 0x0016, value)), 1, up=False)[0]
+
+    listener.hear(service(INVENTORY_SERVICE), 1, up=True)
+    listener.hear(endpoints, 1, up=True)
+    assert said() == [], "nobody was told whose these topics are"
+    listener.hear(packet(Data(20, 0x0017, bytes(4) + told[:-3])), 1, up=False)
+    assert said() == [], "nonsense tells nothing"
+    listener.hear(packet(Data(20, 0x0017, bytes(4) + told)), 1, up=False)
+    assert said() == ["knob says level 49.9 %", "knob hears echo 49.9 %"]
+    login = encode_message(Header(0x80, 0, 0), [CreateClient(0xAABBCCDD, 0x81, 512)], pad_end=False)
+    listener.hear(login, 1, up=True)
+    listener.hear(endpoints, 1, up=True)
+    assert said() == [], "another session may be another part's"
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from msbot.errors import ConfigError
 from msbot.part.join.keys import KEY_OCTETS, key_text
 from msbot.part.join.plug import UID_OCTETS
 from msbot.part.join.uid import kept_file, parse_uid, stored_uid
-from msbot.registry import PartRecord, Registry, open_registry
+from msbot.registry import KeyRecord, PartRecord, Registry, open_registry
 
 QR_VERSION = "MSBOT1"
 """What the text in the QR code begins with."""
@@ -69,19 +69,18 @@ def list_keys(db: str | None, *, as_json: bool) -> None:
     """List the parts that have a key; the keys themselves are not shown."""
     with open_registry(existing_database(db), read_only=True) as registry:
         rows = registry.keys.all()
-        names = {part.uid: part.name for part in registry.robots.parts()}
+        parts = {part.uid: part for part in registry.robots.parts()}
+        several = len(registry.robots.all()) > 1
     if as_json:
-        listed = [
-            {"uid": row.uid.hex(), "part": names.get(row.uid), "created_at_ms": row.created_ns // 1_000_000}
-            for row in rows
-        ]
-        click.echo(json.dumps(listed))
+        click.echo(json.dumps([_as_json(row, parts.get(row.uid)) for row in rows]))
         return
     if not rows:
         click.echo("No part has a key; `msbot key new PART` makes one.")
     for row in rows:
         when = datetime.fromtimestamp(row.created_ns / 1e9).strftime("%Y-%m-%d %H:%M:%S")
-        click.echo(f"{row.uid.hex()}  {when}  {names.get(row.uid, '(not seen yet)')}")
+        part = parts.get(row.uid)
+        words = "(not seen yet)" if part is None else f"{part.name} of {part.robot}" if several else part.name
+        click.echo(f"{row.uid.hex()}  {when}  {words}")
 
 
 @command.command("remove")
@@ -113,6 +112,15 @@ def qr_code(text: str) -> str:
     drawn = io.StringIO()
     segno.make(text, micro=False, error="m").terminal(out=drawn, border=2, compact=True)
     return drawn.getvalue()
+
+
+def _as_json(row: KeyRecord, part: PartRecord | None) -> dict[str, str | int | None]:
+    return {
+        "uid": row.uid.hex(),
+        "part": None if part is None else part.name,
+        "robot": None if part is None else part.robot,
+        "created_at_ms": row.created_ns // 1_000_000,
+    }
 
 
 def _known(registry: Registry, word: str) -> PartRecord | None:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from msbot.pnp.access import RESERVED_TOPICS, Access
     from msbot.pnp.emergency_stop import StopConfirmation, StopRecord, StopStatus
     from msbot.pnp.explain_samples import KNOWN_TYPES, KnownObject, Overhearer
+    from msbot.pnp.frame_words import FrameListener, FrameWords
     from msbot.pnp.hand_control import HandControl, HeldPort
     from msbot.pnp.inventory import Inventory
     from msbot.pnp.key_proof import Keys
@@ -50,6 +51,10 @@ _NAMES = {
         "KNOWN_TYPES",
         "KnownObject",
         "Overhearer",
+    ),
+    "msbot.pnp.frame_words": (
+        "FrameListener",
+        "FrameWords",
     ),
     "msbot.pnp.hand_control": (
         "HandControl",
@@ -111,6 +116,8 @@ __all__ = [
     "Evidence",
     "Flow",
     "Forecast",
+    "FrameListener",
+    "FrameWords",
     "HandControl",
     "HeldPort",
     "Inventory",

@@ -15,7 +15,14 @@ from typing import Final
 
 from msbot.errors import RemoteProtocolError
 from msbot.part import HelloWorld, Message
-from msbot.part.join.plug import INVENTORY_SERVICE, ProfileMessage, decode_reply, decode_request
+from msbot.part.join.plug import (
+    INVENTORY_SERVICE,
+    BindingDirection,
+    ConfigurationMessage,
+    ProfileMessage,
+    decode_reply,
+    decode_request,
+)
 from msbot.part.messages.message import fields_of
 from msbot.pnp import thesis_programs as compat
 from msbot.runtime.sentence import Sentence, said
@@ -107,6 +114,8 @@ class _Session:
         self._know = know
         self._units = units
         self._objects: dict[int, Definition] = {}
+        self._configuration: ConfigurationMessage | None = None
+        """What the part was told that it does in this robot, if that was heard."""
         self._pieces: dict[bool, _Pieces] = {True: _Pieces(), False: _Pieces()}
 
     def notes(self, header: Header, submessage: Submessage, *, up: bool) -> list[str]:
@@ -114,6 +123,7 @@ class _Session:
         match submessage:
             case CreateClient():
                 self._objects.clear()
+                self._configuration = None
                 self._pieces = {True: _Pieces(), False: _Pieces()}
             case Create():
                 self._created(submessage)
@@ -137,17 +147,39 @@ class _Session:
             case WriterDef() | ReaderDef():
                 topic, type_name = self._topic(definition)
                 cls = self._types.get(type_name)
+                hears = isinstance(sample, Data)
+                known = known or self._configured(topic, hears=hears)
                 if known is not None and cls is not None:
-                    self._say(known, payload, cls, hears=isinstance(sample, Data))
+                    self._say(known, payload, cls, hears=hears)
                 return [f"{topic}: {_words(payload, cls.decode)}"] if cls else [f"{topic}: a {type_name}"]
             case RequesterDef():
                 if isinstance(sample, Data):
+                    self._replied(definition.service_name, payload[RELATED:])
                     return _service_words(definition.service_name, "reply", payload[RELATED:])
                 return _service_words(definition.service_name, "request", payload)
             case ReplierDef():
                 kind = "request" if isinstance(sample, Data) else "reply"
                 return _service_words(definition.service_name, kind, payload[IDENTITY:])
         return []
+
+    def _replied(self, service: str, body: bytes) -> None:
+        """Keep what the inventory tells the part of its slot and its topics."""
+        if service != INVENTORY_SERVICE:
+            return
+        try:
+            reply = decode_reply(body)
+        except RemoteProtocolError:
+            return  # the words of the protocol say why
+        if isinstance(reply, ConfigurationMessage):
+            self._configuration = reply
+
+    def _configured(self, topic: str, *, hears: bool) -> KnownObject | None:
+        """Whose a topic is in this session, by the configuration that was heard."""
+        wanted = BindingDirection.SUBSCRIBE if hears else BindingDirection.PUBLISH
+        for binding in () if self._configuration is None else self._configuration.bindings:
+            if binding.topic == topic and binding.direction == wanted and self._configuration is not None:
+                return KnownObject(topic, binding.topic_type, self._configuration.slot, binding.port)
+        return None
 
     def _say(self, known: KnownObject, payload: bytes, cls: type[Message], *, hears: bool) -> None:
         try:

@@ -85,7 +85,7 @@ class WebRoom:
         seen.frames.know(
             (message_class(message) for message in library.messages.values()),
             partial(_known_object, master),
-            lambda name: library.messages[name].units if name in library.messages else {},
+            library.units,
         )
         timeline = Timeline()
         master.inventory.on_event(timeline.note)

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from io import StringIO
 from itertools import islice
 
-from msbot.link.can.protocol import NODES, CanDecoder, CanIds, Frame, LogLine, format_log_line, show_frame
+from msbot.link.can.protocol import NODES, CanIds, Frame, LogLine, format_log_line, show_frame
 from msbot.part import Message
-from msbot.pnp import KNOWN_TYPES, KnownObject, Overhearer
-from msbot.xrce import decompress
+from msbot.pnp import KNOWN_TYPES, FrameListener, KnownObject, Overhearer
 
 KEPT = 4000
 """Frames that are kept."""
@@ -55,9 +54,7 @@ class FrameRing:
         self._ring: deque[tuple[float, str, Frame]] = deque(maxlen=KEPT)
         self._rows: deque[FrameRow] = deque(maxlen=KEPT)
         self._decoded = 0
-        self._overhearer = Overhearer()
-        self._plain: list[str] = []
-        self._decoder = CanDecoder(self._explain, decompress=decompress, ids=self._ids)
+        self._listener = FrameListener(ids=self._ids)
 
     def know(
         self,
@@ -74,7 +71,8 @@ class FrameRing:
             objects: what the master knows of an object of the client at a node.
             units: units of the fields of a message type.
         """
-        self._overhearer = Overhearer((*KNOWN_TYPES, *types), know=objects, units=units)
+        overhearer = Overhearer((*KNOWN_TYPES, *types), know=objects, units=units)
+        self._listener = FrameListener(overhearer, ids=self._ids)
 
     def tap(self, at: float, sender: str, frame: Frame) -> None:
         """Take a frame; what a bus calls."""
@@ -116,15 +114,10 @@ class FrameRing:
         number = self.total - new
         for at, sender, frame in islice(self._ring, len(self._ring) - new, None):
             number += 1
-            self._plain = []
-            words = tuple(self._decoder.decode(frame, at))
+            words = self._listener.hear(frame, at)
             node = self._node_of(frame)
-            self._rows.append(FrameRow(number, at, sender, show_frame(frame), node, words, tuple(self._plain)))
+            self._rows.append(FrameRow(number, at, sender, show_frame(frame), node, words.protocol, words.plain))
         self._decoded = self.total
-
-    def _explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
-        self._plain, words = self._overhearer.hear(packet, peer, up=up)
-        return words
 
     def _node_of(self, frame: Frame) -> int:
         if frame.extended:

@@ -225,8 +225,7 @@ class Views:
 
     def units(self, type_name: str) -> Mapping[str, str]:
         """The units of a message type's fields, by field."""
-        message = self.library.messages.get(type_name)
-        return {} if message is None else message.units
+        return self.library.units(type_name)
 
     def spark(self, topic: str) -> list[float]:
         """The first number on a topic over the last minute, oldest first."""

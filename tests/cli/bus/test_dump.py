@@ -16,6 +16,7 @@ from msbot.errors import ConfigError, LinkDown
 from msbot.link.can.protocol.notation import LogLine, parse_frame
 from msbot.link.can.sim.client import SimAdapter
 from msbot.link.can.sim.python_can_interface import MsbotBus
+from msbot.pnp import FrameListener
 from tests.cli.live_bus import bus, invoke, runtime_folder, talking
 
 __all__ = ["bus", "runtime_folder", "talking"]
@@ -124,6 +125,6 @@ def test_each_node_has_its_colour() -> None:
     assert colour_of(parse_frame("008#01")) == colour_of(parse_frame("20000004#0008000000000000")) == "red"
     assert colour_of(parse_frame("7FF#")) is colour_of(parse_frame("00000103#")) is None
     lines: list[str] = []
-    Dump(DumpWishes(), lines.append).show(LogLine(1.0, "can0", parse_frame("103#C181010700")))
+    Dump(DumpWishes(), FrameListener(), lines.append).show(LogLine(1.0, "can0", parse_frame("103#C181010700")))
     assert lines[0].startswith("\x1b[")
     assert click.unstyle(lines[0]).startswith(" (0000000001.000000)  can0")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from click.testing import CliRunner
 
@@ -20,6 +22,16 @@ def test_every_check_is_a_line() -> None:
     assert lines[4].startswith("350 frames in 0.0")
 
 
+def test_the_checks_as_json() -> None:
+    result = CliRunner().invoke(command, ["selftest", "--frames", "50", "--json"])
+    assert result.exit_code == 0
+    answer = json.loads(result.stdout)
+    assert answer["passed"] is True
+    assert len(answer["checks"]) == 4
+    assert set(answer["checks"][0]) == {"name", "passed", "words"}
+    assert (answer["bitrate"], answer["frames"]) == (500_000, 350)
+
+
 def test_a_failed_check_is_status_1(monkeypatch: pytest.MonkeyPatch) -> None:
     async def failing(one: CanBus, other: CanBus, *, frames: int) -> list[CheckResult]:
         return [CheckResult("order", False, "frame 3 is 00 and not 01")]
@@ -28,3 +40,6 @@ def test_a_failed_check_is_status_1(monkeypatch: pytest.MonkeyPatch) -> None:
     result = CliRunner().invoke(command, ["selftest"])
     assert result.exit_code == 1
     assert result.output.startswith("FAILED  order: frame 3 is 00 and not 01\n")
+    result = CliRunner().invoke(command, ["selftest", "--json"])
+    assert result.exit_code == 1
+    assert json.loads(result.stdout)["passed"] is False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -35,12 +36,23 @@ def test_a_file_can_be_read_without_touching_anything(tmp_path: Path) -> None:
         "front: Ultrasonic range sensor (HC-SR04), trigger = GPIO 5, echo = GPIO 24",
         "BUTTON: Push button (BUTTON), simulated",
     ]
+    status, said = msbot(tmp_path, "host", "--check", "--json")
+    assert status == 0
+    front, button = json.loads(said)
+    assert front == {
+        "name": "front",
+        "part_number": "HC-SR04",
+        "type": "Ultrasonic range sensor",
+        "wiring": "trigger = GPIO 5, echo = GPIO 24",
+    }
+    assert button["wiring"] is None
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
         (["host"], "parts.toml: there is no such file"),
+        (["host", "--json"], "--json tells what --check finds: write `msbot host --check --json`"),
         (["part", "HC-SR04", "--pins", "trig=5"], 'has no wire to a GPIO pin "trig"; did you mean "trigger"?'),
         (["part", "BMP280", "--i2c", "1:0x10"], "a BMP280 cannot have the I2C address 0x10"),
         (["part", "WXYZ", "--real"], "part WXYZ has no driver for hardware"),

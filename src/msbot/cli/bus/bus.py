@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import click
 
 from msbot.cli.bus.frame_filter import FilterType, FrameFilter
-from msbot.cli.options import DEFAULT_BLUEPRINT
+from msbot.cli.options import DEFAULT_BLUEPRINT, json_option, library_option
 from msbot.link.can.sim import DEFAULT_NAME
+
+_C = TypeVar("_C", bound=Callable[..., object])
 
 MOST_BYTES = 65_535
 """Largest sample a forecast is made for."""
@@ -26,6 +30,19 @@ data_bitrate_option = click.option(
     "--data-bitrate", type=click.IntRange(min=1), default=2_000_000, show_default=True,
     help="Bit rate of the data phase of CAN FD frames with a bit-rate switch, bit/s.",
 )  # fmt: skip
+
+
+def words_options(function: _C) -> _C:
+    """The options of the commands that say what frames mean."""
+    legacy = click.option("--legacy", is_flag=True,
+                          help="The frames are those of the thesis' firmware (0x123 up, 0x120 down).")  # fmt: skip
+    blueprint = click.option("--blueprint", type=click.Path(exists=True, dir_okay=False, path_type=Path),
+                             help="The robot's blueprint; the robot.toml here, if there is one.")  # fmt: skip
+    protocol = click.option("--protocol", is_flag=True,
+                            help="When the robot is known: below a sentence the words of the protocol.")  # fmt: skip
+    as_json = click.option("--json", "as_json", is_flag=True,
+                           help="Print a JSON object for each frame, with plain and protocol.")  # fmt: skip
+    return legacy(blueprint(library_option(protocol(as_json(function)))))
 
 
 @command.command("cost")
@@ -46,16 +63,23 @@ def cost(frames: tuple[str, ...], bitrate: int, data_bitrate: int, *, as_json: b
 
 @command.command("decode")
 @click.argument("log", default="-")
-@click.option("--legacy", is_flag=True, help="The frames are those of the thesis' firmware (0x123 up, 0x120 down).")
-def decode(log: str, *, legacy: bool) -> None:
+@words_options
+def decode(
+    log: str, *, legacy: bool, blueprint: Path | None, folders: tuple[Path, ...], protocol: bool, as_json: bool
+) -> None:
     """Show every frame of LOG with what it says: segment, DDS-XRCE message, fields, the sample in it.
+
+    When the robot is known (--blueprint, or the robot.toml here), in sentences: knob says level 49.9 %.
 
     LOG is a file of `candump -l` or `msbot demo --log`; without it, what candump shows is read from standard input:
     candump can0 | msbot bus decode. Files ending in .asc, .blf or .trc are read by python-can.
     """
     from msbot.cli.bus.decode import complain, decode_log
+    from msbot.cli.bus.telling import library_of, listener_for, manner_of
 
-    decode_log(log, click.echo, complain, legacy=legacy)
+    library = library_of(blueprint, folders, complain)
+    manner = manner_of(library, protocol=protocol, as_json=as_json)
+    decode_log(log, listener_for(library, legacy=legacy), manner, click.echo, complain)
 
 
 class SizeType(click.ParamType[tuple[str, int]]):
@@ -78,26 +102,33 @@ class SizeType(click.ParamType[tuple[str, int]]):
 @command.command("dump")
 @click.argument("bus", default=f"sim:{DEFAULT_NAME}", metavar="[BUS]")
 @click.option("--decode/--no-decode", default=True, show_default=True, help="Say what the frames mean.")
-@click.option("--legacy", is_flag=True, help="The frames are those of the thesis' firmware (0x123 up, 0x120 down).")
+@words_options
 @click.option("--log", type=click.Path(path_type=Path, dir_okay=False),
               help="Write the frames that are shown to this file, too; its ending names the format.")  # fmt: skip
 @click.option("--filter", "filters", type=FilterType(), multiple=True, metavar="FILTER",
               help="Show only ID, ID:MASK, all but ID~MASK (hexadecimal), or node=N; repeatable.")  # fmt: skip
 @click.option("--count", type=click.IntRange(min=1), help="End after that many frames.")
 def dump(
-    *, bus: str, decode: bool, legacy: bool, log: Path | None, filters: tuple[tuple[FrameFilter, ...], ...],
-    count: int | None,
+    *, bus: str, decode: bool, legacy: bool, blueprint: Path | None, folders: tuple[Path, ...], protocol: bool,
+    as_json: bool, log: Path | None, filters: tuple[tuple[FrameFilter, ...], ...], count: int | None,
 ) -> None:  # fmt: skip
     """Show every frame of BUS, as candump does, and what it says: segment, DDS-XRCE message, sample.
+
+    When the robot is known (--blueprint, or the robot.toml here), in sentences: knob says level 49.9 %.
 
     BUS is can0, an address (can:slcan:/dev/ttyACM0?bitrate=500000, sim:classroom), a log (.log of candump, .asc, .blf,
     .trc, .csv, .db, .mf4), or - for what candump shows. A live bus is shown until Ctrl-C.
     """
     from msbot.cli.bus.decode import complain
     from msbot.cli.bus.dump import DumpWishes, dump
+    from msbot.cli.bus.telling import library_of, listener_for, manner_of
 
-    chosen = tuple(wish for option in filters for wish in option)
-    dump(bus, DumpWishes(decode, legacy, log, chosen, count), click.echo, complain)
+    library = library_of(blueprint, folders, complain)
+    wishes = DumpWishes(
+        decode, manner_of(library, protocol=protocol, as_json=as_json), log,
+        tuple(wish for option in filters for wish in option), count,
+    )  # fmt: skip
+    dump(bus, wishes, listener_for(library, legacy=legacy), click.echo, complain)
 
 
 @command.command("send")
@@ -179,12 +210,13 @@ def load(
 @click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), default=500_000, show_default=True,
               help="Bit rate of the bus, bit/s.")  # fmt: skip
 @click.option("--frames", type=click.IntRange(1, 100_000), default=1000, show_default=True, help="Frames for a check.")
-def selftest(bitrate: int, frames: int) -> None:
+@json_option
+def selftest(bitrate: int, frames: int, *, as_json: bool) -> None:
     """Check the way from controller to controller on the simulated bus, as the thesis did first (T1 to T4).
 
     Ends with status 1 if a check fails.
     """
     from msbot.cli.bus.selftest import run_selftest
 
-    if not run_selftest(bitrate, frames, click.echo):
+    if not run_selftest(bitrate, frames, click.echo, as_json=as_json):
         raise SystemExit(1)

@@ -10,18 +10,18 @@ from typing import Final
 
 import click
 
-from msbot.cli.bus.decode import decoded_lines
 from msbot.cli.bus.frame_filter import FrameFilter, wanted
 from msbot.cli.bus.frame_log import FrameReader, FrameWriter
 from msbot.cli.bus.source import Listening, is_log, open_bus
-from msbot.link.can.protocol import NODES, CanDecoder, CanIds, Frame, LegacyDecoder, LogLine
-from msbot.pnp import Overhearer
-from msbot.xrce import decompress, is_whole
+from msbot.cli.bus.telling import Manner, told_lines
+from msbot.link.can.protocol import NODES, CanIds, Frame, LogLine
+from msbot.pnp import FrameListener, FrameWords
 
 COLOURS: Final = ("cyan", "green", "yellow", "magenta", "blue", "bright_cyan", "bright_green", "bright_yellow")
 """Of the frames to and from a node, by its number, on a terminal."""
 
 _IDS = CanIds()
+_NO_WORDS: Final = FrameWords((), ())
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class DumpWishes:
     """What the user asked for."""
 
     decode: bool = True
-    legacy: bool = False
+    manner: Manner = Manner.PROTOCOL
     log: Path | None = None
     filters: tuple[FrameFilter, ...] = ()
     count: int | None = None
@@ -38,16 +38,13 @@ class DumpWishes:
 class Dump:
     """Shows frames one after the other; `finished` once enough were shown."""
 
-    def __init__(self, wishes: DumpWishes, say: Callable[[str], None]) -> None:
+    def __init__(self, wishes: DumpWishes, listener: FrameListener, say: Callable[[str], None]) -> None:
         """Begin.
 
         Raises:
             ConfigError: the log cannot be written.
         """
-        explain = Overhearer().explain
-        self._decoder = (
-            LegacyDecoder(explain, is_whole) if wishes.legacy else CanDecoder(explain, decompress=decompress)
-        )
+        self._listener = listener
         self._wishes = wishes
         self._say = say
         self._writer = None if wishes.log is None else FrameWriter(wishes.log)
@@ -62,15 +59,15 @@ class Dump:
         """One frame; what is filtered out is understood, too, because it may be part of what comes later."""
         if self.finished:
             return
-        words = self._decoder.decode(line.frame, line.at or 0.0) if self._wishes.decode else [""]
+        words = self._listener.hear(line.frame, line.at or 0.0) if self._wishes.decode else _NO_WORDS
         if not wanted(line.frame, self._wishes.filters):
             return
         self._shown += 1
         if self._writer is not None:
             self._writer.write(line)
-        colour = colour_of(line.frame)
-        for text in decoded_lines(line, words):
-            self._say(click.style(text.rstrip(), fg=colour))
+        manner = self._wishes.manner
+        for text in told_lines(line, words, manner):
+            self._say(text if manner is Manner.JSON else click.style(text.rstrip(), fg=colour_of(line.frame)))
 
     def close(self) -> None:
         """Close the log."""
@@ -88,12 +85,15 @@ def colour_of(frame: Frame) -> str | None:
     return None
 
 
-def dump(name: str, wishes: DumpWishes, say: Callable[[str], None], complain: Callable[[str], None]) -> None:
+def dump(
+    name: str, wishes: DumpWishes, listener: FrameListener, say: Callable[[str], None], complain: Callable[[str], None]
+) -> None:
     """Show the frames of a bus, until Ctrl-C, or those of a log.
 
     Args:
         name: address of the bus, file, or `-` for standard input.
         wishes: what the user asked for.
+        listener: understands the frames.
         say: takes a line of the answer.
         complain: takes what is wrong with the bus or the log.
 
@@ -102,13 +102,13 @@ def dump(name: str, wishes: DumpWishes, say: Callable[[str], None], complain: Ca
         LinkDown: the bus cannot be opened; the text names the remedy.
     """
     if is_log(name):
-        dumping = Dump(wishes, say)
+        dumping = Dump(wishes, listener, say)
         try:
             _dump_log(name, dumping, complain)
         finally:
             dumping.close()
         return
-    asyncio.run(_dump_bus(name, wishes, say, complain))
+    asyncio.run(_dump_bus(name, wishes, listener, say, complain))
 
 
 def _dump_log(name: str, dumping: Dump, complain: Callable[[str], None]) -> None:
@@ -123,10 +123,11 @@ def _dump_log(name: str, dumping: Dump, complain: Callable[[str], None]) -> None
 
 
 async def _dump_bus(
-    address: str, wishes: DumpWishes, say: Callable[[str], None], complain: Callable[[str], None]
-) -> None:
+    address: str, wishes: DumpWishes, listener: FrameListener, say: Callable[[str], None],
+    complain: Callable[[str], None],
+) -> None:  # fmt: skip
     listening = Listening(open_bus(address, node="dump", listen_only=True), complain)
-    dumping = Dump(wishes, say)
+    dumping = Dump(wishes, listener, say)
     channel = address.partition("?")[0].rpartition(":")[2]
 
     def heard(frame: Frame, at: float) -> None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from msbot.cli.options import DEFAULT_LINK, library_here, library_option
+from msbot.cli.options import DEFAULT_LINK, json_option, library_here, library_option
+from msbot.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine
 
     from msbot.cli.run.hosting import Endable
+    from msbot.hardware import HostedPart
 
 
 @click.command("host")
@@ -20,9 +23,10 @@ if TYPE_CHECKING:
 @click.option("--link", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK", show_envvar=True,
               help="The way to the master.")  # fmt: skip
 @click.option("--check", is_flag=True, help="Only read the file and say what is in it; touch no hardware.")
+@json_option
 @library_option
 @click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
-def command(path: Path, *, link: str, check: bool, folders: tuple[Path, ...], quiet: bool) -> None:
+def command(path: Path, *, link: str, check: bool, as_json: bool, folders: tuple[Path, ...], quiet: bool) -> None:
     """Run the parts that are wired to this computer, until Ctrl-C: those of FILE, parts.toml unless named.
 
     Each table [[part]] of it is one part, real or simulated. The file may be changed at any time: only what has
@@ -31,8 +35,13 @@ def command(path: Path, *, link: str, check: bool, folders: tuple[Path, ...], qu
     from msbot.cli.run.hosting import connect, identify, run_until_told
     from msbot.hardware import PartsHost, read_parts
 
+    if as_json and not check:
+        raise ConfigError("--json tells what --check finds: write `msbot host --check --json`")
     library = library_here(folders)
     parts = read_parts(path, library)
+    if as_json:
+        click.echo(json.dumps([_as_json(part) for part in parts]))
+        return
     if check:
         for part in parts:
             words = "simulated" if part.wiring is None else part.wiring.words()
@@ -49,3 +58,8 @@ def command(path: Path, *, link: str, check: bool, folders: tuple[Path, ...], qu
         return host, host.run()
 
     run_until_told(make, quiet=quiet)
+
+
+def _as_json(part: HostedPart) -> dict[str, object]:
+    wiring = None if part.wiring is None else part.wiring.words()
+    return {"name": part.name, "part_number": part.number, "type": part.part_type.name, "wiring": wiring}

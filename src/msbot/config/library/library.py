@@ -79,6 +79,11 @@ class Library:
         """The part type with exactly this number."""
         return self._by_number.get(number)
 
+    def units(self, type_name: str) -> Mapping[str, str]:
+        """The units of a message type's fields, by field; none for a type that is not known."""
+        message = self.messages.get(type_name)
+        return {} if message is None else message.units
+
     def find(self, shown: str) -> PartType | None:
         """The part type of what a part shows: exactly this number, or the one before its @ if the version fits."""
         if exact := self._by_number.get(shown):

@@ -1,0 +1,104 @@
+"""How `msbot bus dump` and `decode` tell what a frame says: in sentences, in the words of the protocol, or as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from enum import Enum, auto
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from msbot.cli.options import DEFAULT_BLUEPRINT
+from msbot.errors import ConfigError
+from msbot.link.can.protocol import LogLine, format_frame, show_frame
+from msbot.pnp import KNOWN_TYPES, FrameListener, FrameWords, Overhearer
+
+if TYPE_CHECKING:
+    from msbot.config import Library
+
+WORDS_AT = 66
+"""Column where the words begin when the frame leaves room."""
+
+
+class Manner(Enum):
+    """What is shown of what a frame says."""
+
+    PROTOCOL = auto()
+    """The words of the protocol."""
+    PLAIN = auto()
+    """A sentence; where there is none, the first line of the protocol."""
+    BOTH = auto()
+    """The sentence, below it the words of the protocol."""
+    JSON = auto()
+    """Both, one JSON object for each frame."""
+
+
+def manner_of(library: Library | None, *, protocol: bool, as_json: bool) -> Manner:
+    """What is shown: without a robot there are no sentences to be shown alone."""
+    if as_json:
+        return Manner.JSON
+    if library is None:
+        return Manner.PROTOCOL
+    return Manner.BOTH if protocol else Manner.PLAIN
+
+
+def library_of(blueprint: Path | None, folders: Sequence[Path], complain: Callable[[str], None]) -> Library | None:
+    """The part library of the robot whose bus it is; None: nobody said which robot, and there is no robot.toml here.
+
+    Args:
+        blueprint: the robot's blueprint, if it was named.
+        folders: more part types.
+        complain: takes what is wrong with a robot.toml that only lies here: a bus is shown all the same.
+
+    Raises:
+        ConfigError: what was named cannot be read, or is wrong.
+    """
+    path = blueprint or DEFAULT_BLUEPRINT
+    if not folders and not path.is_file():
+        return None
+    from msbot.config import library_folders, load_library
+
+    try:
+        return load_library(*library_folders(path), *folders)
+    except ConfigError as error:
+        if blueprint is not None or folders:
+            raise
+        complain(f"no sentences, because the robot.toml here cannot be used: {error}")
+        return None
+
+
+def listener_for(library: Library | None, *, legacy: bool) -> FrameListener:
+    """A listener that knows the message types of a robot; without one, those that every robot has."""
+    if library is None:
+        return FrameListener(legacy=legacy)
+    from msbot.sim import message_class
+
+    types = map(message_class, library.messages.values())
+    return FrameListener(Overhearer((*KNOWN_TYPES, *types), units=library.units), legacy=legacy)
+
+
+def told_lines(line: LogLine, words: FrameWords, manner: Manner) -> list[str]:
+    """A frame and what it says, as lines to be printed."""
+    match manner:
+        case Manner.JSON:
+            return [_as_json(line, words)]
+        case Manner.PROTOCOL:
+            return _beside(line, words.protocol)
+        case Manner.PLAIN:
+            return _beside(line, words.plain or words.protocol[:1])
+        case Manner.BOTH:
+            return _beside(line, (*words.plain, *words.protocol))
+
+
+def _beside(line: LogLine, words: Sequence[str]) -> list[str]:
+    """A frame as candump shows it, with words beside it, and below them the others."""
+    time = "" if line.at is None else f"({line.at:017.6f})  "
+    shown = f" {time}{line.channel}  {show_frame(line.frame)}"
+    first, *others = words or ("",)
+    return [f"{shown.ljust(WORDS_AT)}  {first}", *(" " * (WORDS_AT + 6) + other for other in others)]
+
+
+def _as_json(line: LogLine, words: FrameWords) -> str:
+    frame = format_frame(line.frame)
+    head = {"at_s": line.at, "channel": line.channel, "frame": frame}
+    return json.dumps({**head, "plain": words.plain, "protocol": words.protocol})
