@@ -109,7 +109,7 @@ def test_json_carries_both(verb: str, log: str, blueprint: Path) -> None:
     assert all(set(row) == {"at_s", "channel", "frame", "plain", "protocol"} for row in rows)
     (row, *_) = [row for row in rows if any("knob says level" in sentence for sentence in row["plain"])]
     assert any("WRITE_DATA" in line for line in row["protocol"])
-    assert f"({row['at_s']:.6f}) {row['channel']} {row['frame']}" in log
+    assert f"({row['at_s']:017.6f}) {row['channel']} {row['frame']}" in log
 
 
 def test_json_without_words(log: str) -> None:
