@@ -10,7 +10,7 @@ import sys
 
 sys.modules[{module!r}] = None
 try:
-    import msbot.registry
+    from msbot.registry import open_registry
 except Exception as error:
     print(f"{{type(error).__name__}}: {{error}}")
 """

@@ -58,7 +58,7 @@ def test_a_database_that_another_program_writes_can_be_read_but_not_changed(
         assert impatient.robots.all() == [robot]
         with pytest.raises(RegistryError) as caught:
             impatient.robots.apply_blueprint(blueprint, library)
-        assert str(caught.value) == f"the database {path} {LOCKED}"
+        assert str(caught.value) == f"nothing was changed: the database {path} {LOCKED}"
     impatient.robots.apply_blueprint(blueprint, library)
 
 

@@ -47,7 +47,7 @@ LEAST = {
     "set": Role.STUDENT, "reset": Role.STUDENT, "values": Role.VIEWER, "bind": Role.TEACHER, "unbind": Role.TEACHER,
     "apply": Role.TEACHER, "undo": Role.STUDENT, "edits": Role.VIEWER, "stop": Role.VIEWER, "go": Role.TEACHER,
     "stop_report": Role.VIEWER, "identify": Role.STUDENT, "why": Role.VIEWER, "publish": Role.STUDENT,
-    "let_go": Role.STUDENT, "stored": Role.VIEWER,
+    "let_go": Role.STUDENT, "stored": Role.VIEWER, "add_slot": Role.TEACHER, "remove_slot": Role.TEACHER,
 }  # fmt: skip
 """Who may do each operation of the table at least; said twice on purpose."""
 

@@ -130,10 +130,10 @@ def test_old_lines_and_strangers_are_forgotten(registry: Registry, store: RobotS
         stranger = changed(PartState.REFUSED, number=f"NOPE{number}", local_name="", slot=None, uid=b"")
         store.journal(stranger)
     registry.storage.flush()
-    _do(registry, lambda connection: statements.prune(connection, robot.id, 3, 2, 99))
-    assert [entry.number for entry in registry.robots.journal()] == [4, 5, 6]
+    _do(registry, lambda connection: statements.prune(connection, robot.id, 3, 2, 3))
+    assert [entry.number for entry in registry.robots.journal()] == [1, 4, 5, 6]
     assert [part.part_number for part in registry.robots.parts()] == ["ABCD", "NOPE3", "NOPE4"]
-    _do(registry, lambda connection: statements.prune(connection, robot.id, 3, 2, 99))
+    _do(registry, lambda connection: statements.prune(connection, robot.id, 3, 2, 3))
     assert len(registry.robots.parts()) == 3
 
 

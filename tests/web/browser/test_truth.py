@@ -42,7 +42,7 @@ def test_stop_tells_who_confirmed_it_and_the_cards_show_what_the_parts_do(page: 
     fan = page.get_by_role("button", name="Open slot fan")
     expect(fan).to_contain_text("active")
     page.locator("#ms-stop").click()
-    expect(page.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP: .* ms\)"))
+    expect(page.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP is said to all parts\. \(\d+ ms\)"))
     expect(page.get_by_text("parts have confirmed that they are in their safe state")).to_be_visible()
     page.get_by_text("Confirmed by").click()
     expect(page.get_by_text(re.compile(r"^fan \d+ ms"))).to_be_visible()

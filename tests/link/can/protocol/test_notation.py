@@ -123,7 +123,7 @@ def test_log_lines(line: str, at: float | None, channel: str, frame: str) -> Non
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("hello", "no line of candump, such as"),
+        ("hello", "not a line of candump, such as"),
         ("(1.0) can0 123#D", "is no CAN frame"),
         ("can0  123   [3]  DE AD", "says it has 3 data bytes and shows 2"),
         ("can0  FFF   [0]", "outside 0 to 0x7ff"),

@@ -175,7 +175,7 @@ async def test_other_data_rates_are_refused(folder: Path) -> None:
 
 
 def test_what_is_no_name_is_refused() -> None:
-    with pytest.raises(ConfigError, match="no name"):
+    with pytest.raises(ConfigError, match="not a name"):
         SimAdapter(SimBusWish("a/b"))
 
 

@@ -212,7 +212,7 @@ def test_what_cannot_be_sent_is_refused_here(wrong: can.Message, words: str) -> 
 
 
 def test_wrong_names_and_rates_are_explained() -> None:
-    with pytest.raises(can.CanInitializationError, match="no name for a simulated bus"):
+    with pytest.raises(can.CanInitializationError, match="not a name for a simulated bus"):
         MsbotBus("a/b")
     with MsbotBus(bitrate=125_000):
         with pytest.raises(can.CanInitializationError, match="is CAN, 125 kbit/s, not CAN, 250 kbit/s"):

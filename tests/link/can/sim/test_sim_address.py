@@ -42,7 +42,7 @@ def test_an_address_names_a_bus(text: str, wish: SimBusWish) -> None:
     ("address", "words"),
     [
         ("sim:", "'' is not a name for a simulated bus"),
-        ("sim:127.0.0.1:8888", "no name for a simulated bus"),
+        ("sim:127.0.0.1:8888", "not a name for a simulated bus"),
         ("sim:b?speed=1", "no option 'speed'; there are bitrate, dbitrate, fd, compression"),
         ("sim:b?bitrate=fast", "a bit rate from 5000"),
         ("sim:b?fd=2", "1 means yes"),
