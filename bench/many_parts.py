@@ -42,6 +42,7 @@ LONGEST_S = 120.0
 """A robot that is not complete by then never will be."""
 TICKS_PER_S = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 STEP_S = 0.1
+PASSWORD = "many parts at once"
 BAD = ("late", "lost")
 
 _ROBOT = """\
@@ -178,14 +179,15 @@ class Robot:
 
     def start(self) -> None:
         """Start it, and wait until it serves."""
-        before = self._said().count("is up on")
+        sign = "The page is at" if "--port" in self._page else "is up on"
+        before = self._said().count(sign)
         with self._log.open("ab") as log:
             words = [sys.executable, "-m", "msbot", "master", "--link", self.address, *self._page, "robot.toml"]
             self._process = subprocess.Popen(
                 words, cwd=self.folder, env={**self._env, "PYTHONUNBUFFERED": "1"}, stdout=log, stderr=log
             )
         end = time.monotonic() + LONGEST_S
-        while self._said().count("is up on") == before:
+        while self._said().count(sign) == before:
             if self._process.poll() is not None or time.monotonic() > end:
                 raise SystemExit(f"the master does not come up:\n{self._said()}")
             time.sleep(0.02)
@@ -215,8 +217,8 @@ class Robot:
         return Counter({str(state): int(str(count)) for state, count in rows})
 
     def link_to_page(self) -> str:
-        """The address that makes a browser its administrator."""
-        return str(re.findall(r"http://\S+", self._said())[-1])
+        """Where its page is: at first the form that makes a visitor its administrator, later the one to sign in."""
+        return str(re.findall(r"The page is at (\S+)", self._said())[-1])
 
     def _ask(self, query: str) -> list[tuple[object, ...]]:
         with contextlib.closing(sqlite3.connect(f"file:{self.folder / 'robot.db'}?mode=ro", uri=True)) as database:
@@ -248,6 +250,10 @@ def visitor(robot: Robot, *, wanted: bool) -> Iterator[None]:
         page = browser.new_page()
         page.set_default_timeout(PATIENCE_MS)
         page.goto(robot.link_to_page())
+        page.fill("[name=name]", "ada")
+        for field in page.locator("[type=password]").all():
+            field.fill(PASSWORD)
+        page.click("[type=submit]")
         page.get_by_role("button", name="Open slot P0000").wait_for()
         yield
         browser.close()

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections import Counter
 from dataclasses import replace
 from random import Random
 
+import pytest
+
 from msbot.agent import AgentSettings
+from msbot.agent.outside_share import BEYOND_OUTSIDE
 from msbot.config import Blueprint, PartType, RobotProfile, Slot
 from msbot.link import InprocHub
 from msbot.master import Master
 from msbot.part import JoinState, Part
 from msbot.pnp import Configuration, MemoryStore, PartEvent, PartState
 from msbot.runtime.virtual_time import run_virtual
+from msbot.xrce.messages import SESSION_NONE, CreateClient, Header, encode_message
+from tests.agent.wiring import FakeLink
 
 SIZE = 120
 AT_A_TIME = 8
@@ -128,3 +134,65 @@ def test_a_part_that_floods_gets_its_share_and_is_told_of_and_no_other_part_is_l
         await asyncio.gather(*tasks, return_exceptions=True)
 
     run_virtual(scene())
+
+
+@pytest.mark.parametrize("addresses", [1, 200])
+def test_a_flood_of_strangers_is_read_in_part_and_nobody_is_late_or_kept_out(
+    addresses: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scene() -> None:
+        random, loop = Random(1), asyncio.get_running_loop()
+        names = NAMES[:10]
+        store = MemoryStore(
+            types=(PartType("X", "x"),),
+            slots=tuple(Slot(name, "X") for name in names),
+            configurations=tuple(Configuration(1, name, (), ()) for name in names),
+        )
+        hub, outside = InprocHub(), FakeLink("outside")
+        hub.server.info = replace(hub.server.info, name="wire")
+        master = Master(Blueprint(RobotProfile("R", "1", "1", "today", "us"), ()), store, random=random)
+        states: Counter[PartState] = Counter()
+        master.inventory.on_event(lambda event: states.update([event.to_state]))
+        for link in (hub.server, outside):
+            master.add_link(link)
+        tasks = [loop.create_task(master.run())]
+        await master.ready.wait()
+        parts = [Part("X", local_name=name, uid=random.randbytes(8), random=Random(name)) for name in names]
+
+        def switch_on(part: Part) -> None:
+            tasks.append(loop.create_task(part.run_async(hub.connect(), epoch_ns=lambda: 0)))
+
+        async def all_in(count: int) -> None:
+            async with asyncio.timeout(5):
+                while sum(part.state is JoinState.ACTIVE for part in parts) < count:  # noqa: ASYNC110 - virtual time
+                    await asyncio.sleep(0.01)
+
+        for part in parts[:-1]:
+            switch_on(part)
+        await all_in(9)
+        sent = 0
+        for step in range(1000):  # for 2 s 20,000 a second: the half are no packets, the others logins
+            for _ in range(20):
+                key = random.randrange(1, 1 << 32)
+                outside.inject(_login(key), f"address {sent % addresses}")
+                outside.inject(random.randbytes(20), f"address {sent % addresses}")
+                sent += 2
+            if step == 500:
+                switch_on(parts[-1])
+            await asyncio.sleep(0.002)
+        await all_in(10)
+        most = AgentSettings().max_outside_per_s
+        unread = master.agent.dropped()[BEYOND_OUTSIDE]
+        assert sent - most * 2.5 <= unread <= sent - most / 4
+        assert states[PartState.LATE] == states[PartState.LOST] == 0
+        assert sum("packets outside of sessions" in record.message for record in caplog.records) == 1
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    with caplog.at_level(logging.WARNING):
+        run_virtual(scene())
+
+
+def _login(key: int) -> bytes:
+    return encode_message(Header(SESSION_NONE), [CreateClient(key, 0x81, 512)], pad_end=False)

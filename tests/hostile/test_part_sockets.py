@@ -10,13 +10,23 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
+from msbot.link.net.rate_budget import BURST_S, OCTETS_S, PACKETS_S
 from msbot.link.net.websocket_server import MOST_OF_PERSON, TOO_MANY
 from tests.web.part_site import PartSite, part_site
+
+GARBAGE = b"0123456789" * 666
+HONEST_PACKETS_S = 100
+"""More than the honest part sends: ten messages a second, beats, and what a session needs."""
+HONEST_OCTETS = 200
+"""More than each of these has."""
 
 
 def dial(site: PartSite, token: str) -> connect:
     headers = {"Authorization": f"Bearer {token}"}
-    return connect(f"{site.address}/api/link", additional_headers=headers, compression=None, max_size=None)
+    # No pings: behind a flood their answers wait, and on a busy machine that would be the end of the connection.
+    return connect(
+        f"{site.address}/api/link", additional_headers=headers, compression=None, max_size=None, ping_interval=None
+    )
 
 
 async def end_of(socket: ClientConnection) -> tuple[int | None, str | None]:
@@ -28,8 +38,12 @@ async def end_of(socket: ClientConnection) -> tuple[int | None, str | None]:
 
 
 async def still_there(site: PartSite) -> None:
-    """The honest part is active and its messages still come in."""
-    assert site.active() == {"S0"}
+    """The honest part has never lost its slot, is active, and its messages still come in.
+
+    On a busy machine a beat of it may be late for want of processor time; that passes.
+    """
+    assert site.lost == []
+    await site.until(lambda: site.active() == {"S0"})
     before = site.link.counters.packets_in
     await site.until(lambda: site.link.counters.packets_in > before + 3)
 
@@ -97,11 +111,12 @@ async def test_who_floods_is_told_and_slows_down_nobody_but_itself() -> None:
         loop = asyncio.get_running_loop()
         async with dial(site, await site.token("eve")) as socket:
             told = asyncio.create_task(socket.recv())
-            began, before = loop.time(), site.link.counters.packets_in
+            began, before, octets_before = loop.time(), site.link.counters.packets_in, site.link.counters.bytes_in
 
             async def flood() -> None:
+                # Some 40 of these a second are too many octets: a machine that is busy elsewhere floods as well.
                 while True:
-                    await socket.send(b"0123456789" * 5)
+                    await socket.send(GARBAGE)
                     await asyncio.sleep(0)  # the honest part lives in this process, too
 
             flooding = asyncio.create_task(flood())
@@ -109,8 +124,13 @@ async def test_who_floods_is_told_and_slows_down_nobody_but_itself() -> None:
             assert words == "this part sends more than the robot takes from one part: send less often"
             for _ in range(3):
                 await still_there(site)
-            taken, seconds = site.link.counters.packets_in - before, loop.time() - began
-            assert taken < 500 * (seconds + 1) + 100 * seconds + 100
+            counters, seconds = site.link.counters, loop.time() - began
+            honest = HONEST_PACKETS_S * (seconds + 1)
+            assert counters.packets_in - before < PACKETS_S * (seconds + BURST_S) + 1 + honest
+            assert (
+                counters.bytes_in - octets_before
+                < OCTETS_S * (seconds + BURST_S) + len(GARBAGE) + honest * HONEST_OCTETS
+            )
             flooding.cancel()
             await asyncio.gather(flooding, return_exceptions=True)
             socket.transport.abort()

@@ -57,6 +57,8 @@ class PartSite:
         self.link = link
         self.guard = guard
         self.port = port
+        self.lost: list[str] = []
+        """Slots whose part was lost, with the reason."""
         self.break_all: Callable[[], None] = lambda: None
         """Tear every connection off."""
 
@@ -120,6 +122,13 @@ async def part_site(slots: int = 2, *, stored: MemoryStore | None = None) -> Asy
         accepting = asyncio.create_task(acceptor.run())
         try:
             site = PartSite(master, accounts, link, guard, listening.getsockname()[1])
+            master.inventory.on_event(
+                lambda event: (
+                    site.lost.append(f"{event.slot}: {event.reason}")
+                    if event.slot and event.to_state is PartState.LOST
+                    else None
+                )
+            )
             site.break_all = lambda: _break_all(state)
             yield site
         finally:

@@ -51,6 +51,9 @@ class AgentSettings:
     """Packets a second of one client, where the gate limits it; what is beyond is not read."""
     max_packets_in_all_per_s: float = 30_000.0
     """The same of all clients together, before those that send most are cut further."""
+    max_outside_per_s: float = 4_000.0
+    """Packets a second outside of sessions (logins, questions, garbage) that are read, where the gate limits them;
+    those of clients with a place in the robot may be as many besides."""
     max_objects: int = 256
     """Objects of one client; more are answered ERR_RESOURCES."""
     max_objects_unsettled: int = 64

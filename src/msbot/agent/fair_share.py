@@ -108,7 +108,7 @@ class FairShare(Generic[S]):
             for sender, count in self._before.items()
             if sender in before
         }
-        share = self._share(rates.values())
+        share = fair_share(rates.values(), self._in_all, self._per_client)
         for sender, rate in rates.items():
             self._judge(sender, rate, share, now)
 
@@ -126,12 +126,16 @@ class FairShare(Generic[S]):
         elif rate > share and self._may_limit(sender, rate, share):
             sender.limit = Limit(share, now)
 
-    def _share(self, rates: Iterable[float]) -> float:
-        """The most that one may send so that all together send no more than they may."""
-        left, ordered = self._in_all, sorted(rates)
-        for place, rate in enumerate(ordered):
-            share = left / (len(ordered) - place)
-            if rate > share:
-                return min(share, self._per_client)
-            left -= rate
-        return self._per_client
+
+def fair_share(rates: Iterable[float], in_all: float, most: float) -> float:
+    """What one may send, `most` at most, so that all who send at those rates together send no more than `in_all`.
+
+    Who sends less than the share keeps what it sends; who sends more is cut to it (max-min fairness).
+    """
+    left, ordered = in_all, sorted(rates)
+    for place, rate in enumerate(ordered):
+        share = left / (len(ordered) - place)
+        if rate > share:
+            return min(share, most)
+        left -= rate
+    return most

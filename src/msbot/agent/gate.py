@@ -61,6 +61,9 @@ class Gate(Protocol):
         """Whether a client that sends more than its share of packets gets no more than that; asked again while it does
         (`msbot.agent.fair_share`)."""
 
+    def limits_strangers(self) -> bool:
+        """Whether packets outside of sessions get a bounded part of the agent's time (`msbot.agent.outside_share`)."""
+
     def joined(self, client: ClientInfo) -> None:
         """A session was opened or opened again (also from another address): earlier grants are void."""
 
@@ -96,6 +99,10 @@ class OpenGate:
         return True
 
     def limits(self, client: ClientInfo, packets_per_s: float, share: float) -> bool:  # noqa: ARG002 - the protocol's
+        """Always False: as quick as it can."""
+        return False
+
+    def limits_strangers(self) -> bool:
         """Always False: as quick as it can."""
         return False
 

@@ -15,6 +15,7 @@ from msbot.agent.agent_settings import MIN_MTU, AgentSettings
 from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.gate import ClientInfo, Gate
 from msbot.agent.join_queue import JoinQueue
+from msbot.agent.outside_share import BEYOND_OUTSIDE, OutsideShare
 from msbot.agent.proxy import Proxy
 from msbot.agent.rivals import PATIENCE_ON_A_BUS_S, PATIENCE_S, Rivals
 from msbot.agent.session_eviction import SessionBudget
@@ -73,9 +74,13 @@ class Handshake:
         self._queue = queue
         self._open_session = open_session
         self._end_session = end_session
+        self._strangers = OutsideShare(settings.max_outside_per_s)
+        self._settled = OutsideShare(settings.max_outside_per_s)
 
     def answer(self, port: ServedLink, packet: bytes, peer: Peer, now: float) -> bytes | None:
         """The one answer to a packet that belongs to no session, or None for silence."""
+        if self._gate.limits_strangers() and not self._takes(port, peer, now):
+            return None
         try:
             header = decode_header(packet)
             submessage = next(iter(iter_submessages(packet, header.size)), None)
@@ -98,6 +103,21 @@ class Handshake:
                 return _deleted(header, submessage)
         port.dropped.count("packet without a session")
         return None
+
+    def _takes(self, port: ServedLink, peer: Peer, now: float) -> bool:
+        """Whether there is time for a packet of that peer; what is thrown away is counted, and told now and then."""
+        link, owner = port.link, port.clients.get(peer)
+        is_settled = owner is not None and self._gate.is_settled(owner.info)
+        share, origin = (self._settled, peer) if is_settled else (self._strangers, link.origin(peer))
+        if share.takes((link.info.name, origin), peer, now):
+            return True
+        port.dropped.count(BEYOND_OUTSIDE)
+        if share.is_news(now):
+            logger.warning(
+                "%s: more packets outside of sessions than %g a second, now from %s: the rest is not read",
+                link.info.name, self._settings.max_outside_per_s, link.describe(peer),
+            )  # fmt: skip
+        return False
 
     def _wait_s(self, port: ServedLink, peer: Peer, request: CreateClient, now: float) -> float:
         """How long this login has to wait for its turn; a client that has a session, or needs none, has not."""

@@ -157,6 +157,10 @@ class Access:
             self._inventory.note(client.key, words, now)
         return True
 
+    def limits_strangers(self) -> bool:
+        """Always: anybody can send packets to a robot."""
+        return True
+
     def is_latched(self, topic: str) -> bool:
         """Whether readers get the topic's last sample without asking for it; the thesis' parts do not ask."""
         return topic == PROFILE_TOPIC
