@@ -1,4 +1,4 @@
-"""One part's place in the demo: what is plugged in there now, and what earlier ones did."""
+"""One part's place in the demo: what is plugged in there now, and what earlier parts there did."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Plug:
     Args:
         name: what the place is called.
         slot: the slot that the part is meant for.
-        part_number: what it is.
+        part_number: its part number.
         uid: 8 octets; the same however often it is plugged in.
         library: where its part number is looked up.
     """
@@ -30,10 +30,10 @@ class Plug:
         self.part_number = part_number
         self.uid = uid
         self.board = SimGpio()
-        """Survives unplugging, as a real board would; its pins do what the part last told them."""
+        """Survives unplugging, as a real board would; its pins keep what the part last set."""
         self.part: Part | None = None
         self.simulated: SimulatedPart | None = None
-        """The thing that the part is, to be played with; None for the thesis' three, and for an empty place."""
+        """The simulated device, to be played with; None for the thesis' three, and for an empty place."""
         self.task: asyncio.Task[None] | None = None
         self.plugged_at = 0.0
         self.active_at: float | None = None
@@ -55,16 +55,16 @@ class Plug:
         return self.part
 
     def clear(self) -> None:
-        """Note that the part is out; what it counted is kept."""
+        """Note that the part is unplugged; its counts are kept."""
         self.earlier_in, self.earlier_out = self.messages_in, self.messages_out
         self.part = self.simulated = self.task = None
 
     @property
     def messages_in(self) -> int:
-        """Samples that arrived in the part, over all pluggings."""
+        """Samples that arrived in the part, over all the times it was plugged in."""
         return self.earlier_in + (self.part.counters.messages_in if self.part is not None else 0)
 
     @property
     def messages_out(self) -> int:
-        """Samples the part published, over all pluggings."""
+        """Samples that the part published, over all the times it was plugged in."""
         return self.earlier_out + (self.part.counters.messages_out if self.part is not None else 0)

@@ -1,4 +1,4 @@
-"""The sample robot in one process: a master and the thesis' three parts on one wire, parts that can be pulled out.
+"""The sample robot in one process: a master and the thesis' three parts on one wire, which can be pulled out.
 
 Nothing here is a mock: master, agent, parts and the bus are the ones a real robot has; only the wire is simulated
 (CAN, bit by bit) or local (UDP on 127.0.0.1). It runs in real time and, on the simulated bus, in virtual time.
@@ -26,11 +26,11 @@ from msbot.sim import SimulatedPart
 from msbot.space import Space
 
 START_LOOK_S = 0.02
-"""How often the demo looks whether the whole ring is wired up, until it is."""
+"""Period in which the demo checks whether the whole ring is connected, until it is."""
 SETTLE_S = 0.25
-"""Longest wait at the end for samples that are on their way."""
+"""Longest wait at the end for samples still on their way."""
 SETTLE_LOOKS = 25
-"""How often it is looked meanwhile whether they have arrived."""
+"""How many times the demo checks during that wait whether they have arrived."""
 
 
 class DemoRobot:
@@ -44,11 +44,11 @@ class DemoRobot:
         data_bitrate: bit rate of the data phase of CAN FD, bit/s.
         node_ids: where the addresses of parts on a CAN wire are remembered; memory if absent.
         compression: shorten headers on a CAN wire.
-        names: slots whose parts take part; all if absent.
-        spares: further parts by name, and for which slot each is meant; plugged in when all others are active.
+        names: slots whose parts are in the demo; all if absent.
+        spares: further parts by name, each with the slot that it is meant for; plugged in when all others are active.
         library: where parts other than the thesis' three are looked up; MsBOT's own if absent.
         space: where the robot's topics are; memory if absent.
-        random: draws everything that is drawn; a seeded one makes a run in virtual time repeatable.
+        random: the source of everything random; a seeded one makes a run in virtual time repeatable.
         epoch_ns: wall clock, nanoseconds since 1970.
     """
 
@@ -136,7 +136,7 @@ class DemoRobot:
 
     @property
     def bus_driver(self) -> SimBusDriver | None:
-        """The clockwork of the simulated bus; None over UDP."""
+        """The driver of the simulated bus; None over UDP."""
         return self._wiring.driver
 
     def on_frame(self, tap: FrameTap) -> None:
@@ -157,7 +157,7 @@ class DemoRobot:
         return self._plug(name).part is not None
 
     def plug(self, name: str) -> None:
-        """Plug a part in; nothing happens if it is."""
+        """Plug a part in; nothing happens if it already is."""
         plug = self._plug(name)
         if plug.part is not None or self._tasks is None:
             return
@@ -168,7 +168,7 @@ class DemoRobot:
         plug.task = self._tasks.create_task(part.run_async(link, epoch_ns=self._epoch_ns))
 
     def unplug(self, name: str) -> None:
-        """Pull a part out: it is off the wire and without power at once, and nobody is told."""
+        """Pull a part out: it is off the wire and without power at once, and says no goodbye."""
         plug = self._plug(name)
         if plug.part is None or plug.task is None:
             return
@@ -177,7 +177,7 @@ class DemoRobot:
         plug.clear()
 
     def simulated(self, name: str) -> SimulatedPart | None:
-        """The thing that is plugged in there, to be played with; None for the thesis' three and for an empty place."""
+        """The simulated device plugged in there, to be played with; None for the thesis' three and an empty place."""
         return self._plug(name).simulated
 
     def board(self, name: str) -> SimGpio:
@@ -185,11 +185,11 @@ class DemoRobot:
         return self._plug(name).board
 
     def snapshot(self) -> DemoSnapshot:
-        """The robot now, or when it ended."""
+        """The state of the robot now, or when it ended."""
         return self._final or self._look()
 
     async def _settle(self) -> None:
-        """Let samples that are on their way arrive, so that the final count does not call them lost."""
+        """Let samples that are on their way arrive, so that the final count does not report them as lost."""
         for _ in range(SETTLE_LOOKS):
             if all(topic.delivered >= topic.published for topic in self._topic_snapshots()):
                 return
@@ -231,7 +231,7 @@ class DemoRobot:
         return snapshots
 
     def _traffic(self) -> dict[str, tuple[int, int]]:
-        """Samples accepted by the agent and arrived in the parts, by topic, since the start."""
+        """Samples accepted by the agent and samples that arrived in the parts, by topic, since the start."""
         accepted = {name: published for name, published, _ in self.master.agent.topics()}
         return {
             binding.topic: (
@@ -262,7 +262,7 @@ class DemoRobot:
 
     def _changed(self, event: PartEvent) -> None:
         if self._final is not None:
-            return  # what the end of the robot itself brings about is no news
+            return  # the end of the robot itself is no news
         plug = self._by_uid.get(event.uid)
         name = plug.name if plug is not None else event.slot or event.part
         if plug is not None and event.to_state is PartState.ACTIVE and plug.active_at is None:
@@ -280,7 +280,7 @@ class DemoRobot:
             listener(shown)
 
     def _watch_start(self) -> None:
-        """Traffic counts from the moment when every part of the ring can hear its partner for the first time."""
+        """Count traffic from the first moment when every part of the ring can hear its partner."""
         ends = [end for binding in self.master.blueprint.bindings for end in binding.ends]
         wanted = sum(end.slot in self._plugs for end in ends)
         topics = {binding.topic for binding in self.master.blueprint.bindings}
@@ -290,7 +290,7 @@ class DemoRobot:
             for endpoint in client.objects
         )
         if attached >= wanted:
-            # What the agent has handed out and a part has yet to get counts neither as published nor as delivered.
+            # A sample that the agent has sent and no part has received yet counts as neither published nor delivered.
             self._baseline = {name: (published, out) for name, published, out in self.master.agent.topics()}
             for name in self._spares:
                 self.plug(name)

@@ -12,12 +12,12 @@ class DemoEvent:
     at_s: float
     """Seconds since the start of the robot."""
     part: str
-    """The part's name in the demo; before it has claimed, the one it has on the wire."""
+    """The part's name in the demo; before it has claimed, its name on the wire."""
     from_state: str
     to_state: str
     reason: str
     slot: str = ""
-    """The slot it holds, or has lost by this change."""
+    """The slot that it holds, or has lost by this change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class PartSnapshot:
     messages_in: int
     messages_out: int
     plug_in_to_active_ms: float | None
-    """From the last plugging-in to `active`; None until then."""
+    """Time from when it was last plugged in to `active`; None until then."""
     outputs: tuple[bool, ...]
     """Levels of the part's GPIO board; empty without one."""
 

@@ -22,7 +22,7 @@ class Wire(Enum):
 
 
 class Wiring:
-    """The wire and the way of each part onto it."""
+    """The wire, and each part's connection to it."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class Wiring:
         fd = wire is Wire.FD
         bus = SimBus(bitrate, data_bitrate=data_bitrate if fd else None, fd=fd)
         self.driver = SimBusDriver(bus)
-        # A bus needs two nodes before any frame is acknowledged: the monitor hears, as a student's adapter would.
+        # A bus needs two nodes before any frame is acknowledged: the monitor does it, as a student's adapter would.
         self.driver.attach("monitor")
         self.master_link = CanMasterLink(
             self.driver.attach("master"),
@@ -63,13 +63,13 @@ class Wiring:
         )
 
     def part_link(self, name: str, uid: bytes) -> Link:
-        """A fresh way for a part that has just been plugged in."""
+        """A new link for a part that has just been plugged in."""
         if self.driver is not None:
             return CanPartLink(self.driver.attach(name), uid=uid, random=self._random, codec=self._codec)
         assert self._server is not None
         return UdpClientLink("127.0.0.1", self._server.port)
 
     def pull(self, name: str) -> None:
-        """Cut a part off without a word."""
+        """Cut a part off without a goodbye."""
         if self.driver is not None:
             self.driver.detach(name)

@@ -1,6 +1,6 @@
 """The composition root: puts agent, inventory, profile and links together. The only place that knows everybody.
 
-STOP, which outlives the master, is kept and reached here.
+STOP, which outlives the master, is stored here and can be said from here.
 """
 
 from msbot.master.master import Master, SaysStop, first_error, profile_of, timing_of

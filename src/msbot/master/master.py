@@ -29,15 +29,15 @@ from msbot.space import MemorySpace, Space
 
 MASTER_KEY = 0x4D734D01
 INVENTORY_KEY = 0x4D734D02
-"""Client keys of the robot's own services; the gate refuses them to anybody on another link."""
+"""Client keys of the robot's own services; the gate refuses them to clients on any other link."""
 
 STORED_S = 2.0
-"""How long whoever says STOP waits at most for its being stored."""
+"""Longest time that a person who says STOP waits until it is stored."""
 
 
 @runtime_checkable
 class SaysStop(Protocol):
-    """A link that can tell everybody at once to stop."""
+    """A link that can tell all its parts to stop at once."""
 
     def send_stop(self, reason: int = 0) -> None:
         """Say STOP; raises LinkDown when the link carries nothing."""
@@ -67,9 +67,9 @@ class Master:
             store: library, slots, configurations and journal: the registry, or memory.
             space: where the agent acts for its clients; memory if absent.
             agent_settings: limits and periods of the agent.
-            random: draws leases and identities; the system's source if absent.
+            random: generates leases and identities; the system's source if absent.
             epoch_ns: wall clock for time synchronisation, nanoseconds since 1970.
-            stop_file: where STOP is kept besides the database, so that it holds after a restart; None: nowhere else.
+            stop_file: where STOP is stored in addition to the database, to survive a restart; None: nowhere else.
 
         Raises:
             ConfigError: the timing makes no sense.
@@ -99,7 +99,7 @@ class Master:
         self._keeper = StopKeeper(store, stop_file)
         self._stop = EmergencyStop(self._keeper.load())
         self._kept = self._stop.record
-        """What was to be stored of STOP, and was tried."""
+        """The latest record of STOP that was handed over for storing."""
         self._stop_trouble = ""
         self._stop_is_stored = asyncio.Event()
         self._stop_is_stored.set()
@@ -126,39 +126,39 @@ class Master:
 
     @property
     def is_serving(self) -> bool:
-        """Whether parts are served: `run` has begun and does not end yet."""
+        """Whether parts are served: `run` has begun and is not ending yet."""
         return self._serving
 
     @property
     def inventory_service(self) -> InventoryService:
-        """What answers the parts, and speaks to them unasked."""
+        """The service that answers the parts, and speaks to them unasked."""
         return self._inventory
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """The links that parts come in by."""
+        """The links by which parts come in."""
         return tuple(self._links)
 
     def why(self, part: str) -> list[str]:
-        """In sentences: the state of a part, which rules led there, and whom its topics cannot reach."""
+        """The state of a part, the rules that led to it, and whom its topics cannot reach, in sentences."""
         return [*self.inventory.why(part, self._clock()), *self.troubles(part)]
 
     def troubles(self, part: str) -> list[str]:
-        """Who should meet a part's topics now and cannot, one sentence each, with the name of the DDS policy."""
+        """Endpoints that should match a part's topics now and cannot, one sentence each, naming the DDS policy."""
         found = self.inventory.find(part, self._clock())
         return [trouble for info in found for trouble in self.agent.troubles(info.client_key)]
 
     @property
     def stop(self) -> StopStatus:
-        """The state of STOP: who said it and when, which parts have confirmed it in how many ms, which have not."""
+        """The state of STOP: who said it and when, which parts have confirmed it after how many ms, which have not."""
         is_stored = self._kept == self._stop.record
         return self._stop.status(is_stored=is_stored, trouble=self._stop_trouble if is_stored else "")
 
     def say_stop(self, by: str, reason: str = "") -> StopStatus:
-        """STOP: every part goes to its safe state and stays there until `say_go`, whatever becomes of this master.
+        """Say STOP: every part goes to its safe state and stays there until `say_go`, whatever happens to this master.
 
-        On a CAN bus this is a frame before all others; besides, every part is told by the inventory again and again
-        until it has confirmed. `until_stop_is_stored` waits for the rest.
+        On a CAN bus this is a frame with priority over all others; the inventory also tells every part again and again
+        until it has confirmed. `until_stop_is_stored` waits until STOP is stored.
         """
         for link in self._links:
             if isinstance(link, SaysStop):
@@ -169,7 +169,7 @@ class Master:
         return self._stop_said()
 
     def say_go(self, by: str) -> int:
-        """STOP is over; returns how many parts were told.
+        """End STOP; returns how many parts were told.
 
         Raises:
             ConfigError: nobody said STOP.
@@ -192,7 +192,7 @@ class Master:
         loop = asyncio.get_running_loop()
 
         def stored(record: StopRecord, trouble: str) -> None:
-            with contextlib.suppress(RuntimeError):  # the robot has ended meanwhile
+            with contextlib.suppress(RuntimeError):  # the robot has ended in the meantime
                 loop.call_soon_threadsafe(self._stop_stored, record, trouble)
 
         self._keeper.keep(self._stop.record, stored)
@@ -211,7 +211,7 @@ class Master:
         self._stop_listeners.append(listener)
 
     def add_link(self, link: Link) -> None:
-        """Let parts come in by a link, too; before or during `run`."""
+        """Add a link by which parts can come in; before or during `run`."""
         self._links.append(link)
         if self._serving:
             self._serve(link)
@@ -227,7 +227,7 @@ class Master:
                 tasks.create_task(self.agent.run())
                 tasks.create_task(self._inventory.run())
                 tasks.create_task(self._master.run())
-                # Nobody is let in before there is somebody to ask.
+                # No part is let in before the services can answer it.
                 await self._inventory.until_ready()
                 self._serving = True
                 for link in self._links:
@@ -249,8 +249,8 @@ class Master:
             if not self._opening:
                 self.ready.set()
         elif signal is Signal.STOP and not self._stop.holds:
-            # Once: whoever says it all the time need not be written down all the time, and two masters on one bus
-            # do not stir each other up.
+            # Once: a STOP that is repeated need not be recorded each time, and two masters on one bus must not set each
+            # other off.
             self.say_stop("somebody at the robot", f"{reason}, said on {link.info.name}")
         elif signal is Signal.PEER_JOINED:
             self.access.peer_joined(link.info.name, peer, now)
@@ -262,7 +262,7 @@ def _keys_of(blueprint: Blueprint, store: PartStore, dice: random_module.Random)
 
 
 def profile_of(blueprint: Blueprint) -> Profile:
-    """What the master publishes of a robot."""
+    """What the master publishes about a robot."""
     robot = blueprint.robot
     return Profile(
         name=robot.name,
@@ -274,13 +274,13 @@ def profile_of(blueprint: Blueprint) -> Profile:
 
 
 def timing_of(blueprint: Blueprint) -> LifeTiming:
-    """The robot's periods as the inventory takes them."""
+    """The robot's periods in the form that the inventory uses."""
     timing = blueprint.timing
     return LifeTiming(beat_s=timing.beat_period_s, tick_s=timing.tick_period_s, life=timing.life)
 
 
 def first_error(errors: BaseExceptionGroup[MsbotError]) -> MsbotError:
-    """The first error in a group that ended a `TaskGroup`: the one a person has to mend."""
+    """The first error in a group that ended a `TaskGroup`: the one that a person has to fix."""
     leaves: Sequence[BaseException] = errors.exceptions
     while isinstance(leaves[0], BaseExceptionGroup):
         leaves = leaves[0].exceptions

@@ -1,9 +1,9 @@
-"""Keeps STOP where it survives the master: in a small file, and in the database.
+"""Stores STOP where it survives the master: in a small file and in the database.
 
-Both always get the latest record, and at the start of a master the newer one holds. So STOP holds after `kill -9`,
-after a restore of an older backup (the file is newer) and after a change of computer (the database is there). The file
-is written, synchronised and renamed in a thread of its own: neither a slow disk nor a database that does not answer
-delays the STOP itself. Only when the file cannot be written does the database have to confirm.
+Both always get the latest record, and at the start of a master the newer one counts. So STOP still holds after `kill
+-9`, after a restore of an older backup (the file is newer) and after a change of computer (the database comes along).
+The file is written, synchronised and renamed in a thread of its own: neither a slow disk nor a database that does not
+answer delays the STOP itself. Only when the file cannot be written does the database have to confirm.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from msbot.pnp.emergency_stop import StopRecord
 from msbot.runtime.user_folders import state_folder
 
 RESERVED = 3
-"""Descriptors that writing the file takes at most at the same time."""
+"""Most file descriptors that writing the file needs at the same time."""
 DATABASE_S = 5.0
 """How long the database may take to confirm, when there is no file."""
 
@@ -35,10 +35,10 @@ def stop_file(name: str, serial_number: str, database: str, folder: Path | None 
     """The file with the STOP of one robot of one database, in the folder where this user's programs keep their state.
 
     Args:
-        name: of the robot.
-        serial_number: of the robot.
-        database: the same word for the same database.
-        folder: another folder.
+        name: the robot's name.
+        serial_number: the robot's serial number.
+        database: identifies the database; always the same word for the same one.
+        folder: used instead of that folder.
     """
     which = hashlib.sha256("\0".join((name, serial_number, database)).encode()).hexdigest()[:12]
     readable = "".join(char if char.isascii() and char.isalnum() else "-" for char in name[:40])
@@ -46,11 +46,11 @@ def stop_file(name: str, serial_number: str, database: str, folder: Path | None 
 
 
 class StopKeeper:
-    """Keeps one robot's STOP.
+    """Stores one robot's STOP.
 
     Args:
         store: the robot's database, or memory.
-        path: the file; None: there is none, and the store keeps STOP as it keeps everything else.
+        path: the file; None: there is no file, and the store treats STOP like everything else.
     """
 
     def __init__(self, store: PartStore, path: Path | None = None) -> None:
@@ -64,18 +64,18 @@ class StopKeeper:
         self._reserve = _Reserve()
 
     def load(self) -> StopRecord:
-        """What was kept, the newer of file and database; nothing: a robot in which nobody ever said STOP."""
+        """The stored record, the newer one of file and database; an empty one if nobody ever said STOP."""
         kept = self._store.kept_stop() or StopRecord()
         in_file = None if self._path is None else _read(self._path)
         return in_file if in_file is not None and in_file.is_newer_than(kept) else kept
 
     def keep(self, record: StopRecord, done: Callable[[StopRecord, str], None]) -> None:
-        """Keep the record soon; a later one takes its place.
+        """Have the record stored soon; a later one replaces it.
 
         Args:
-            record: what is to hold after a restart.
-            done: called with the record, and with why it could not be stored ("": it is); with a file, in another
-                thread.
+            record: what should hold after a restart.
+            done: called with the record and with why it could not be stored ("": it is stored); if there is a file, in
+                another thread.
         """
         self._store.keep_stop(record)
         if self._path is None:
@@ -89,7 +89,7 @@ class StopKeeper:
             self._changed.notify()
 
     def close(self, timeout_s: float = 2.0) -> None:
-        """Keep what is waiting, then end the thread."""
+        """Store what is waiting, then end the thread."""
         with self._changed:
             self._is_closing = True
             self._changed.notify()
@@ -136,14 +136,14 @@ class StopKeeper:
 
 
 class _Reserve:
-    """Descriptors that are held for the file of STOP: it can be written when the process has no other left."""
+    """File descriptors reserved for the file of STOP, so that it can be written when the process has no others left."""
 
     def __init__(self) -> None:
         self._held: list[int] = []
         self.fill()
 
     def fill(self) -> None:
-        """Hold them again, as far as there are any."""
+        """Reserve them again, as far as there are any."""
         try:
             while len(self._held) < RESERVED:
                 self._held.append(os.open(os.devnull, os.O_RDONLY))
@@ -151,7 +151,7 @@ class _Reserve:
             _log.debug("no descriptor can be held for STOP: %s", error)
 
     def free(self) -> None:
-        """Give them away for the moment."""
+        """Release them for the moment."""
         while self._held:
             os.close(self._held.pop())
 
@@ -186,6 +186,6 @@ def _read(path: Path) -> StopRecord | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError) as error:
-        # Nobody knows what it said: whoever comes back after that starts stopped.
+        # Nobody knows what it said, so the robot starts stopped.
         _log.warning("%s cannot be read (%s): the robot starts with STOP", path, error)
         return StopRecord(1, True, "msbot", f"the file {path} with the last STOP cannot be read", 0)

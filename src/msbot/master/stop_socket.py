@@ -1,9 +1,9 @@
-"""The way by which STOP always gets through to a master: a datagram socket of its own, for the user's other programs.
+"""The channel by which STOP always reaches a master: a datagram socket of its own, for the user's other programs.
 
-It needs no database, no file and no folder: on Linux its name is an abstract one, and the system tells who sends
-(peer credentials). A datagram needs no connection, so there is none to be held open by somebody, and no descriptor that
-could be lacking: the one socket exists from the start. Elsewhere the socket is a file in a folder that is the user's
-alone; where there are no such sockets at all, `msbot stop` takes the way of all other commands.
+It needs no database, no file and no folder: on Linux its name is an abstract one, and the system reports who is sending
+(peer credentials). A datagram needs no connection, so nobody can block the socket by holding one open, and no file
+descriptor can be lacking: the one socket exists from the start. Elsewhere the socket is a file in a folder that is the
+user's alone; where there are no such sockets at all, `msbot stop` goes the same way as all other commands.
 
 Each request is one JSON object, and so is each answer: `stop`, `go`, `status`. The other end is
 `msbot.runtime.stop_datagram`.
@@ -25,7 +25,7 @@ from msbot.runtime.stop_datagram import CREDENTIALS, IS_ABSTRACT, IS_THERE, is_o
 
 MAX_REQUEST: Final = 4096
 MAX_ANSWER: Final = 150_000
-"""Octets; of more parts only the counts are told."""
+"""Largest answer in octets; beyond that only the numbers of parts are reported."""
 PER_TURN: Final = 8
 """Requests that are answered in one turn of the loop."""
 
@@ -33,22 +33,22 @@ _log = logging.getLogger(__name__)
 
 
 class StopSocket:
-    """Takes STOP and GO for one master from programs of the same user (and of root).
+    """Accepts STOP and GO for one master from programs of the same user (and of root).
 
     Args:
         master: the robot.
-        details: how others find the robot: its name and database.
+        details: what other programs need to find the robot: its name and database.
     """
 
     def __init__(self, master: Master, details: Callable[[], Mapping[str, str]]) -> None:
         self.refused = 0
-        """Requests of other users."""
+        """Requests from other users."""
         self._master = master
         self._details = details
         self._answers: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
-        """Serve until cancelled; where that is not possible a warning says so."""
+        """Serve until cancelled; logs a warning where that is not possible."""
         if not IS_THERE:
             return
         name = ""
@@ -94,7 +94,7 @@ class StopSocket:
                 self._send(listening, sender, {"meant": False})
                 return
             if do == "stop":
-                # Said at once, before anything that could fail; the answer follows when it is stored.
+                # STOP is said at once, before anything that could fail; the answer follows when it is stored.
                 self._master.say_stop(who, str(request.get("reason") or "")[:200])
             elif do == "go":
                 self._master.say_go(who)

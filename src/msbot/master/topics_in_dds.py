@@ -1,4 +1,4 @@
-"""Under which names a robot's topics are in DDS: its own partition, and what the blueprint gives to others."""
+"""The names of a robot's topics in DDS: in its own partition, and those that the blueprint shares with others."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from msbot.sim.message_classes import message_class
 from msbot.space import DdsTopic, DdsTopicsOf, Space, SpaceAddress, Topic, open_space
 
 ROBOTS = "msbot/"
-"""How the DDS partitions of robots begin; the robot's name follows."""
+"""Prefix of the DDS partitions of robots; the robot's name follows."""
 
 EVERYBODY = ""
-"""The partition without a name, where programs are that name none."""
+"""The partition without a name, used by programs that name none."""
 
 
 def robot_space(address: SpaceAddress, blueprint: Blueprint, library: Library) -> AbstractContextManager[Space]:
@@ -23,7 +23,7 @@ def robot_space(address: SpaceAddress, blueprint: Blueprint, library: Library) -
     In DDS all its topics are in a partition of their own, so that robots in one network do not hear each other.
 
     Raises:
-        ConfigError: it cannot be had here, or a binding says something about ROS 2 that cannot be; the text says what
+        ConfigError: DDS is not available here, or a binding asks for something impossible in ROS 2; the text says what
             to do.
     """
     partition = f"{ROBOTS}{blueprint.robot.name}"
@@ -34,7 +34,7 @@ def dds_topics_of(blueprint: Blueprint, library: Library, partition: str) -> Dds
     """The names of each topic of a robot.
 
     Raises:
-        ConfigError: ROS 2 has no form for a topic that should be in it; the text names topic and remedy.
+        ConfigError: ROS 2 has no form for a topic that should be shared with it; the text names topic and remedy.
     """
     known: dict[str, tuple[DdsTopic, ...]] = {}
     for binding in blueprint.bindings:

@@ -1,4 +1,4 @@
-"""The adoption window: for a while, a person lets parts in that the library would turn away. Pure."""
+"""The adoption window: for a while, a person lets in parts that the library would turn away. Pure."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ LONGEST_WINDOW_S = 3600.0
 
 
 class AdoptionWindow:
-    """Closed at first; one at a time."""
+    """One adoption window, closed at first."""
 
     def __init__(self) -> None:
         self.slot: str | None = None
-        """Where the next newcomer goes by itself; None: nowhere, a person names part and slot."""
+        """The slot that the next newcomer gets automatically; None: none, a person names part and slot."""
         self.who = ""
         """Who opened it."""
         self._until: float | None = None

@@ -1,4 +1,4 @@
-"""Puts a changed blueprint into force while the robot runs."""
+"""Applies a changed blueprint while the robot is running."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from msbot.runtime.worker import Workshop
 
 
 class BlueprintChange:
-    """Makes the running robot what another blueprint says."""
+    """Changes the running robot to match another blueprint."""
 
     def __init__(self, running: RunningRobot) -> None:
         self._running = running
         self._workshop = Workshop()
 
     async def apply(self, path: str, folders: Sequence[str], who: str) -> Outcome:
-        """Put a file into force, checked against what MsBOT brings and the folders."""
+        """Apply a blueprint file, checked against MsBOT's own library and the folders."""
         blueprint, library = await self._workshop.run(open_blueprint, Path(path), *(Path(folder) for folder in folders))
         return await self.put_in_force(blueprint, library, who=who)
 
     async def add_slot(self, slot: str, part: str, description: str, who: str) -> Outcome:
-        """Give the robot another slot, which takes parts of that number."""
+        """Give the robot another slot, for parts of that number."""
         present = await self._present()
         if present.slot(slot) is not None:
             raise ConfigError(said("there is a slot {slot} already: choose another name", slot=slot))
@@ -38,17 +38,17 @@ class BlueprintChange:
         return await self._checked(replace(present, slots=(*present.slots, made)), who)
 
     async def remove_slot(self, slot: str, who: str) -> Outcome:
-        """Take a slot out of the robot, with its ends of topics; the part in it is delisted."""
+        """Remove a slot and its ends of topics from the robot; the part in it is delisted."""
         target = slot_of(self._running, slot)
         return await self._checked(without_slot(await self._present(), target), who)
 
     async def _present(self) -> Blueprint:
-        """The blueprint as it was applied last; what was changed by hand stays by itself."""
+        """The blueprint as it was last applied; changes made by hand are kept anyway."""
         registry, robot = self._running.database()
         return await registry.storage.in_time(partial(registry.robots.blueprint, robot, by_hand=False))
 
     async def _checked(self, wanted: Blueprint, who: str) -> Outcome:
-        """Put a blueprint into force that was made here, checked as a file is."""
+        """Apply a blueprint that was made here, checked like a file."""
         library = self._running.library
         if library is None:
             raise ConfigError(said("this robot was started without its library: it cannot take another blueprint"))
@@ -56,15 +56,15 @@ class BlueprintChange:
         return await self.put_in_force(checked, who=who)
 
     async def put_in_force(self, blueprint: Blueprint, library: Library | None = None, *, who: str) -> Outcome:
-        """Put a blueprint into force; parts whose slot is gone are delisted.
+        """Apply a blueprint; parts whose slot is gone are delisted.
 
         Args:
             blueprint: what the robot is from now on.
-            library: the part types it was checked against, if others than the robot was started with.
-            who: who decides.
+            library: the part types that it was checked against, if they are not those that the robot was started with.
+            who: the person who decides.
 
         Raises:
-            ConfigError: it is another robot's blueprint, or there is no library or no database.
+            ConfigError: it is the blueprint of another robot, or there is no library or no database.
             RegistryError: it cannot be stored; nothing has changed.
         """
         running, inventory = self._running, self._running.inventory
@@ -99,7 +99,7 @@ class BlueprintChange:
 
 
 def without_slot(blueprint: Blueprint, name: str) -> Blueprint:
-    """A blueprint without a slot and its ends of topics; a topic that joins nobody any more goes, too."""
+    """A blueprint without a slot and its ends of topics; a topic that no longer connects anything is removed, too."""
     bindings = []
     for binding in blueprint.bindings:
         source = NOBODY if binding.source.slot == name else binding.source

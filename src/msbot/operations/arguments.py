@@ -13,11 +13,11 @@ def read_arguments(operation: Operation, given: object) -> dict[str, object]:
     """The keywords for the method that carries the operation out.
 
     Args:
-        operation: what should be done.
+        operation: the operation to carry out.
         given: the arguments by name; one that is None counts as left out.
 
     Raises:
-        ConfigError: one is missing, unknown, or not what it must be.
+        ConfigError: an argument is missing, unknown, or of the wrong kind.
     """
     if not isinstance(given, Mapping):
         raise ConfigError(said("{operation}: the arguments must be an object", operation=operation.name))
@@ -75,7 +75,7 @@ def _read(do: str, argument: Argument, value: object) -> object:
 
 
 def _of_kind(kind: ArgumentKind, value: object) -> str | list[str] | float | int | bool | None:
-    """The value, when it is of that kind; None when it is not."""
+    """The value if it is of that kind, else None."""
     is_truth = isinstance(value, bool)
     match kind:
         case ArgumentKind.TEXT if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""Who may not come in: parts, or all parts of a number, blocked and let in again."""
+"""Blocks a part, or all parts of a part number, and lets them in again."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from msbot.runtime.sentence import said
 
 
 class Blocking:
-    """Blocks at a running robot: those that are in are put out at once."""
+    """Blocks in a running robot: parts that are in are put out at once."""
 
     def __init__(self, running: RunningRobot) -> None:
         self._running = running
@@ -42,7 +42,7 @@ class Blocking:
         return outcome_of(edit, said("{part} may come in again", part=words))
 
     def _block_key(self, word: str) -> tuple[str, str, str]:
-        """(kind, key, words) of what a person means to block."""
+        """(kind, key, words) of what a person wants to block."""
         library = self._running.library
         seen = {info.part_number for info in self._inventory.view(self._running.now())}
         if word in seen or (library is not None and library.get(word) is not None):
@@ -50,7 +50,7 @@ class Blocking:
         if (uid := uid_of(word)) is not None:
             return "uid", uid.hex(), said("the part with UID {uid}", uid=uid.hex())
         found = self._inventory.find(word, self._running.now())
-        info = found[0] if len(found) == 1 else self._running.part(word)  # also one that is gone
+        info = found[0] if len(found) == 1 else self._running.part(word)  # even one that is gone
         if info.uid:
             return "uid", info.uid.hex(), said("{part} (UID {uid})", part=info.part, uid=info.uid.hex())
         raise ConfigError(
@@ -63,7 +63,7 @@ class Blocking:
 
 
 class StoredBlocking:
-    """Blocks in the database of a robot that does not run."""
+    """Blocks in the database of a robot that is not running."""
 
     def __init__(self, stored: StoredRobot) -> None:
         self._stored = stored

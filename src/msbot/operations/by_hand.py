@@ -1,7 +1,7 @@
-"""Driving a port by hand: a person moves the fan, the lamp, the servo, in place of the wire that leads there.
+"""Driving a port by hand: a person controls the fan, the lamp, the servo in place of the wire that leads there.
 
-Whoever drives a port holds it for a while. Each new value holds it again; when nobody renews it, it gets its safe value
-and its wire is joined again. STOP ends it at once.
+A person who drives a port holds it for a while. Each new value extends the hold; when nobody renews it, the port gets
+its safe value and is connected to its wire again. STOP ends the hold at once.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from msbot.sim.message_classes import message_class
 from msbot.space import Qos, Topic, Writer
 
 REPEAT_S = 0.5
-"""The value is said that often while the port is held: its reader may have come a moment after it was said first."""
+"""Period in which the value is repeated while the port is held, in case its reader came after the first time."""
 LETTING_GO_S = 0.3
-"""How long the safe value is said before the wire is joined again."""
+"""How long the safe value is published before the wire is connected again."""
 _GUID = bytes.fromhex("4d73424f540000000000000068616e64")
 """The writer's identity in the data space: `MsBOT`, `hand`."""
 
@@ -83,7 +83,7 @@ class ByHand:
         )
 
     def let_go(self, port: str, who: str) -> Outcome:
-        """Let go of a port: it gets its safe value, then what its wire says."""
+        """Release a port: it gets its safe value, then what its wire carries."""
         end = endpoint_of(self._running, port)
         hold = self._holds.get((end.slot, end.port))
         if hold is None or hold.ending:
@@ -97,7 +97,7 @@ class ByHand:
         return {where: hold.who for where, hold in self._holds.items() if not hold.ending}
 
     def said(self) -> Mapping[tuple[str, str], Mapping[str, Scalar]]:
-        """What people say to the ports they hold: `(slot, port)` -> fields."""
+        """What people send to the ports that they hold: `(slot, port)` -> fields."""
         return {
             where: {field.name: getattr(hold.message, field.name) for field in fields_of(type(hold.message))}
             for where, hold in self._holds.items()

@@ -1,4 +1,4 @@
-"""What the operations that work on any robot need of it, whether its master runs or not."""
+"""What the operations that work on any robot need from it, whether its master is running or not."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _T = TypeVar("_T")
 
 
 class ChangeableRobot(Protocol):
-    """A robot that runs, or the database of one that does not."""
+    """A running robot, or the database of one that is not running."""
 
     def slot_names(self) -> Sequence[str]:
         """Its slots, in the order of the blueprint."""
@@ -30,7 +30,7 @@ class ChangeableRobot(Protocol):
         """
 
     async def change(self, who: str, making: Making) -> EditRecord:
-        """Make a change in the database; parts whose configuration it changes get the new one.
+        """Make a change in the database; parts whose configuration changes get the new one.
 
         Raises:
             ConfigError: there is no database, or the change makes no sense.
@@ -39,7 +39,7 @@ class ChangeableRobot(Protocol):
 
 
 def slot_of(robot: ChangeableRobot, name: str) -> str:
-    """The slot of that name; capitals do not matter when it is clear.
+    """The slot of that name; case does not matter if the name is unambiguous.
 
     Raises:
         NotThere: there is none.
@@ -48,10 +48,10 @@ def slot_of(robot: ChangeableRobot, name: str) -> str:
 
 
 def endpoint_of(robot: ChangeableRobot, text: str) -> SlotPort:
-    """The port that is written `SLOT.port`.
+    """The port written as `SLOT.port`.
 
     Raises:
-        ConfigError: it is none, or there is no such slot.
+        ConfigError: it is not a port, or there is no such slot.
     """
     slot, _, port = text.rpartition(".")
     if not slot or not port:

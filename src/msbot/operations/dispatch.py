@@ -1,7 +1,7 @@
 """Carries operations out: looks each up in the table, checks the right and the arguments, and calls its method.
 
-Every change is checked, stored in one transaction and applied at once; what is stored says who did it, and can be
-undone. While the database cannot be written nothing is changed, and the error says so.
+Every change is checked, stored in one transaction and applied at once; the stored edit says who made it, and can be
+undone. While the database cannot be written, nothing is changed, and the error says so.
 """
 
 from __future__ import annotations
@@ -37,14 +37,15 @@ class Operations:
     """What can be done to one robot.
 
     Args:
-        *groups: the objects that carry operations out: each method that has the name of an operation is one.
+        *groups: the objects that carry out operations, by their methods with the names of operations.
     """
 
     def __init__(self, settings: SlotSettings, undoing: Undoing | StoredUndoing, *groups: object) -> None:
         self.settings = settings
         self.undoing = undoing
         self.asked = 0
-        """Operations that were asked for and may have changed something: whoever keeps what they saw looks again."""
+        """Operations that may have changed something: when this count changes, caches of the robot's state are
+        stale."""
         self._methods: dict[str, Callable[..., object]] = {
             name: getattr(group, name)
             for group in (settings, undoing, *groups)
@@ -58,8 +59,8 @@ class Operations:
 
         Args:
             operation: its name in the table.
-            who: who asks for it; a name alone is a user of this computer, who may do everything.
-            **arguments: what the table says.
+            who: who asks for it; a mere name is a user of this computer, who may do everything.
+            **arguments: those that the table lists.
 
         Raises:
             ConfigError: there is no such operation, an argument is wrong, or it cannot be done; the text says why.
@@ -92,7 +93,7 @@ class Operations:
             given["who"] = asker.name
         if row.kept not in (Kept.UNDOABLE, Kept.CHANGE):
             return await _outcome(method(**given))
-        async with self._one_at_a_time:  # what one has checked must not be changed by another before it is stored
+        async with self._one_at_a_time:  # what one operation has checked, another must not change before it is stored
             return await _outcome(method(**given))
 
 
@@ -101,7 +102,7 @@ class RunningOperations(Operations):
 
     Args:
         master: the robot.
-        registry: its database; without one nothing can be stored, and what must be stored cannot be done.
+        registry: its database; without one, operations that must be stored cannot be carried out.
         robot: which robot of the database it is.
         library: the part types that a new blueprint is checked against.
     """
@@ -127,12 +128,12 @@ class RunningOperations(Operations):
 
 
 def stored_operations(registry: Registry, robot: RobotRecord) -> Operations:
-    """The operations of a robot that does not run, on its database: they count from its next start.
+    """The operations of a robot that is not running, on its database: they take effect at its next start.
 
-    No master can start meanwhile.
+    No master can start in the meantime.
 
     Raises:
-        RegistryError: a master runs the robot, or the database cannot be used.
+        RegistryError: a master is running the robot, or the database cannot be used.
     """
     stored = StoredRobot(registry, robot)
     return Operations(
@@ -141,10 +142,10 @@ def stored_operations(registry: Registry, robot: RobotRecord) -> Operations:
 
 
 async def perform(operations: Operations, request: Mapping[str, object]) -> dict[str, object]:
-    """Do what another process asks for; a person's mistake is an answer, too.
+    """Do what another process asks for; a person's mistake is answered, not raised.
 
-    A request is `{"do": name, "args": {...}, "who": name}`; the answer has `words`, and `edit` when something was
-    stored, or `error`.
+    A request is `{"do": name, "args": {...}, "who": name}`; the answer has `words`, plus `edit` if something was
+    stored, or it has `error`.
     """
     do, who, arguments = request.get("do"), request.get("who"), request.get("args", {})
     try:

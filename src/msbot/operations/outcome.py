@@ -1,4 +1,4 @@
-"""What came of an operation, for the person who asked for it."""
+"""The outcome of an operation, for the person who asked for it."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from msbot.registry import EditRecord
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Something was done, or a question is answered."""
+    """Something was done, or a question was answered."""
 
     words: str = ""
     """What was done, in one sentence; empty for a question."""
     edit_id: int | None = None
-    """What `undo` takes to take it back; None: it changed nothing that is stored."""
+    """The number for `undo`; None: nothing stored has changed."""
     answer: Mapping[str, object] = field(default_factory=dict)
     """The answer to a question, as JSON."""
 
@@ -27,5 +27,5 @@ class Outcome:
 
 
 def outcome_of(edit: EditRecord | None, words: str = "") -> Outcome:
-    """What to say about a stored change; in other words than the stored ones if there are any."""
+    """What to say about a stored change: `words` if there are any, else those that were stored."""
     return Outcome(words or ("" if edit is None else edit.words), None if edit is None else edit.id)

@@ -16,16 +16,16 @@ UID_DIGITS = 16
 def one_part(
     word: str, found: Sequence[PartInfo], all_parts: Sequence[PartInfo], prefer: Callable[[PartInfo], bool]
 ) -> PartInfo:
-    """The part that is there and is meant.
+    """The part that a person means, out of those that are present.
 
     Args:
-        word: what the person said.
-        found: the parts that are known by that word.
+        word: what the person wrote.
+        found: the parts known by that word.
         all_parts: all parts.
-        prefer: decides when several are there.
+        prefer: decides when several are present.
 
     Raises:
-        ConfigError: none, or several.
+        ConfigError: there is no such part, or there are several.
     """
     here = [info for info in found if not info.state.is_over]
     wanted = [info for info in here if prefer(info)] or here
@@ -77,7 +77,7 @@ def one_slot(name: str, names: Iterable[str]) -> str:
 
 
 def describe(info: PartInfo) -> str:
-    """A part in a few words that tell it from others."""
+    """A part in a few words that distinguish it from others."""
     uid = said("UID {uid}", uid=info.uid.hex()) if info.uid else said("no UID")
     where = said("in slot {slot}", slot=info.slot) if info.slot else said(info.state.value)
     return said(

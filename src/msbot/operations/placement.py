@@ -1,4 +1,4 @@
-"""Which part sits where, when people decide it: adopt, swap, release, the adoption window, and undoing all that."""
+"""Which part is in which slot, as people decide: adopt, swap, release, the adoption window, and undoing all that."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from msbot.registry.edits.editing import Making
 from msbot.runtime.sentence import said
 
 ITSELF = "msbot"
-"""Who does what nobody asked for: a spare that takes over."""
+"""The author of what nobody asked for: a spare that takes over."""
 
 _log = logging.getLogger(__name__)
 
@@ -33,8 +33,8 @@ _ADOPTABLE = (None, Refusal.NO_SLOT, Refusal.UNKNOWN_PART, Refusal.WRONG_ROBOT)
 class Placement:
     """Moves the parts of one running robot.
 
-    Every method raises ConfigError when it cannot be done, RegistryError when it cannot be stored; nothing has changed
-    then.
+    Every method raises ConfigError when the move is impossible and RegistryError when it cannot be stored; then nothing
+    has changed.
     """
 
     def __init__(self, running: RunningRobot) -> None:
@@ -48,7 +48,7 @@ class Placement:
         self._inventory.on_take_over(self._taken_over)
 
     async def adopt(self, part: str, slot: str | None, who: str) -> Outcome:
-        """Put a part that stands by, or that the library does not know, into an empty slot."""
+        """Put a standby part, or one that the library does not know, into an empty slot."""
         info = self._running.part(part, prefer=lambda one: not one.state.is_registered)
         self._check_movable(info)
         target = self._empty_slot_for(info) if slot is None else slot_of(self._running, slot)
@@ -127,7 +127,7 @@ class Placement:
 
     @property
     def window_slot(self) -> str | None:
-        """The slot that the next newcomer gets by itself."""
+        """The slot that the next newcomer gets automatically."""
         return self._window.slot if self.window_s else None
 
     def window(self, seconds: float, slot: str | None, who: str) -> Outcome:
@@ -172,10 +172,10 @@ class Placement:
     # Undoing
 
     def check_undo(self, edit: EditRecord) -> None:
-        """A part that is to get a slot back must be there, or the robot would lose the one it has.
+        """Check that a part that would get a slot back is present, or the robot would lose the one it has there.
 
         Raises:
-            ConfigError: it is not.
+            ConfigError: it is not present.
         """
         for uid, slot in edit.placed_before:
             holder = None if slot is None else self._running.holder(slot)
@@ -189,7 +189,7 @@ class Placement:
                 )
 
     def follow(self, edit: EditRecord, who: str) -> None:
-        """Bring the parts to where an undo has put them."""
+        """Move the parts to where an undo has put them."""
         moves = {
             info.client_key: slot
             for uid, slot in edit.placed
@@ -232,12 +232,12 @@ class Placement:
             self._soon(taken.claim.uid, taken.slot, ITSELF, words, by_hand=False)
 
     def _soon(self, uid: bytes, slot: str, who: str, words: str, *, by_hand: bool) -> None:
-        """Store what has happened already, after the part was told: the robot does not wait for its database."""
+        """Store what has already happened, after the part was told: the robot does not wait for its database."""
         self._running.later(self._keep(uid, slot, who, words, by_hand=by_hand))
 
     async def _keep(self, uid: bytes, slot: str, who: str, words: str, *, by_hand: bool) -> None:
         if not self._running.master.is_serving:
-            return  # what the end of the master itself brings about is no change
+            return  # the end of the master itself is not a change
         making = partial(places.put, uid=uid, slot=slot, words=words, by_hand=by_hand, before={uid: None})
         try:
             await self._store(who, making)
@@ -252,7 +252,7 @@ class Placement:
         return await registry.edits.make_soon(robot, who, making)
 
     def _move(self, moves: Mapping[int, str | None], reason: str) -> None:
-        """Put parts into slots; one that has left while the change was stored gets its slot when it comes back."""
+        """Put parts into slots; a part that left while the change was being stored gets its slot when it comes back."""
         now = self._running.now()
         here = {info.client_key for info in self._inventory.view(now) if not info.state.is_over}
         if still := {key: slot for key, slot in moves.items() if key in here}:

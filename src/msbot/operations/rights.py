@@ -11,7 +11,7 @@ from msbot.runtime.sentence import said
 
 
 class Role(IntEnum):
-    """What a person is to the robot; a higher one may do everything a lower one may."""
+    """The role of a person; a higher role may do everything that a lower one may."""
 
     VIEWER = 1
     STUDENT = 2
@@ -48,9 +48,9 @@ class Right(Enum):
 
     SEE = "see the robot"
     STOP = "press STOP"
-    """Whoever sees a robot run wild must be able to end it."""
+    """Anybody who sees a robot run wild must be able to stop it."""
     OPERATE = "play with simulated parts"
-    """And make a part identify itself."""
+    """Also make a part identify itself."""
     SET = "change settings"
     """Parameters of slots, by hand."""
     ARRANGE = "arrange parts"

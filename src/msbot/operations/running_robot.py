@@ -1,4 +1,4 @@
-"""The running robot that operations are about: its master, its database, and what people mean by their words."""
+"""The running robot that operations act on: its master, its database, and what people mean by their words."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class RunningRobot:
     Args:
         master: the robot.
         registry: its database; None: nothing can be stored.
-        robot: which robot of the database it is.
+        robot: the robot's record in the database.
         library: the part types that a new blueprint is checked against.
     """
 
@@ -48,7 +48,7 @@ class RunningRobot:
     # Finding
 
     def part(self, word: str, *, prefer: Callable[[PartInfo], bool] = lambda _: True) -> PartInfo:
-        """The one part that is there and is meant.
+        """The one part that a person means, out of those that are present.
 
         Raises:
             ConfigError: none, or several.
@@ -60,7 +60,7 @@ class RunningRobot:
         return one_part(word, found, everybody, prefer)
 
     def here(self, uid: bytes) -> PartInfo | None:
-        """The part with that UID, if it is there."""
+        """The part with that UID, if it is present."""
         everybody = self.inventory.view(self.now())
         return next((info for info in everybody if info.uid == uid and not info.state.is_over), None)
 
@@ -75,7 +75,7 @@ class RunningRobot:
     # Storing
 
     def database(self) -> tuple[Registry, RobotRecord]:
-        """The database and which robot of it this is.
+        """The database, and this robot's record in it.
 
         Raises:
             ConfigError: there is none.
@@ -97,7 +97,7 @@ class RunningRobot:
         return edit
 
     def note(self, kind: EditKind, words: str, who: str) -> None:
-        """Keep a line about something that changed nothing stored; nobody waits for it."""
+        """Record something that changed nothing in the database; nobody waits for it."""
         if self.registry is not None and self.robot is not None:
             self.registry.edits.note(self.robot, kind, words, who)
 
@@ -108,7 +108,7 @@ class RunningRobot:
         task.add_done_callback(self._tasks.discard)
 
     def follow_database(self) -> None:
-        """Have the robot do what the database says by now: somebody else has changed it."""
+        """Bring the robot in line with the database, which somebody else has changed."""
         self.inventory.reload(self.now())
         self.inventory.blocks_changed(self.now())
         self.configure(self.slot_names())

@@ -1,4 +1,4 @@
-"""The parameters of slots: set by hand, taken back, shown."""
+"""The parameters of slots: setting them by hand, clearing them, showing them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class SlotSettings:
         return Outcome(answer={"values": [_as_json(value) for value in await self.read(slot)]})
 
     async def set(self, slot: str, name: str, value: str | None, who: str) -> Outcome:
-        """Set a parameter of a slot by hand; without a value, take back what was set by hand."""
+        """Set a parameter of a slot by hand; without a value, clear what was set by hand."""
         if value is None:
             return await self.reset(slot, name, who)
         target = slot_of(self._robot, slot)
@@ -44,7 +44,7 @@ class SlotSettings:
         )
 
     async def reset(self, slot: str, name: str, who: str) -> Outcome:
-        """Take back what was set by hand; blueprint or library hold again."""
+        """Clear what was set by hand; the value of blueprint or library holds again."""
         target = slot_of(self._robot, slot)
         found = await self._find(target, name)
         if found.origin != "hand":

@@ -13,7 +13,7 @@ from msbot.pnp import PartInfo
 from msbot.runtime.sentence import said
 
 STORED_S = 2.0
-"""How long who asks waits at most for what was said to be stored."""
+"""Longest time that a caller waits until everything noted so far is stored."""
 
 _log = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ class Showing:
         return Outcome(said("{part} shows itself", part=info.part))
 
     async def stored(self) -> Outcome:
-        """Wait a moment until all that the robot has said is stored, for who reads it in the database then."""
+        """Wait a moment until everything the robot has noted is stored, for callers that then read the database."""
         registry = self._running.registry
         if registry is None:
             return Outcome(answer={"trouble": "", "waiting": 0})
@@ -47,13 +47,13 @@ class Showing:
         return Outcome(answer={"trouble": health.trouble or "", "waiting": health.waiting})
 
     def why(self, part: str) -> Outcome:
-        """In sentences: the state of a part and which rules led there; none when no part is known by that word."""
+        """The state of a part and the rules that led to it, in sentences; none when no part is known by that word."""
         is_known = self._running.inventory.find(part, self._running.now())
         master = self._running.master
         return Outcome(answer={"lines": master.why(part) if is_known else [], "troubles": master.troubles(part)})
 
     def ignore(self, part: str, who: str) -> Outcome:
-        """Hide a part that is not let in from the arrivals, until the master ends."""
+        """Hide a part that is not let in from the list of arrivals, until the master ends."""
         info = self._running.part(part, prefer=lambda one: not one.state.is_registered)
         self._ignored.add(_identity(info))
         _log.info("%s ignores %s", who, describe(info))

@@ -1,4 +1,4 @@
-"""STOP and GO said by a person: passed to the robot's master, and journalled with who said it."""
+"""STOP and GO said by a person: passed to the robot's master, and journalled with the person's name."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from msbot.runtime.sentence import counted, said
 
 
 class Stopping:
-    """Says STOP and GO to the parts of one running robot, and journals both, whoever says them and by whatever way."""
+    """Says STOP and GO to the parts of one running robot, and journals both, whoever says them and however."""
 
     def __init__(self, running: RunningRobot) -> None:
         self._running = running
@@ -23,7 +23,7 @@ class Stopping:
         return self._running.master.stop
 
     def stop(self, reason: str, who: str) -> Outcome:
-        """Say STOP to all parts, first of all; what is to be written comes after."""
+        """Say STOP to all parts, before anything else; writing comes afterwards."""
         told = self._running.master.say_stop(who, reason).told
         words = counted(
             told, "STOP: {count} part is told to go to the safe state",
@@ -43,7 +43,7 @@ class Stopping:
         )
 
     def stop_report(self) -> Outcome:
-        """The state of STOP, as JSON: who said it, which parts have confirmed it in how many ms, which have not."""
+        """The state of STOP, as JSON: who said it, which parts have confirmed it after how many ms, which have not."""
         return Outcome(answer=answer_of(self.status))
 
     def _said(self, status: StopStatus) -> None:

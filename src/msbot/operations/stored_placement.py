@@ -1,4 +1,4 @@
-"""Which part belongs where in a robot that does not run: it counts from the next start."""
+"""Which part belongs where in a robot that is not running: it takes effect at the next start."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from msbot.runtime.sentence import said
 
 
 class StoredPlacement:
-    """Says in the database which part belongs in which slot."""
+    """Stores in the database which part belongs in which slot."""
 
     def __init__(self, stored: StoredRobot) -> None:
         self._stored = stored
 
     async def adopt(self, part: str, slot: str | None, who: str) -> Outcome:
-        """Let a part belong in a slot; it gets the slot when it comes."""
+        """Make a part belong in a slot; it gets the slot when it joins."""
         if slot is None:
             raise ConfigError(said("no master runs, so it is not known which slots are empty: name one with --slot"))
         record, target = self._stored.part(part), slot_of(self._stored, slot)
@@ -28,7 +28,7 @@ class StoredPlacement:
         return outcome_of(await self._stored.change(who, partial(places.put, uid=record.uid, slot=target)))
 
     async def swap(self, slot: str, part: str, who: str) -> Outcome:
-        """Let a part belong in a slot, and the one that was there where the first came from."""
+        """Make a part belong in a slot, and the part that was there in the slot the first came from."""
         record, target = self._stored.part(part), slot_of(self._stored, slot)
         self._check_fits(record, target)
         there = self._parts_of(target)
@@ -40,7 +40,7 @@ class StoredPlacement:
         )
 
     async def release(self, slot: str, who: str) -> Outcome:
-        """Take the part out of a slot: it belongs nowhere from now on."""
+        """Take the part out of a slot: from now on it belongs nowhere."""
         target = slot_of(self._stored, slot)
         there = self._parts_of(target)
         if not there:

@@ -1,4 +1,4 @@
-"""A robot that does not run: its database, which operations change for its next start."""
+"""A robot that is not running: operations change its database for its next start."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ _T = TypeVar("_T")
 
 
 class StoredRobot:
-    """The database of one robot; no master can start meanwhile.
+    """The database of one robot; no master can start in the meantime.
 
     Raises:
-        RegistryError: a master runs the robot, or the database cannot be used.
+        RegistryError: a master is running the robot, or the database cannot be used.
     """
 
     def __init__(self, registry: Registry, robot: RobotRecord) -> None:
         self._registry = registry
         self._robot = robot
-        self.store = registry.runs.begin(robot)  # which is what keeps masters away
+        self.store = registry.runs.begin(robot)  # this keeps masters away
         self.matcher = Matcher(self.store)
 
     def slot_names(self) -> Sequence[str]:
@@ -45,7 +45,7 @@ class StoredRobot:
         return self._registry.robots.parts(self._robot)
 
     def part(self, word: str) -> PartRecord:
-        """The one part that a person means, of all that were ever seen.
+        """The one part that a person means, out of all that were ever seen.
 
         Raises:
             ConfigError: none, or several.

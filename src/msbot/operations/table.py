@@ -1,8 +1,8 @@
 """The table of operations: each thing a person can do to a robot, or ask about it, once.
 
-Commands, calls of the API, actions of the pages, requests of other processes and the lines of the journal are made
-from it. To add an operation, add a row here and a method of the same name to the class that carries it out
-(`carried_out` says where to look); `tests/operations/test_table.py` tells what is missing.
+Commands, API calls, actions of the pages, requests of other processes and lines of the journal are made from it. To add
+an operation, add a row here and a method of the same name to the class that carries it out (`carried_out` says where to
+look); `tests/operations/test_table.py` reports what is missing.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from msbot.operations.rights import Right
 
 
 class ArgumentKind(Enum):
-    """What an argument is; the value is how a sentence names it."""
+    """The kind of an argument; the value is how a sentence names it."""
 
     TEXT = "a text"
     TEXTS = "a list of texts"
@@ -24,7 +24,7 @@ class ArgumentKind(Enum):
     WHOLE = "a whole number"
     FLAG = "true or false"
     VALUE = "a text, a number, true or false"
-    """The value of a parameter: handed on as a person would type it."""
+    """The value of a parameter, passed on as a person would type it."""
 
 
 class Where(Enum):
@@ -48,28 +48,28 @@ class Argument:
     """One argument of an operation."""
 
     name: str
-    """As requests, the API and the reference call it."""
+    """The name that requests, the API and the reference use."""
     kind: ArgumentKind = ArgumentKind.TEXT
     is_needed: bool = False
     default: object = None
-    """What it is when it is left out."""
+    """Its value when it is left out."""
     parameter: str = ""
-    """The name of the method's parameter, where the argument's own name is a word of Python."""
+    """The name of the method's parameter, if the argument's own name is a Python keyword."""
     least: float | None = None
     most: float | None = None
     """Bounds of a number, both included."""
     longest: int = 254
-    """Characters of a text at most."""
+    """Most characters of a text."""
     option: str = ""
-    """The command's option, such as `--to`; empty: the command takes it by its place."""
+    """The command's option, such as `--to`; empty: a positional argument of the command."""
     shown_as: str = ""
-    """What the command's help calls it; made from the name when empty."""
+    """What the command's help calls it; empty: derived from the name."""
     help: str = ""
-    """What it is, in a sentence."""
+    """What the argument is, in a sentence."""
 
     @property
     def passed_as(self) -> str:
-        """The keyword that the method takes."""
+        """The keyword under which the method takes it."""
         return self.parameter or self.name
 
 
@@ -79,24 +79,24 @@ class Operation:
 
     name: str
     summary: str
-    """What it does, as `msbot --help` says it."""
+    """What the operation does, as `msbot --help` says it."""
     arguments: tuple[Argument, ...] = ()
     right: Right = Right.SEE
     """Who may do it on the page and in the API; a command acts for the user of the computer, who may do everything."""
     where: Where = Where.RUNNING
     kept: Kept = Kept.NOTHING
     journal: str = ""
-    """The word in the journal of changes for what is kept."""
+    """The word for it in the journal of changes."""
     call: str = ""
-    """The call of the API, as `POST /slots/{slot}/swap`; empty: none, or one that the web room writes by hand."""
+    """The API call, such as `POST /slots/{slot}/swap`; empty: none, or one that is written by hand in the web room."""
     help: str = ""
-    """What the command's help adds to the summary."""
+    """What the command's help says in addition to the summary."""
     right_for_others: Right | None = None
-    """Who may do it to what others changed; everybody else to their own settings only. None: all the same."""
+    """The right needed to act on changes by others; without it only on one's own settings. None: no difference."""
 
     @property
     def is_question(self) -> bool:
-        """Whether it only asks: whoever sees the robot may, and it is not noted who did."""
+        """Whether it only asks: everybody who may see the robot may ask, and nobody notes who did."""
         return self.right is Right.SEE
 
     def argument(self, name: str) -> Argument | None:

@@ -1,4 +1,4 @@
-"""Taking changes back, and showing what was changed."""
+"""Undoing changes, and showing what was changed."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from msbot.registry.edits.undo import undo
 from msbot.runtime.sentence import said
 
 NEAR_EDITS = 50
-"""Among this many there is nearly always one that can be undone."""
+"""Among this many edits there is nearly always one that can be undone."""
 ALL_EDITS = 10_000
-"""More than are kept."""
+"""More edits than are kept."""
 
 
 class StoredUndoing:
-    """Takes changes back in the database of any robot."""
+    """Undoes changes in the database of any robot."""
 
     def __init__(self, robot: ChangeableRobot) -> None:
         self._robot = robot
 
     async def read(self, limit: int) -> Sequence[EditRecord]:
-        """What people changed lately, the newest first.
+        """What people changed recently, the newest first.
 
         Raises:
             ConfigError: there is no database.
@@ -41,11 +41,11 @@ class StoredUndoing:
         return Outcome(answer={"edits": [_as_json(edit) for edit in await self.read(limit)]})
 
     async def undo(self, edit: int | None, who: str) -> Outcome:
-        """Take back a change, the newest that was not taken back if none is named."""
+        """Undo a change: the newest that is not undone, if none is given."""
         return outcome_of(await self._robot.change(who, partial(undo, number=edit)))
 
     async def check_own(self, asker: Asker, right: Right, arguments: Mapping[str, object]) -> None:
-        """Let somebody without that right take back their own settings only.
+        """Let a person without that right undo only their own settings.
 
         Raises:
             ConfigError: there is no such change; or what `asker.require` raises.
@@ -59,7 +59,7 @@ class StoredUndoing:
 
 
 class Undoing(StoredUndoing):
-    """The same in a running robot, whose parts follow."""
+    """The same in a running robot, whose parts follow the change."""
 
     def __init__(self, running: RunningRobot, placement: Placement) -> None:
         super().__init__(running)
@@ -67,10 +67,10 @@ class Undoing(StoredUndoing):
         self._placement = placement
 
     async def undo(self, edit: int | None, who: str) -> Outcome:
-        """Take back a change, the newest that was not taken back if none is named.
+        """Undo a change: the newest that is not undone, if none is given.
 
         Raises:
-            ConfigError: there is none, it was changed again since, or a part that is to come back is not plugged in.
+            ConfigError: there is none, it was changed again since, or a part that should come back is not plugged in.
             RegistryError: it cannot be stored; nothing has changed.
         """
         if (meant := await self._meant(edit)) is not None:
@@ -90,7 +90,7 @@ class Undoing(StoredUndoing):
         newest = next(iter(await self.read(1)), None)
         if newest is None:
             return None
-        if number is not None:  # numbers count up, so it is not farther away than that
+        if number is not None:  # numbers count up, so it cannot be further back than that
             near = await self.read(max(1, newest.id - number + 1))
             return next((edit for edit in near if edit.id == number), None)
         for limit in (NEAR_EDITS, ALL_EDITS):

@@ -1,4 +1,4 @@
-"""Ports joined by topics, and taken off them."""
+"""Connects ports by topics, and disconnects them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from msbot.registry.edits import wires
 
 
 class Wires:
-    """Joins ports, written `SLOT.port`; parts of a running robot follow at once."""
+    """Connects ports, written `SLOT.port`; parts of a running robot follow at once."""
 
     def __init__(self, robot: ChangeableRobot) -> None:
         self._robot = robot
@@ -19,13 +19,13 @@ class Wires:
     async def bind(
         self, topic: str, type_name: str, source: str | None, targets: Sequence[str], *, reliable: bool, who: str
     ) -> Outcome:
-        """Join ports by a topic, besides those that it joins already."""
+        """Connect ports by a topic, in addition to those that it already connects."""
         start = None if source is None else endpoint_of(self._robot, source)
         ends = [endpoint_of(self._robot, target) for target in targets]
         making = partial(wires.bind, topic=topic, type_name=type_name, source=start, targets=ends, reliable=reliable)
         return outcome_of(await self._robot.change(who, making))
 
     async def unbind(self, topic: str, port: str | None, who: str) -> Outcome:
-        """Take a port, or all ports, off a topic."""
+        """Disconnect a port, or all ports, from a topic."""
         end = None if port is None else endpoint_of(self._robot, port)
         return outcome_of(await self._robot.change(who, partial(wires.unbind, topic=topic, endpoint=end)))

@@ -1,4 +1,4 @@
-"""Message classes for the types that a library declares: the standard ones, or made to measure."""
+"""Message classes for the types that a library declares: the standard ones, or generated."""
 
 from __future__ import annotations
 

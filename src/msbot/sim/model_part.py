@@ -1,7 +1,7 @@
-"""A part of a library type that behaves as the model in its file says: ports, settings and safe values wired to it.
+"""A part that behaves like the model in its type's file: ports, settings and safe values are connected to the model.
 
-The model is the type's simulator. A simulated part plays with it; a part with real hardware (`msbot.hardware`) feeds it
-with what is measured, and drives what it computes: one place says what `invert`, `ramp` or `offset` mean.
+The model is the type's simulator. A simulated part just runs it; a part with real hardware (`msbot.hardware`) feeds
+measured values into it and drives what it computes: one place says what `invert`, `ramp` or `offset` mean.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from msbot.sim.simulated_world import World
 
 SHORTEST_TICK_S = 0.02
 LONGEST_TICK_S = 0.1
-"""The part looks whether it has something to say or to move that often, by how often it speaks."""
+"""Longest period of checks for something to say or move; a part that speaks often checks more often."""
 CHANGE_TICK_S = 0.05
-"""Longest time until a change is said."""
+"""Longest time until a change is published."""
 
 
 class ModelPart:
-    """A part wired to its model. Use it in the thread of its loop."""
+    """A part connected to its model. Use it in the thread of its loop."""
 
     def __init__(
         self,
@@ -40,13 +40,13 @@ class ModelPart:
         """Make the part.
 
         Args:
-            part_type: what it is.
-            number: what it shows, perhaps with a version.
+            part_type: its type.
+            number: the part number that it shows, perhaps with a version.
             uid: 8 octets, or None.
-            local_name: what this one is called.
-            random: noise, and what the part draws.
+            local_name: what this part is called.
+            random: the source of noise and of whatever the part draws.
             robot: the robot it is made for.
-            ideal: the model makes no noise and no lag, see `World`.
+            ideal: the model adds no noise and no lag, see `World`.
         """
         self.part_type = part_type
         self.part = Part(number, local_name=local_name, robot=robot, uid=uid, random=random)
@@ -56,7 +56,7 @@ class ModelPart:
         self._settings: dict[str, str] = {}
         self._now: float | None = None
         self._unsaid: tuple[str, ...] = ()
-        """Ports about which nothing is known, so that they stay silent."""
+        """Ports that stay silent because nothing is known about them."""
         self._classes = {port.name: message_class(port.message) for port in part_type.ports if port.message is not None}
         for port in part_type.ports:
             if port.direction is Direction.SUBSCRIBE and port.name in self._classes:
@@ -65,13 +65,13 @@ class ModelPart:
         self.part.safe_state(self._be_safe)
 
     def readings(self) -> Mapping[str, Scalar]:
-        """What one would see or measure at the thing now; units are in `part_type.simulator.readings`."""
+        """What one would see or measure at the device now; units are in `part_type.simulator.readings`."""
         self._take_settings()
         self._world.advance(self._time())
         return self._world.readings()
 
     def _moved(self) -> None:
-        """A message, a setting or a safe value has come; for those who drive something."""
+        """A message, a setting or a safe value has come; for subclasses that drive something."""
 
     def _listen(self, port: Port) -> None:
         message_type = self._classes[port.name]
@@ -91,9 +91,9 @@ class ModelPart:
         self._world.join(self._time())
 
     def _be_safe(self) -> None:
-        """Nobody is in command: the library's safe values hold, whatever the robot's configuration said.
+        """Nobody is in command: apply the library's safe values, whatever the robot's configuration said.
 
-        When only a port's partner is lost the part stays active, and has given that port its safe value itself.
+        When only a port's partner is lost, the part stays active and has already given that port its safe value itself.
         """
         if self._is_commanded:
             return
@@ -115,7 +115,7 @@ class ModelPart:
                 self.part.publish(port, self._classes[port](**fields))
 
     def _take_settings(self) -> None:
-        """Let the slot's settings hold; what makes no sense here is the robot's mistake and changes nothing."""
+        """Apply the slot's settings; one that makes no sense here is the robot's mistake and changes nothing."""
         if self.part.settings == self._settings:
             return
         self._settings = dict(self.part.settings)
@@ -137,7 +137,7 @@ class ModelPart:
         return max(SHORTEST_TICK_S, shortest)
 
     def _least(self, operand: Operand) -> float:
-        """The least number an operand can be, as far as the part type says so."""
+        """The lowest value that an operand can have, as far as the part type limits it."""
         if not isinstance(operand, str):
             return operand
         parameter = self.part_type.parameter(operand)
@@ -146,7 +146,7 @@ class ModelPart:
         return parameter.least
 
     def _time(self) -> float:
-        """The loop's time; before there is a loop, no time passes."""
+        """The loop's time; before there is a loop, time stands still."""
         try:
             now = asyncio.get_running_loop().time()
         except RuntimeError:

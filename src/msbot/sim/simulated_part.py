@@ -1,7 +1,7 @@
-"""A part of any library type, simulated: it joins its robot over a link as real ones do; a person plays with it.
+"""A simulated part of any library type: it joins its robot over a link like a real one, and a person can play with it.
 
-Nothing about the robot is simulated: the part goes through both steps, beats, gets its settings and obeys STOP. Only
-the world behind it (the air, the light, the motor) is, in `msbot.sim.simulated_world`.
+Nothing about the robot is simulated: the part goes through both steps, sends beats, gets its settings and obeys STOP.
+Only the world behind it (the air, the light, the motor) is simulated, in `msbot.sim.simulated_world`.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ def make_simulator(
 
     Args:
         number: a part number of the library, or the part type itself.
-        uid: 8 octets; drawn when it runs if absent.
-        local_name: what this one is called; the part number if absent.
-        random: noise, and what the part draws; a seeded one makes it repeatable.
-        library: where the number is looked up; that of MsBOT if absent.
+        uid: 8 octets; drawn when the part runs if absent.
+        local_name: what this part is called; the part number if absent.
+        random: the source of noise and of whatever the part draws; a seeded one makes a run repeatable.
+        library: where the number is looked up; MsBOT's own if absent.
         robot: the robot it is made for; any if absent.
 
     Raises:
@@ -68,11 +68,11 @@ class SimulatedPart(ModelPart):
 
     @property
     def controls(self) -> tuple[Control, ...]:
-        """What a person can do to the thing."""
+        """What a person can do to the device."""
         return self._simulator.controls
 
     def set(self, name: str, value: Scalar) -> None:
-        """Do something to the thing: press, turn, warm.
+        """Do something to the device: press, turn, warm.
 
         Raises:
             ConfigError: there is no such control, or it cannot have that value.
@@ -87,7 +87,7 @@ class SimulatedPart(ModelPart):
         """The control of that name.
 
         Raises:
-            ConfigError: there is none.
+            ConfigError: there is no such control.
         """
         if name not in self._controls:
             known = ", ".join(self._controls) or "it has none"
@@ -95,7 +95,7 @@ class SimulatedPart(ModelPart):
         return self._controls[name]
 
     def value(self, name: str) -> Scalar:
-        """How a control stands now.
+        """The present value of a control.
 
         Raises:
             ConfigError: there is no such control.

@@ -20,12 +20,12 @@ _FUNCTIONS = {"sin": math.sin, "cos": math.cos}
 
 
 class Gauge:
-    """One reading with what it remembers."""
+    """One reading with its memory."""
 
     def __init__(self, reading: Reading, random: Random) -> None:
         self.reading = reading
         self.moves = bool(reading.integrate or reading.lag_s or reading.slew_per_s)
-        """Whether its value depends on the time between two looks."""
+        """Whether its value depends on the time between two updates."""
         self._random = random
         self._pattern = re.compile(reading.pattern) if reading.pattern else None
         self._state: float | None = None
@@ -39,7 +39,7 @@ class Gauge:
             values: the sources.
             now: the time.
             step_s: seconds since the last update.
-            came_at: when the message came that it follows, None = not yet, or it follows none.
+            came_at: when the message that it follows came; None = not yet, or it follows no message.
             final: False: an intermediate step, in which noise is left out.
         """
         reading = self.reading
@@ -71,7 +71,7 @@ class Gauge:
         )
 
     def _taken(self, values: Values, now: float, came_at: float | None) -> Scalar:
-        """What the source says, or `start` before anything has come and when it has run out."""
+        """The value of the source, or `start` before anything has come or when it has expired."""
         reading = self.reading
         value = values[reading.follows]
         if reading.start is None:
@@ -86,7 +86,7 @@ class Gauge:
         return value
 
     def _pick(self, value: Scalar) -> Scalar:
-        """The part of a text that the pattern is for; a text without it leaves things as they are."""
+        """The part of a text that the pattern matches; a text without a match changes nothing."""
         assert self._pattern is not None
         found = self._pattern.search(str(value))
         if found is not None:
@@ -112,14 +112,14 @@ class Gauge:
         if not reading.integrate:
             value = self._followed(value, values, step_s)
         if not math.isfinite(value):
-            value = self._state or 0.0  # numbers too large to be multiplied: the last one that made sense stays
+            value = self._state or 0.0  # numbers too large to be multiplied: keep the last valid one
         self._state = value
         if final and (noise := number(reading.noise, values)):
             value = self._limited(value + self._random.gauss(0.0, noise), values)
         return _stepped(value, number(reading.step, values))
 
     def _followed(self, value: float, values: Values, step_s: float) -> float:
-        """The value after lag and slew; the first one holds at once."""
+        """The value after lag and slew; the first one applies at once."""
         if self._state is None:
             if self.reading.start is None or not self.moves:
                 return value
@@ -164,7 +164,7 @@ class Gauge:
 
 
 def _stepped(value: float, step: float) -> float:
-    """The multiple of the step that is nearest; a step of 0 or too small for a number changes nothing."""
+    """The nearest multiple of the step; a step that is 0 or too small for the number changes nothing."""
     steps = value / step if step > 0 else math.inf
     # Rounded once more, because 3 x 0.1 is not 0.3.
     return round(round(steps) * step, 9) if math.isfinite(steps) else value
@@ -176,7 +176,7 @@ def number(operand: Operand, values: Values) -> float:
 
 
 def as_number(value: Scalar) -> float:
-    """A value as a number: true is 1, a text is what it says or 0, and what is not finite is 0."""
+    """A value as a number: true is 1, a text is the number in it or 0, and a value that is not finite is 0."""
     try:
         result = float(value)
     except ValueError:

@@ -1,4 +1,4 @@
-"""The little world of one simulated part: controls, messages and settings in, readings and what to say out. Pure."""
+"""The little world of one simulated part: controls, messages and settings in, readings and messages out. Pure."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from msbot.part.messages.wire_types import FLOAT32_MAX
 from msbot.sim.simulated_reading import Gauge, as_number, number
 
 STEP_S = 0.02
-"""Longest step in which something that moves is computed."""
+"""Longest time step in which movement is computed."""
 MOST_STEPS = 250
-"""Longest series of steps; a longer time is cut into this many."""
+"""Most steps for one advance; a longer time is divided into this many."""
 MOST_WAITING = 32
-"""Changes that wait to be said; with more the oldest is dropped."""
+"""Most changes that wait to be published; beyond that the oldest is dropped."""
 
 
 class World:
     """Everything about a simulated part but its link to the robot."""
 
     def __init__(self, part_type: PartType, random: Random, *, ideal: bool = False) -> None:
-        """Begin with everything at rest.
+        """Start with everything at rest.
 
         Args:
             part_type: its simulator is the model.
-            random: noise, and what readings draw.
-            ideal: no noise and no lag is made: the real thing has its own. What a setting limits stays limited.
+            random: the source of noise and of whatever readings draw.
+            ideal: add no noise and no lag, because the real device has its own. Limits from settings still apply.
         """
         simulator = part_type.simulator or Simulator()
         self.forgotten = 0
-        """Changes that could not be said because too many were waiting."""
+        """Changes that were never published because too many were waiting."""
         self._ports = {port.name: port for port in part_type.ports}
         self._values: dict[str, Scalar] = {entry.name: entry.default for entry in part_type.parameters}
         self._values |= {control.name: control.start for control in simulator.controls}
-        # At a port that publishes it is the number of the next message, from 1.
+        # For a port that publishes, this is the number of the next message, from 1.
         self._values |= {f"#{port.name}": int(port.direction is Direction.PUBLISH) for port in part_type.ports}
         for port in part_type.ports:
             if port.direction is Direction.SUBSCRIBE and port.message is not None:
@@ -65,11 +65,11 @@ class World:
         self._now = now
 
     def start_at(self, now: float) -> None:
-        """The clock begins: nothing has happened before `now`."""
+        """Start the clock: nothing has happened before `now`."""
         self._now = now
 
     def value(self, source: str) -> Scalar:
-        """What a source says."""
+        """The value of a source."""
         return self._values[source]
 
     def set(self, source: str, value: Scalar, now: float) -> None:
@@ -79,7 +79,7 @@ class World:
         self.advance(now)
 
     def feed(self, measured: Mapping[str, Scalar], now: float) -> None:
-        """Take what was measured at the real thing: controls, or readings that are not computed any more then."""
+        """Take values measured at the real device: controls, or readings, which are then no longer computed."""
         self.advance(now)
         names = {gauge.reading.name for gauge in self._gauges}
         self._measured |= {name: value for name, value in measured.items() if name in names}
@@ -87,12 +87,12 @@ class World:
         self.advance(now)
 
     def settle(self, now: float) -> None:
-        """Let everything that moves arrive at once: for a safe value there is no ramp."""
+        """Let everything that moves arrive at once: a safe value has no ramp."""
         self.advance(now)
         self._evaluate(now, math.inf, final=True)
 
     def receive(self, port: str, fields: Mapping[str, Scalar], now: float, *, counts: bool = True) -> None:
-        """Take a message at a port that subscribes; `counts` is False for a safe value, which nobody has sent."""
+        """Take a message at a subscribing port; `counts` is False for a safe value, which nobody has sent."""
         self.advance(now)
         self._values |= {f"{port}.{name}": value for name, value in fields.items()}
         if counts:
@@ -110,19 +110,19 @@ class World:
         return self._values
 
     def join(self, now: float) -> None:
-        """Begin to speak: every output is due."""
+        """Begin to publish: every output is due."""
         self.advance(now)
         for mouth in self._mouths:
             mouth.begin(now)
 
     def look(self) -> None:
-        """Note what has changed and must be said, even if it changes back before anybody can say it."""
+        """Note what has changed and must be published, even if it changes back before that can happen."""
         for mouth in self._mouths:
             if not mouth.look(self._values):
                 self.forgotten += 1
 
     def say(self, now: float) -> list[tuple[str, dict[str, Scalar]]]:
-        """The messages that are due, each with its port; time has been advanced before."""
+        """The messages that are due, each with its port; call `advance` first."""
         self.look()
         said = []
         for mouth in self._mouths:
@@ -142,7 +142,7 @@ class World:
 
 
 class _Mouth:
-    """One output: what it said last and when it speaks again."""
+    """One output: what it published last and when it publishes again."""
 
     def __init__(self, output: Output, port: Port) -> None:
         self.output = output
@@ -152,13 +152,13 @@ class _Mouth:
         self._waiting: deque[dict[str, Scalar]] = deque(maxlen=MOST_WAITING)
 
     def begin(self, now: float) -> None:
-        """Speak at the next chance."""
+        """Publish at the next opportunity."""
         self._said = None
         self._next_at = now
         self._waiting.clear()
 
     def look(self, values: Mapping[str, Scalar]) -> bool:
-        """Queue what has changed; False when an older change had to be dropped for it."""
+        """Queue what has changed; False when an older change had to be dropped to make room."""
         if not self.output.on_change or self._is_silent(values):
             return True
         fields = self._fields(values)
@@ -170,11 +170,11 @@ class _Mouth:
         return not full
 
     def due(self, values: Mapping[str, Scalar], now: float) -> list[dict[str, Scalar]]:
-        """What is said now."""
+        """The messages to publish now."""
         said = list(self._waiting)
         self._waiting.clear()
         period_s = number(self.output.every, values)
-        # A period that was shortened holds at once.
+        # A shortened period takes effect at once.
         self._next_at = min(self._next_at, now + period_s)
         if period_s > 0 and now >= self._next_at - 1e-9:
             behind = max(0.0, now - self._next_at)
@@ -183,7 +183,7 @@ class _Mouth:
                 fields = self._fields(values)
                 if self._said is None or self._differs(fields, values):
                     self._said = fields
-                said.append(self._said)  # what has hardly changed is said again as it was
+                said.append(self._said)  # a value that has hardly changed is repeated as it was
         return said
 
     def _is_silent(self, values: Mapping[str, Scalar]) -> bool:
@@ -206,7 +206,7 @@ class _Mouth:
 
 
 def fit(kind: FieldKind, value: Scalar) -> Scalar:
-    """A value as a field of a message takes it: rounded, limited, or as text."""
+    """A value in the form that a message field accepts: rounded, limited, or as text."""
     match kind:
         case FieldKind.BOOL:
             return bool(value)
@@ -223,7 +223,7 @@ def fit(kind: FieldKind, value: Scalar) -> Scalar:
 
 
 def _said(source: Scalar, values: Mapping[str, Scalar]) -> Scalar:
-    """What a source, a text with sources in it or a fixed value says."""
+    """The value of a source, of a text with sources in it, or of a constant."""
     if not isinstance(source, str):
         return source
     return format_text(source, values) if "{" in source else values[source]
