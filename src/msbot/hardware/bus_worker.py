@@ -1,7 +1,7 @@
 """One thread for each bus: drivers block, the event loop does not.
 
-Everything on one bus is done in one thread, one after the other, as the wires want it. The queue is bounded. A bus that
-hangs holds up its own thread only; the thread is a daemon, so that a program can end in spite of it.
+Everything on one bus is done in one thread, one job after the other, as the wires require. The queue is bounded. A bus
+that hangs blocks only its own thread; the thread is a daemon, so that the program can still end.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
 MOST_WAITING = 64
-"""Jobs of one bus: each part on it has at most one to read and one to write."""
+"""Most waiting jobs of one bus: each part on it has at most one for reading and one for writing."""
 
 
 class BusWorker(Executor):
@@ -30,9 +30,9 @@ class BusWorker(Executor):
         self._thread: threading.Thread | None = None
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
-        """Have a job done in the bus's thread.
+        """Run a job in the bus's thread.
 
-        A job that finds no room ends with HardwareFault at once: the bus hangs.
+        A job that finds no room fails with HardwareFault at once: the bus hangs.
         """
         future: Future[_T] = Future()
 
@@ -54,7 +54,7 @@ class BusWorker(Executor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the thread when it has done what it was given; does not wait for a bus that hangs."""
+        """End the thread once its jobs are done; does not wait for a bus that hangs."""
         if cancel_futures:
             while not self._jobs.empty():
                 self._jobs.get_nowait()

@@ -1,8 +1,8 @@
 """What a driver is: a class that reads or switches one real thing. A part type names its driver in `[driver]`.
 
-A driver knows nothing of robots. It is opened, read and switched in the thread of its bus; what it reads becomes the
-value of sources in the type's model (`msbot.sim`), and what the model computes is what it switches. So settings such as
-`invert`, `ramp` or `offset` work the same for the real thing and for the simulated one, and hold at once.
+A driver knows nothing about robots. It is opened, read and switched in the thread of its bus; what it reads becomes the
+value of sources in the type's model (`msbot.sim`), and it switches what the model computes. So settings such as
+`invert`, `ramp` or `offset` work the same for real and simulated devices, and take effect at once.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Mount:
     wiring: PartWiring
     machine: Machine
     changed: Callable[[Values], None] = lambda _: None
-    """Takes what has changed, from any thread, when the driver notices it by itself."""
+    """Called with what has changed, from any thread, when the driver notices a change by itself."""
 
 
 class Driver:
@@ -42,11 +42,11 @@ class Driver:
     samples: ClassVar[bool] = False
     drives: ClassVar[bool] = False
     blocking: ClassVar[bool] = True
-    """Whether `drive` waits for anything: if not, it is called at once and STOP needs no thread."""
+    """Whether `drive` may block: if not, it is called directly, and STOP needs no thread."""
     poll_s: ClassVar[float] = 0.0
     """How often to read for ports that speak on a change; 0 = the driver calls `changed` itself."""
     unknown_ports: ClassVar[tuple[str, ...]] = ()
-    """Ports about which the real thing cannot say anything: they stay silent."""
+    """Ports that stay silent because the real device cannot say anything about them."""
 
     def __init__(self, place: Mount) -> None:
         self.place = place
@@ -54,25 +54,25 @@ class Driver:
         self.machine = place.machine
 
     def open(self) -> None:
-        """Take the hardware; outputs are at their safe values then."""
+        """Open the hardware; afterwards the outputs are at their safe values."""
 
     def close(self) -> None:
-        """Let the hardware go with every output off; never raises HardwareFault, and may be called at any time."""
+        """Release the hardware with every output off; never raises HardwareFault, and may be called at any time."""
 
     def sample(self, values: Values) -> Values | None:
-        """What the thing says now, as values of sources; None: nothing new.
+        """What the device measures now, as values of sources; None: nothing new.
 
         Args:
-            values: the model's values, for settings that reading depends on.
+            values: the model's values, for settings that the reading depends on.
         """
         raise NotImplementedError
 
     def wanted(self, values: Values) -> object:
-        """What the outputs should be by the model; pure, and equal when nothing is to be done."""
+        """What the outputs should be according to the model; pure, and unchanged when there is nothing to do."""
         raise NotImplementedError
 
     def drive(self, wanted: object) -> None:
-        """Make the outputs what `wanted` has said."""
+        """Set the outputs to what `wanted` returned."""
         raise NotImplementedError
 
 
@@ -80,7 +80,7 @@ def driver_class(part_type: PartType) -> type[Driver]:
     """The driver class of a part type.
 
     Raises:
-        ConfigError: it has none, or it cannot be found on this computer.
+        ConfigError: it has no driver, or the driver cannot be found on this computer.
     """
     spec = require_driver(part_type)
     module, _, name = spec.entry_point.partition(":")
@@ -96,7 +96,7 @@ def driver_class(part_type: PartType) -> type[Driver]:
 
 
 def bus_of(part_type: PartType, wiring: PartWiring, name: str) -> str:
-    """Which bus a part is on: those on one bus share a thread. Pins and the kernel's files are nobody else's."""
+    """The bus that a part is on: parts on one bus share a thread. Pins and the kernel's files are never shared."""
     if wiring.i2c is not None:
         return f"I2C bus {wiring.i2c[0]}"
     if part_type.driver.bus is BusKind.ADC and wiring.channels:

@@ -1,15 +1,14 @@
-"""A part whose ports are real: its driver reads and switches, its model says what settings mean, `Part` joins.
+"""A part with real hardware: its driver reads and switches, its model applies the settings, `Part` joins the robot.
 
-Theory of operation. While the part is active a timer asks, in the thread of the bus, for a sample whenever one is due;
-what comes back is fed into the model and published. Nothing is published that was not just read. What the model
-computes for outputs is handed to the driver whenever it changes, the newest value only.
+Theory of operation. While the part is active, a timer asks for a sample, in the thread of the bus, whenever one is due;
+the result is fed into the model and published. Only values that were just read are published. What the model computes
+for outputs is handed to the driver whenever it changes, always the newest value only.
 
-A driver that fails is closed. When it has failed often enough the part leaves its robot, says why, and tries to open
-the driver again; with the first value it reads it joins again. So a part is in its robot only while its hardware
-answers.
+A driver that fails is closed. When it has failed often enough, the part leaves its robot, says why, and tries to open
+the driver again; it rejoins once a value has been read. So a part is in its robot only while its hardware answers.
 
-On STOP, or when nobody is in command, outputs take their safe values at once and without a ramp; only what was really
-switched is confirmed to the master.
+On STOP, or when nobody is in command, outputs take their safe values at once and without a ramp; the part confirms to
+the master only what was really switched.
 """
 
 from __future__ import annotations
@@ -33,17 +32,17 @@ from msbot.part.join.plug import Nature
 from msbot.sim import ModelPart
 
 MOST_FAULTS = 3
-"""This many samples may fail one after the other: a disturbed wire is not a missing chip."""
+"""This many samples in a row may fail: noise on a wire does not mean that the chip is missing."""
 STUCK_S = 3.0
 """A bus that takes longer than this for one job is stuck."""
 RETRY_S = 1.0
-"""Between two attempts to open a driver."""
+"""Time between two attempts to open a driver."""
 SAFE_S = 0.25
-"""Longest wait for a bus to take a safe value. Only here the loop waits: STOP must not be confirmed before."""
+"""Longest wait for a bus to take a safe value. Only here does the loop wait: STOP must not be confirmed any earlier."""
 ALIVE_S = 1.0
-"""A part that only speaks when something changes is read that often nevertheless."""
+"""Period in which even a part that speaks only on a change is read."""
 MOST_EVENTS = 32
-"""Changes noticed by the driver that wait for the loop; with more the oldest is dropped and counted."""
+"""Most changes noticed by the driver that wait for the loop; beyond that the oldest is dropped and counted."""
 
 _log = logging.getLogger("msbot.part")
 
@@ -63,16 +62,16 @@ class HardwarePart(ModelPart):
         random: Random | None = None,
         robot: str | ExpectedRobot = "*",
     ) -> None:
-        """Make the part; nothing is touched before it runs.
+        """Make the part; no hardware is touched before it runs.
 
         Args:
-            part_type: what it is.
-            make_driver: makes the driver, given what takes the changes that it notices.
+            part_type: its type.
+            make_driver: makes the driver; its argument is the function to call with changes that the driver notices.
             bus: the thread of its bus.
-            number: what it shows, perhaps with a version; the number of its type if absent.
-            uid: 8 octets; drawn when it runs if absent.
-            local_name: what this one is called.
-            random: for what `Part` draws.
+            number: the part number that it shows, perhaps with a version; that of its type if absent.
+            uid: 8 octets; drawn when the part runs if absent.
+            local_name: what this part is called.
+            random: the source of whatever `Part` draws.
             robot: the robot it is made for.
         """
         super().__init__(
@@ -88,16 +87,16 @@ class HardwarePart(ModelPart):
         self.fault = ""
         """Why the hardware does not work, as one sentence; "" = it does."""
         self.faults = 0
-        """Samples and orders that failed."""
+        """Number of samples and orders that failed."""
         self.lost_events = 0
-        """Changes that came more quickly than they could be taken."""
+        """Changes that came faster than they could be processed."""
         self._driver = make_driver(self._noticed)
         self._unsaid = self._driver.unknown_ports
         self._bus = bus
         self._loop: asyncio.AbstractEventLoop | None = None
         self._open = False
         self._touched = False
-        """It has been tried to open it: it must be closed."""
+        """An attempt was made to open the driver, so it must be closed."""
         self._ended: asyncio.Event | None = None
         self._told_open: Callable[[], None] = lambda: None
         self._told_closed: Callable[[], None] = lambda: None
@@ -113,7 +112,7 @@ class HardwarePart(ModelPart):
         self.part.on_join(self._joined)
 
     async def run(self, connect: Callable[[], Link]) -> None:
-        """Run until `end`: open the hardware, be a part, and start over when the hardware was gone.
+        """Run until `end`: open the hardware, act as a part, and start over when the hardware was gone.
 
         Args:
             connect: makes a link to the master each time the part joins.
@@ -130,7 +129,7 @@ class HardwarePart(ModelPart):
             await self._close()
 
     def end(self) -> None:
-        """End `run` politely."""
+        """End `run` cleanly."""
         if self._ended is not None:
             self._ended.set()
         self.part.end()
@@ -172,7 +171,7 @@ class HardwarePart(ModelPart):
             return
         self._open = self._touched = False
         self._sampling = self._driving = None
-        with contextlib.suppress(HardwareFault):  # it is closed because it does not answer
+        with contextlib.suppress(HardwareFault):  # closed because it does not answer
             await self._in_bus(self._driver.close)
             self._told_closed()
 
@@ -239,7 +238,7 @@ class HardwarePart(ModelPart):
     def _sampled(self, future: asyncio.Future[Values | None]) -> None:
         if future is not self._sampling:
             if not future.cancelled():
-                future.exception()  # too late: it has been said that the bus is stuck
+                future.exception()  # too late: the bus was already reported as stuck
             return
         self._sampling = None
         if future.cancelled():
@@ -261,7 +260,7 @@ class HardwarePart(ModelPart):
         self._move()
 
     def _period_s(self) -> float:
-        """How often to read: as often as the part speaks by its settings now."""
+        """The period of reading: as often as the part publishes with its present settings."""
         periods = [ALIVE_S]
         for output in self._simulator.outputs:
             every = self._world.values[output.every] if isinstance(output.every, str) else output.every
@@ -299,7 +298,7 @@ class HardwarePart(ModelPart):
         self._move()
 
     def _move(self) -> None:
-        """Hand the newest wishes to the driver, if they are new."""
+        """Hand the newest outputs to the driver, if they have changed."""
         if not (self._driver.drives and self._open):
             return
         wanted = self._driver.wanted(self._world.values)
@@ -321,7 +320,7 @@ class HardwarePart(ModelPart):
     def _driven(self, future: asyncio.Future[None]) -> None:
         if future is not self._driving:
             if not future.cancelled():
-                future.exception()  # of a driver that was closed since
+                future.exception()  # of a driver that has been closed since
             return
         self._driving = None
         if future.cancelled():
@@ -342,10 +341,10 @@ class HardwarePart(ModelPart):
             self._drive_now(self._driver.wanted(self._world.values))
 
     def _drive_now(self, wanted: object) -> None:
-        """Have the outputs switched before this ends.
+        """Switch the outputs before returning.
 
         Raises:
-            HardwareFault: they may not be; STOP is not confirmed then, and is tried again.
+            HardwareFault: they may not have been switched; then STOP is not confirmed, and is tried again.
         """
         if not self._driver.blocking:
             self._driver.drive(wanted)

@@ -1,7 +1,7 @@
 """Many parts in one process, with real hardware or simulated, and a file that says which: `msbot host parts.toml`.
 
-The file is looked at once a second. What is new is started, what is gone is ended, and what has changed is ended and
-started; all others run on without noticing. A file with a mistake changes nothing, and is told.
+The file is checked once a second. New parts are started, removed ones are ended, and changed ones are restarted; all
+others keep running undisturbed. A file with a mistake changes nothing, and the mistake is reported.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from msbot.part import Part
 from msbot.sim import make_simulator
 
 LOOK_S = 1.0
-"""Between two looks at the file."""
+"""Time between two checks of the file."""
 RESTART_S = 5.0
-"""A part that ended by a mistake is tried again after so long."""
+"""Time after which a part that ended with an error is started again."""
 
 _log = logging.getLogger("msbot.part")
 
@@ -43,11 +43,11 @@ class Runnable(Protocol):
         """Run until `end`."""
 
     def end(self) -> None:
-        """End politely."""
+        """End cleanly."""
 
 
 class _Simulated:
-    """A simulated part that is run as a real one."""
+    """A simulated part that is run like a real one."""
 
     def __init__(self, hosted: HostedPart) -> None:
         self.part = make_simulator(hosted.part_type, local_name=hosted.name).part
@@ -57,12 +57,12 @@ class _Simulated:
         await self.part.run_async(connect())
 
     def end(self) -> None:
-        """End politely."""
+        """End cleanly."""
         self.part.end()
 
 
 class Workbench:
-    """What makes parts with hardware on one computer: its buses' threads, and the keeper of their outputs."""
+    """Makes parts with hardware on one computer; owns the threads of its buses and the keeper of the outputs."""
 
     def __init__(self, machine: Machine | None = None) -> None:
         self.machine = machine or Machine()
@@ -91,7 +91,7 @@ class Workbench:
         return part
 
     def end(self) -> None:
-        """Every part has ended: let threads and keeper end."""
+        """End the threads and the keeper, after every part has ended."""
         self._keeper.end()
         self._threads.end()
 
@@ -108,7 +108,7 @@ class PartsHost:
 
     Args:
         path: the file.
-        library: what part numbers mean.
+        library: where part numbers are looked up.
         connect: makes a link for a part.
         prepare: gives a part its UID and key before it runs.
         bench: makes the parts.
@@ -135,18 +135,18 @@ class PartsHost:
 
     @property
     def parts(self) -> Sequence[Part]:
-        """The parts that run now."""
+        """The parts that are running now."""
         return [one.unit.part for one in self._running.values()]
 
     def end(self) -> None:
-        """End all parts politely."""
+        """End all parts cleanly."""
         self._ended.set()
 
     async def run(self) -> None:
         """Run until `end`.
 
         Raises:
-            ConfigError: the file is wrong at the start.
+            ConfigError: the file has mistakes at the start.
         """
         self._seen = await asyncio.to_thread(self._stamp)
         self._wanted = await asyncio.to_thread(read_parts, self._path, self._library)
@@ -199,7 +199,7 @@ class PartsHost:
         self._running[hosted.name] = _Running(hosted, unit, asyncio.create_task(self._run(hosted, unit)))
 
     async def _run(self, hosted: HostedPart, unit: Runnable) -> None:
-        """Run one part; a mistake in it is told, and the others do not suffer."""
+        """Run one part; a mistake in it is reported and does not affect the others."""
         try:
             await unit.run(lambda: self._connect(unit.part))
         except MsbotError as error:

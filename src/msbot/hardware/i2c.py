@@ -9,15 +9,15 @@ from typing import Protocol
 from msbot.hardware.faults import HardwareFault, missing_library
 
 _ABSENT = (errno.ENXIO, errno.ENODEV, errno.EREMOTEIO, errno.EIO)
-"""What adapters say when nobody acknowledges an address (kernel: Documentation/i2c/fault-codes.rst)."""
+"""The errors of adapters when no chip acknowledges an address (kernel: Documentation/i2c/fault-codes.rst)."""
 _STUCK = (errno.ETIMEDOUT, errno.EAGAIN, errno.EBUSY)
 
 
 class SmBus(Protocol):
-    """What is used of `smbus2.SMBus`."""
+    """The part of `smbus2.SMBus` that is used here."""
 
     def write_quick(self, i2c_addr: int) -> None:
-        """Only the address."""
+        """Send only the address."""
 
     def read_byte(self, i2c_addr: int) -> int:
         """One octet."""
@@ -41,14 +41,14 @@ class SmBus(Protocol):
         """Two octets into a register, the lower one first."""
 
     def close(self) -> None:
-        """Let the bus go."""
+        """Release the bus."""
 
 
 def open_smbus(bus: int) -> SmBus:
     """Open /dev/i2c-BUS.
 
     Raises:
-        HardwareFault: the library is missing, there is no such bus, or it may not be used.
+        HardwareFault: the library is missing, there is no such bus, or this user may not use it.
     """
     try:
         from smbus2 import SMBus
@@ -71,16 +71,16 @@ def open_smbus(bus: int) -> SmBus:
 
 
 class Chip:
-    """One chip on a bus; every verb raises HardwareFault when it does not answer."""
+    """One chip on a bus; every method raises HardwareFault when the chip does not answer."""
 
     def __init__(self, bus: SmBus, number: int, address: int, name: str) -> None:
         """Take an open bus.
 
         Args:
-            bus: the bus.
-            number: its number, for sentences.
+            bus: the open bus.
+            number: its number, for messages.
             address: the chip's address.
-            name: what the chip is, for sentences.
+            name: what the chip is, for messages.
         """
         self._bus = bus
         self._number = number
@@ -123,7 +123,7 @@ class Chip:
             raise self.fault(error) from None
 
     def word(self, register: int) -> int:
-        """Two octets of a register, the higher one first, as most chips have it."""
+        """Two octets of a register, the higher one first, as in most chips."""
         try:
             word = self._bus.read_word_data(self._address, register)
         except OSError as error:

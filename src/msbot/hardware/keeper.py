@@ -2,8 +2,8 @@
 
 `python -m msbot.hardware.keeper` reads lines of JSON from its standard input: `{"hold": KEY, "class": ENTRY POINT,
 "wiring": {...}}` when a driver has been opened, `{"free": KEY}` when it was closed. It does nothing else while its
-input is open. When the input ends (the system closes it however the other program dies, kill -9 too), it opens each
-driver that is still held and closes it again: both make its outputs safe. So it needs no rules of its own.
+input is open. When the input ends (the system closes it however the other program dies, even by kill -9), it opens each
+driver that is still held and closes it again, both of which make its outputs safe. So it needs no rules of its own.
 
 It ignores Ctrl-C, SIGTERM and SIGHUP, which go to the whole group of processes or the whole service.
 """
@@ -29,30 +29,30 @@ from msbot.hardware.wiring import PartWiring
 
 ATTEMPTS = 20
 RETRY_S = 0.1
-"""What a dead program held is free after a moment: the kernel takes some milliseconds to let its pins go."""
+"""Time between two tries: the kernel takes some milliseconds to release the pins of a dead program."""
 
 _log = logging.getLogger(__name__)
 
 
 class Keeper:
-    """This program's end of the process; started with the first driver that has outputs."""
+    """This program's handle on the process, which is started with the first driver that has outputs."""
 
     def __init__(self, command: list[str]) -> None:
         self._command = command
         self._process: subprocess.Popen[bytes] | None = None
 
     def hold(self, key: str, part_type: PartType, wiring: PartWiring) -> None:
-        """From now on the outputs of this driver are made safe when this program dies."""
+        """From now on, make the outputs of this driver safe when this program dies."""
         self._say({"hold": key, "class": part_type.driver.entry_point, "number": part_type.number,
                    "source": part_type.source, "wiring": as_json(wiring)})  # fmt: skip
 
     def free(self, key: str) -> None:
-        """The driver is closed."""
+        """The driver has been closed."""
         if self._process is not None:
             self._say({"free": key})
 
     def end(self) -> None:
-        """All drivers are closed: let the process end."""
+        """End the process, after all drivers are closed."""
         process, self._process = self._process, None
         if process is not None and process.stdin is not None:
             with contextlib.suppress(OSError):
@@ -63,7 +63,7 @@ class Keeper:
         if not self._command:
             return
         if self._process is None or self._process.poll() is not None:
-            # A session of its own: what is sent to this program's group does not reach it.
+            # A session of its own, so that signals to this program's group do not reach it.
             self._process = subprocess.Popen(
                 self._command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True
             )
@@ -76,7 +76,7 @@ class Keeper:
 
 
 def as_json(wiring: PartWiring) -> dict[str, object]:
-    """A wiring as JSON has it."""
+    """A wiring as JSON."""
     return {
         "pins": dict(wiring.pins),
         "channels": {name: list(place) for name, place in wiring.channels.items()},
@@ -87,7 +87,7 @@ def as_json(wiring: PartWiring) -> dict[str, object]:
 
 
 def from_json(values: Mapping[str, object]) -> PartWiring:
-    """The wiring in such JSON; written by `as_json` only."""
+    """The wiring in JSON written by `as_json`."""
     text = json.dumps(values)
     found = json.loads(text)
     return PartWiring(
@@ -100,7 +100,7 @@ def from_json(values: Mapping[str, object]) -> PartWiring:
 
 
 def keep(lines: Iterable[bytes], machine: Machine, wait: Callable[[float], None] = time.sleep) -> list[str]:
-    """Read until the other program ends, then make safe what is still held; returns what could not be."""
+    """Read until the other program ends, then make safe what is still held; returns what could not be made safe."""
     held: dict[str, tuple[str, str, PartWiring]] = {}
     for line in lines:
         said = json.loads(line)
@@ -112,7 +112,7 @@ def keep(lines: Iterable[bytes], machine: Machine, wait: Callable[[float], None]
 
 
 def _make_safe(kept: tuple[str, str, PartWiring], machine: Machine, wait: Callable[[float], None]) -> str:
-    """Open and close one driver; why not, if not."""
+    """Open and close one driver; returns why that failed, if it did."""
     number, source, wiring = kept
     fault = ""
     for _ in range(ATTEMPTS):
@@ -139,7 +139,7 @@ def _driver(number: str, source: str, wiring: PartWiring, machine: Machine) -> D
 
 
 def main() -> None:
-    """Keep watch over the program at the other end of the standard input."""
+    """Watch over the program at the other end of the standard input."""
     for number in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, number):
             signal.signal(getattr(signal, number), signal.SIG_IGN)

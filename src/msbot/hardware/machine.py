@@ -1,4 +1,4 @@
-"""The computer that parts are wired to: its buses, its /sys and /dev. Tests hand over one of their own."""
+"""The computer that parts are wired to: its buses, its /sys and /dev. Tests use one of their own."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Machine:
     """Where things are on this computer."""
 
     root: Path = Path("/")
-    """What stands for the root of the file system: /sys and /dev are looked for below it."""
+    """The root of the file system: /sys and /dev are looked up below it."""
     open_i2c: Callable[[int], SmBus] = open_smbus
     clock: Callable[[], float] = time.monotonic
     wait: Callable[[float], None] = time.sleep
@@ -26,15 +26,15 @@ class Machine:
     """The command of the process that makes outputs safe when this one is killed; [] = none."""
 
     def path(self, text: str) -> Path:
-        """A path of this computer, such as `/sys/bus/w1/devices`."""
+        """A path on this computer, such as `/sys/bus/w1/devices`."""
         return self.root / text.lstrip("/")
 
 
 def read_text(path: Path, what: str, remedy: str) -> str:
-    """The text of a file that the kernel makes.
+    """The text of a file provided by the kernel.
 
     Raises:
-        HardwareFault: there is none, or the kernel's driver says that the chip does not answer.
+        HardwareFault: there is no such file, or the kernel's driver reports that the chip does not answer.
     """
     try:
         return path.read_text("ascii", "replace").strip()
@@ -49,7 +49,7 @@ def read_text(path: Path, what: str, remedy: str) -> str:
 
 
 def read_number(path: Path, what: str, remedy: str) -> float:
-    """The number in a file that the kernel makes.
+    """The number in a file provided by the kernel.
 
     Raises:
         HardwareFault: as `read_text`, or it is not a number.

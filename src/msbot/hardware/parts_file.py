@@ -13,7 +13,7 @@ from msbot.errors import ConfigError
 from msbot.hardware.wiring import PartWiring, make_wiring
 
 MOST_PARTS = 64
-"""Parts of one file: a Raspberry Pi has 28 pins, and each part has a session of its own with the master."""
+"""Most parts of one file: a Raspberry Pi has 28 pins, and each part has a session of its own with the master."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,10 +21,10 @@ class HostedPart:
     """One part of the file."""
 
     name: str
-    """What it is called, unique in the file."""
+    """The name of the part, unique in the file."""
     part_type: PartType
     number: str
-    """What it shows, perhaps with a version."""
+    """The part number that it shows, perhaps with a version."""
     wiring: PartWiring | None
     """None: it is simulated."""
     key: str = ""
@@ -35,7 +35,7 @@ def read_parts(path: Path, library: Library) -> list[HostedPart]:
     """The parts of a file.
 
     Raises:
-        ConfigError: something is wrong; every problem is told at once, with file and line.
+        ConfigError: something is wrong; every problem is reported at once, with file and line.
     """
     problems = Problems()
     document = read_document(path, problems, if_missing="write one, see docs/howto/raspberry_pi.md")

@@ -12,7 +12,7 @@ from msbot.hardware.faults import HardwareFault, missing_library
 
 
 def gpiozero() -> Any:  # noqa: ANN401 - the library has no types
-    """The library with pins that can be used.
+    """The library, after checking that its pins can be used.
 
     Raises:
         HardwareFault: it is not installed, or this computer has no pins that may be used.
@@ -22,7 +22,7 @@ def gpiozero() -> Any:  # noqa: ANN401 - the library has no types
     except ImportError:
         raise missing_library("parts on GPIO pins", "gpiozero") from None
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about each way to the pins that does not work here
+        warnings.simplefilter("ignore")  # gpiozero warns about each pin library that does not work here
         try:
             library.Device.ensure_pin_factory()
         except Exception as error:
@@ -35,7 +35,7 @@ def gpiozero() -> Any:  # noqa: ANN401 - the library has no types
 
 
 class PinDriver(Driver):
-    """Base of drivers on pins: keeps gpiozero's devices and lets them go."""
+    """Base of drivers on pins: keeps gpiozero's devices and releases them."""
 
     blocking = False
 
@@ -47,17 +47,17 @@ class PinDriver(Driver):
         """Make one of gpiozero's devices; it is closed with the driver.
 
         Raises:
-            HardwareFault: a pin is taken, or is none.
+            HardwareFault: a pin is taken, or does not exist.
         """
         made = self._guard(pins, lambda: getattr(gpiozero(), kind)(*pins, **options))
         self._devices.append(made)
         return made
 
     def raw_pin(self, number: int) -> Any:  # noqa: ANN401 - the library has no types
-        """One of gpiozero's pins as such, for what no device does; it is closed with the driver.
+        """One of gpiozero's bare pins, for what no device class does; it is closed with the driver.
 
         Raises:
-            HardwareFault: the pin is taken, or is none.
+            HardwareFault: the pin is taken, or does not exist.
         """
 
         def take() -> object:
@@ -71,7 +71,7 @@ class PinDriver(Driver):
         return pin
 
     def close(self) -> None:
-        """Let all pins go: outputs are off, and inputs again."""
+        """Release all pins: outputs are switched off and become inputs again."""
         devices, self._devices = self._devices, []
         for device in reversed(devices):
             device.close()

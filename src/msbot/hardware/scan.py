@@ -1,4 +1,4 @@
-"""What is plugged in: chips on I2C, USB devices, 1-Wire, converters, CAN interfaces; each with a line that uses it."""
+"""What is plugged in: chips on I2C, USB devices, 1-Wire, converters, CAN interfaces; each with a command for it."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from msbot.hardware.machine import Machine
 
 FIRST, LAST = 0x08, 0x77
 READ_ONLY = (range(0x30, 0x38), range(0x50, 0x60))
-"""Memories live here: a read harms them less than the write of nothing that is tried elsewhere (as i2cdetect does)."""
+"""Addresses of memories: they are probed by a read, safer for them than the empty write used elsewhere (as i2cdetect
+does)."""
 MOST_ENTRIES = 1000
-"""Devices of one kind that are looked at."""
+"""Most devices of one kind that are examined."""
 VL53L0X_ADDRESS = 0x29
-"""The kernel drives it; before it does, the chip answers here."""
+"""The chip's address while the kernel does not drive it yet."""
 ARPHRD_CAN = 280
 """linux/if_arp.h"""
 NUMATO = "2a19"
 SLCAN = {("ad50", "60c4"), ("16d0", "117e"), ("1cd2", "606f")}
-"""CANable with its slcan firmware, and others that introduce themselves the same way."""
+"""CANable with slcan firmware, and other adapters with the same USB identification."""
 BOARDS = {"2e8a": "a board with RP2040 or RP2350", "f055": "a board with MicroPython", "303a": "a board with ESP32"}
-"""USB vendors of boards that a part of MicroPython can be on."""
+"""USB vendors of boards that can run a MicroPython part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,21 +40,21 @@ class FoundThing:
     where: str
     """Address, path or name."""
     words: str
-    """What it is, as far as it can be told."""
+    """What it is, as far as is known."""
     lines: tuple[str, ...]
-    """The commands that make it a part or a link; several when it may be one of several."""
+    """The commands that make it a part or a link; several when it could be several things."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScanResult:
-    """Everything that was found, and what could not be looked at."""
+    """Everything that was found, and what could not be examined."""
 
     found: tuple[FoundThing, ...]
     faults: tuple[str, ...]
 
 
 def scan(machine: Machine, library: Library) -> ScanResult:
-    """Look at everything; a bus that cannot be used is a fault, and the others are looked at nevertheless."""
+    """Examine everything; a bus that cannot be used is reported as a fault, and the others are still examined."""
     faults: list[str] = []
     found = [
         *_i2c(machine, library, faults),
@@ -106,7 +107,7 @@ def _chips(machine: Machine, library: Library, bus: SmBus, number: int) -> Itera
 
 
 def _probe(bus: SmBus, address: int) -> bool | None:
-    """Whether a chip answers; False: the kernel has it, None: nobody does.
+    """Whether a chip answers; False: the kernel is using it, None: no chip answers.
 
     Raises:
         OSError: the bus is stuck.

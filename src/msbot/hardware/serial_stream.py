@@ -1,4 +1,4 @@
-"""A serial port read and written by a thread that may wait, with the library serialx."""
+"""A serial port read and written by a thread that may block, with the library serialx."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 MOST_OCTETS = 4096
 LOOK_S = 0.02
-"""Longest wait of one look at the port."""
+"""Longest wait of a single read of the port."""
 
 
 class SerialStream:
@@ -23,7 +23,7 @@ class SerialStream:
     Args:
         path: the port.
         baudrate: bits per second.
-        what: what should be there, for sentences.
+        what: what should be there, for messages.
 
     Raises:
         HardwareFault: it cannot be opened.
@@ -43,7 +43,8 @@ class SerialStream:
             raise self._gone(error) from None
 
     def read(self, timeout_s: float) -> bytes:
-        """What has arrived, at least one octet; empty when nothing comes in time. Raises LinkDown: it is gone."""
+        """What has arrived, at least one octet; empty when nothing comes in time. Raises LinkDown if the port is
+        gone."""
         until = time.monotonic() + timeout_s
         try:
             while True:
@@ -57,7 +58,7 @@ class SerialStream:
             raise self._gone(error) from None
 
     def close(self) -> None:
-        """Let the port go."""
+        """Release the port."""
         self._port.close()
 
     def _gone(self, error: OSError) -> LinkDown:
@@ -69,7 +70,7 @@ def _open(path: str, baudrate: int, what: str) -> Serial:
         from serialx import Serial
     except ImportError:
         raise missing_library("parts on a serial port", "serialx") from None
-    # The class of this platform, which the library's types do not tell.
+    # The class for this platform, which the library's types do not show.
     port = Serial(path, baudrate=baudrate, read_timeout=LOOK_S, write_timeout=1.0, close_timeout=1.0)  # type: ignore[abstract]
     try:
         port.open()

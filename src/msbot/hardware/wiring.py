@@ -1,4 +1,4 @@
-"""Where one part is connected: what `--pins`, `--i2c`, `--adc`, `--device` and `--option` say, and the defaults."""
+"""Where one part is connected: from `--pins`, `--i2c`, `--adc`, `--device` and `--option`, and the defaults."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from msbot.config.toml.problems import suggestion
 from msbot.errors import ConfigError
 
 DEFAULT_I2C_BUS = 1
-"""The bus on the pins 3 and 5 of a Raspberry Pi."""
+"""The bus on pins 3 and 5 of a Raspberry Pi."""
 MOST_BUS = 255
 
 
@@ -49,7 +49,7 @@ class PartWiring:
         return ", ".join(words)
 
     def claims(self) -> list[str]:
-        """What no other part of this computer can have."""
+        """What no other part on this computer may use."""
         taken = [f"GPIO {gpio}" for gpio in self.pins.values()]
         taken += [f"channel {channel} of converter {device}" for device, channel in self.channels.values()]
         if self.i2c is not None:
@@ -81,18 +81,18 @@ def make_wiring(
     device: str = "",
     options: Iterable[str] | Mapping[str, object] = (),
 ) -> PartWiring:
-    """Where a part of that type is connected: what is said, and the defaults of its type.
+    """Where a part of that type is connected: the values given, else the defaults of its type.
 
     Args:
-        part_type: what it is.
+        part_type: its type.
         pins: `trigger=23,echo=24`, or a table.
         adc: `out=0` or `out=1:0` (converter and channel), or a table.
-        i2c: `1:0x76`, or a bus alone.
+        i2c: `1:0x76`, or a bus number alone.
         device: path or name.
-        options: `full_v=5` each, or a table.
+        options: texts such as `full_v=5`, or a table.
 
     Raises:
-        ConfigError: something is said that this type does not have, or cannot be.
+        ConfigError: a value is given that this type does not have, or that is impossible.
     """
     spec = require_driver(part_type)
     number = part_type.number

@@ -1,4 +1,4 @@
-"""BMP280: pressure and temperature of the air (Bosch BST-BMP280-DS001-19)."""
+"""BMP280: air pressure and temperature (Bosch BST-BMP280-DS001-19)."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from msbot.hardware.faults import HardwareFault
 IDENTITY, CONTROL, CONFIG, CALIBRATION, PRESSURE = 0xD0, 0xF4, 0xF5, 0x88, 0xF7
 """Table 18, memory map."""
 IDENTITIES = (0x56, 0x57, 0x58, 0x60)
-"""Samples, the chip itself, and the BME280, which measures the same in the same way."""
+"""Engineering samples, the chip itself, and the BME280, which measures both in the same way."""
 NORMAL = 0b010_101_11
-"""Temperature twice, pressure 16 times, measuring all the time (tables 21 to 23)."""
+"""Temperature oversampled twice, pressure 16 times, normal (continuous) mode (tables 21 to 23)."""
 STANDBY = 0b000_000_00
 """0.5 ms between two measurements, no filter."""
 FIRST_S = 0.05
-"""Longest time of a measurement with these (table 13: 43.2 ms)."""
+"""Longest time of a measurement with these settings (table 13: 43.2 ms)."""
 NOT_MEASURED = 0x80000
-"""What the registers say before the first measurement (table 18: reset state)."""
+"""The content of the registers before the first measurement (table 18: reset state)."""
 
 
 class Calibration(NamedTuple):
-    """What Bosch has measured at this one (table 17)."""
+    """The calibration values that Bosch measured for this chip (table 17)."""
 
     t1: int
     t2: int
@@ -57,18 +57,18 @@ class Bmp280(I2cDriver):
         self.machine.wait(FIRST_S)
 
     def sample(self, values: Values) -> Values | None:  # noqa: ARG002 - as its base
-        """Pressure in hPa and temperature in degrees; nothing before its first measurement is done."""
+        """Pressure in hPa and temperature in degrees; None until the first measurement is done."""
         octets = self.chip.block(PRESSURE, 6)
         pressure, temperature = (int.from_bytes(octets[at : at + 3]) >> 4 for at in (0, 3))
         if temperature == NOT_MEASURED:
-            # A chip that was without power in between has forgotten what it was told.
+            # A chip that lost power in between has forgotten its settings.
             raise HardwareFault("the BMP280 does not measure any more: it had no power in between")
         celsius, pascal = compensate(self._calibration, temperature, pressure)
         return {"air": celsius, "weather": pascal / 100}
 
 
 def compensate(c: Calibration, temperature: int, pressure: int) -> tuple[float, float]:
-    """Degrees and Pa from what the registers say (section 8.1, "Compensation formula in floating point")."""
+    """Degrees and Pa from the raw register values (section 8.1, "Compensation formula in floating point")."""
     x = (temperature / 16384 - c.t1 / 1024) * c.t2
     y = (temperature / 131072 - c.t1 / 8192) ** 2 * c.t3
     fine = x + y

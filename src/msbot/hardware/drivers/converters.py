@@ -1,4 +1,4 @@
-"""Analog parts at a converter that the kernel knows: files below /sys/bus/iio, in volts (kernel: sysfs-bus-iio).
+"""Analog parts on a converter that has a kernel driver: files below /sys/bus/iio, in volts (kernel: sysfs-bus-iio).
 
 A Raspberry Pi has no converter of its own. With an MCP3008: `dtoverlay=mcp3008`; with an ADS1115: `dtoverlay=ads1115`.
 """
@@ -21,7 +21,7 @@ REMEDY = (
 
 
 def read_volts(machine: Machine, device: int, channel: int) -> float:
-    """What a channel measures, in V.
+    """The voltage of a channel, in V.
 
     Raises:
         HardwareFault: there is no such converter or channel.
@@ -37,7 +37,7 @@ def read_volts(machine: Machine, device: int, channel: int) -> float:
 
 
 def share_of(wiring: PartWiring, machine: Machine, name: str) -> float:
-    """What a wire says as a share of the option `full_v`, 0 to 1."""
+    """The voltage of a wire as a share of the option `full_v`, 0 to 1."""
     return read_volts(machine, *wiring.channels[name]) / wiring.number("full_v")
 
 
@@ -49,7 +49,7 @@ class AnalogInput(Driver):
     control = "knob"
 
     def sample(self, values: Values) -> Values:  # noqa: ARG002 - as its base
-        """How much of the most there is."""
+        """The voltage, in percent of `full_v`."""
         return {self.control: 100 * share_of(self.wiring, self.machine, "out")}
 
 
@@ -66,7 +66,7 @@ class Loudness(AnalogInput):
 
 
 class Soil(Driver):
-    """A moisture sensor. Options: `dry_v`, `wet_v`: what it says in dry and in wet soil."""
+    """A moisture sensor. Options: `dry_v`, `wet_v`: its voltage in dry and in wet soil."""
 
     samples = True
 
@@ -80,13 +80,14 @@ class Soil(Driver):
 H2_PPM = 1000.0
 """R0 is the resistance at 1000 ppm of hydrogen (MQ-2 data sheet, note to figure 2)."""
 SLOPE = math.log(0.6) / math.log(3.0)
-"""Concentration slope rate: from 1000 to 3000 ppm the resistance falls to 0.6 of what it was (data sheet, table B)."""
+"""Concentration slope rate: from 1000 to 3000 ppm the resistance falls to 0.6 of its value (data sheet, table B)."""
 
 
 class Mq2(Driver):
     """A gas sensor. Options: `supply_v`, `load_kohm`, `r0_kohm`.
 
-    No two are alike and it takes all burnable gases for one: the figure is an estimate after the data sheet's curve.
+    No two sensors are alike, and all burnable gases look the same to them: the figure is an estimate from the data
+    sheet.
     """
 
     samples = True
@@ -99,7 +100,7 @@ class Mq2(Driver):
 
 
 def gas_ppm(ratio: float) -> float:
-    """How much gas there is when the sensor has this many times its R0."""
+    """The concentration of gas when the sensor's resistance is `ratio` times its R0."""
     return min(10_000.0, H2_PPM * math.pow(max(1e-6, ratio), 1 / SLOPE))
 
 

@@ -13,12 +13,12 @@ from msbot.hardware.serial_stream import SerialStream
 BAUDRATE = 9600
 LONGEST_LINE = 200
 SILENT_S = 3.0
-"""It says something every second."""
+"""Longer silence is a fault: the receiver sends every second."""
 READ_S = 0.05
 
 
 class Fix(NamedTuple):
-    """Where it is."""
+    """A position."""
 
     latitude: float
     longitude: float
@@ -45,7 +45,7 @@ class Gps(Driver):
             stream.close()
 
     def sample(self, values: Values) -> Values | None:  # noqa: ARG002 - as its base
-        """The newest place since the last look, if there is one.
+        """The newest position since the last call, if there is one.
 
         Raises:
             HardwareFault: it is silent or unplugged.
@@ -91,7 +91,7 @@ def sentence(line: bytes) -> list[str]:
 
 
 def place(fields: list[str]) -> Fix | None:
-    """The place in a sentence GGA; None in another one, or when the receiver has none."""
+    """The position in a GGA sentence; None for any other sentence, or when the receiver has no fix."""
     if len(fields) < 10 or not fields[0].endswith("GGA") or fields[6] in ("", "0"):
         return None
     try:

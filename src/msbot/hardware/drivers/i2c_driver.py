@@ -7,7 +7,7 @@ from msbot.hardware.i2c import Chip, SmBus
 
 
 class I2cDriver(Driver):
-    """Opens the bus; `self.chip` speaks to the chip."""
+    """Opens the bus; `self.chip` talks to the chip."""
 
     chip: Chip
 
@@ -16,7 +16,7 @@ class I2cDriver(Driver):
         self._bus: SmBus | None = None
 
     def open(self) -> None:
-        """Open the bus; says nothing to the chip yet."""
+        """Open the bus; sends nothing to the chip yet."""
         assert self.wiring.i2c is not None
         number, address = self.wiring.i2c
         self._bus = self.machine.open_i2c(number)

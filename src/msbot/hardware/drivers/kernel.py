@@ -1,4 +1,4 @@
-"""Sensors for which the kernel has the driver: what they measure is a number in a file below /sys."""
+"""Sensors with a kernel driver: what they measure is a number in a file below /sys."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from msbot.hardware.machine import Machine, read_number, read_text
 W1 = "/sys/bus/w1/devices"
 IIO = "/sys/bus/iio/devices"
 POWER_ON_MILLI = 85_000
-"""What a DS18B20 says before its first measurement (data sheet, table 1)."""
+"""What a DS18B20 reports before its first measurement (data sheet, table 1)."""
 
 
 class Ds18b20(Driver):
@@ -29,7 +29,7 @@ class Ds18b20(Driver):
         """The temperature; the kernel takes 0.75 s.
 
         Raises:
-            HardwareFault: it does not answer, or what it said was disturbed.
+            HardwareFault: it does not answer, or its answer was garbled.
         """
         name = self._file.parent.name
         remedy = "check its wires, and the resistor of 4.7 kilo-ohms between DATA and VCC"
@@ -71,7 +71,7 @@ class Dht22(Driver):
         self._folder = iio_device(self.machine, self.wiring.device, "DHT22", "dtoverlay=dht11,gpiopin=4")
 
     def sample(self, values: Values) -> Values:  # noqa: ARG002 - as its base
-        """Both, in thousandths of a unit."""
+        """Temperature and humidity; the kernel gives both in thousandths of a unit."""
         remedy = "check the wire DATA and its resistor of 10 kilo-ohms to VCC"
         return {
             "air": read_number(self._folder / "in_temp_input", "DHT22", remedy) / 1000,
@@ -80,11 +80,11 @@ class Dht22(Driver):
 
 
 NOTHING_MM = 2000.0
-"""What is further away than its range is nothing (8190 mm is what it says then)."""
+"""Anything further away counts as nothing seen (it then reports 8190 mm)."""
 
 
 class Vl53l0x(Driver):
-    """Time of flight, kernel driver vl53l0x: how the chip is set up is in no public data sheet, the kernel knows it."""
+    """Time of flight, kernel driver vl53l0x: no public data sheet says how to set up the chip, but the kernel knows."""
 
     samples = True
 
@@ -107,10 +107,10 @@ class Vl53l0x(Driver):
 
 
 def iio_device(machine: Machine, wanted: str, what: str, remedy: str) -> Path:
-    """The folder of the sensor whose name begins so, or of the device named.
+    """The folder of the sensor whose name begins with `wanted`, or of the device named.
 
     Raises:
-        HardwareFault: the kernel has none.
+        HardwareFault: the kernel has no such sensor.
     """
     folder = machine.path(IIO)
     for path in sorted(folder.glob("iio:device*")):

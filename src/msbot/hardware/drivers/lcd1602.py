@@ -33,7 +33,7 @@ class Lcd1602(I2cDriver):
         self._shown = [" " * COLUMNS] * ROWS
 
     def wanted(self, values: Values) -> object:
-        """Both rows, and whether it is lit."""
+        """Both rows, and whether the backlight is on."""
         rows = [*str(values["screen"]).split("\n"), "", ""][:ROWS]
         return tuple(row.ljust(COLUMNS)[:COLUMNS] for row in rows), bool(values["lit"])
 
@@ -46,7 +46,7 @@ class Lcd1602(I2cDriver):
         for number, row in enumerate(rows):
             if row == self._shown[number]:
                 continue
-            self._shown[number] = "?"  # should it fail in the middle
+            self._shown[number] = "?"  # in case it fails in the middle
             self._octet(SET_ADDRESS | ROW_AT[number])
             for letter in row:
                 self._octet(character(letter), RS)
@@ -57,7 +57,7 @@ class Lcd1602(I2cDriver):
         self._nibble(value << 4 & 0xF0, flags)
 
     def _nibble(self, upper: int, flags: int = 0) -> None:
-        """Four bits: the chip takes them when ENABLE falls; I2C is slower than any of its times but one."""
+        """Send four bits: the chip takes them when ENABLE falls; I2C is slower than all its minimum times but one."""
         octet = upper | flags | self._light
         self.chip.command(octet | ENABLE)
         self.chip.command(octet)
@@ -68,7 +68,7 @@ _OTHERS = {"°": 0xDF, "ä": 0xE1, "ö": 0xEF, "ü": 0xF5, "ß": 0xE2, "µ": 0xE
 
 
 def character(letter: str) -> int:
-    """A letter in the display's ROM A00; a question mark for what it does not have."""
+    """The code of a letter in the display's ROM A00; a question mark for a letter that it does not have."""
     code = ord(letter)
     if 0x20 <= code <= 0x7D and letter != "\\":
         return code

@@ -16,7 +16,7 @@ FIRST_S = 0.18
 
 
 class Bh1750(I2cDriver):
-    """A light sensor without registers: a command, then two octets."""
+    """A light sensor without registers: send a command, read two octets."""
 
     samples = True
 
@@ -29,25 +29,25 @@ class Bh1750(I2cDriver):
 
     def sample(self, values: Values) -> Values:  # noqa: ARG002 - as its base
         """Brightness in lx."""
-        # Read as a "register": the command is said again, which changes nothing while it measures with it.
+        # Read like a register: this repeats the command, which does not disturb the running measurement.
         return {"brightness": bh1750_lux(self.chip.word(CONTINUOUS_HIGH))}
 
 
 def bh1750_lux(counts: int) -> float:
-    """Counts of the BH1750 as lx."""
+    """Counts of the BH1750 converted to lx."""
     return counts / COUNTS_PER_LUX
 
 
 # TCS34725, ams data sheet v1-06.
 COMMAND = 0x80 | 0x20
-"""Registers are named with bit 7 set; bit 5: those that follow are read in one go."""
+"""Register addresses have bit 7 set; with bit 5, the registers that follow are read in one go."""
 ENABLE, ATIME, CONTROL, IDENTITY, STATUS, CLEAR = 0x00, 0x01, 0x0F, 0x12, 0x13, 0x14
 POWERED, MEASURING = 0x01, 0x03
 VALID = 0x01
 STEP_MS = 2.4
 """One step of the integration time."""
 INTEGRATION_STEPS = 21
-"""50.4 ms: shorter than the shortest period of the part, and a few flickers of a lamp long."""
+"""50.4 ms: shorter than the shortest period of the part, and several periods of a lamp's flicker."""
 GAINS = {1: 0, 4: 1, 16: 2, 60: 3}
 DEVICE_FACTOR = 310.0
 """ams DN40, for the bare sensor: lux of one count at gain 1 and 1 ms."""
@@ -73,7 +73,7 @@ class Tcs34725(I2cDriver):
         self.machine.wait(STEP_MS * (INTEGRATION_STEPS + 1) / 1000)
 
     def sample(self, values: Values) -> Values | None:  # noqa: ARG002 - as its base
-        """Colour and brightness; nothing before its first measurement is done."""
+        """Colour and brightness; None until the first measurement is done."""
         if not self.chip.read(COMMAND | STATUS) & VALID:
             return None
         octets = self.chip.block(COMMAND | CLEAR, 8)

@@ -1,4 +1,4 @@
-"""HX711: the 24-bit converter of a load cell, read by a clock that the computer makes."""
+"""HX711: the 24-bit converter of a load cell, clocked by the computer."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from msbot.hardware.i2c import signed
 from msbot.hardware.pins import PinDriver
 
 READY_S = 0.5
-"""Its slower rate is 10 measurements a second (data sheet, table 3), the first takes 0.4 s after power came."""
+"""Its slower rate is 10 measurements a second (data sheet, table 3); the first takes 0.4 s after power-up."""
 LONGEST_HIGH_S = 60e-6
-"""PD_SCK high for longer switches it off (data sheet, "Power down control")."""
+"""Holding PD_SCK high for longer switches the chip off (data sheet, "Power down control")."""
 ATTEMPTS = 3
 PULSES = 25
-"""24 bits, and one more: input A with gain 128 next time (data sheet, table 3)."""
+"""24 bits, and one more, which selects input A with gain 128 for the next time (data sheet, table 3)."""
 
 
 class Hx711(PinDriver):
-    """Options: `counts_per_gram`, `zero`: what the empty cell says.
+    """Options: `counts_per_gram`, and `zero`, the counts of the empty cell.
 
-    Linux may take the processor away in the middle of a clock pulse; such a measurement is thrown away.
+    Linux may preempt the program in the middle of a clock pulse; such a measurement is discarded.
     """
 
     samples = True
@@ -31,7 +31,7 @@ class Hx711(PinDriver):
         self._data = self.device("DigitalInputDevice", self.wiring.pins["dt"], pull_up=None, active_state=True)
 
     def sample(self, values: Values) -> Values:  # noqa: ARG002 - as its base
-        """The load in grams, before tare and calibration of the robot's settings.
+        """The load in grams, before tare and calibration from the robot's settings.
 
         Raises:
             HardwareFault: it is not ready in time, or the computer is too busy to clock it.

@@ -14,9 +14,9 @@ FRAME_S = 0.02
 
 
 class Servo(PinDriver):
-    """A hobby servo: the width of a pulse says where to go. Options: `min_pulse_ms` (0 degrees), `max_pulse_ms` (180).
+    """A hobby servo: the width of a pulse sets the position. Options: `min_pulse_ms` (0 degrees), `max_pulse_ms` (180).
 
-    It gets no pulse before it is told something, and none when the driver is closed: it is limp then.
+    It gets no pulse before the first value, and none when the driver is closed: then it is limp.
     """
 
     drives = True
@@ -35,13 +35,13 @@ class Servo(PinDriver):
         self._output.value = wanted / 1000 / FRAME_S
 
     def pulse_ms(self, part: float) -> float:
-        """The pulse for a part of the whole way, 0 to 1."""
+        """The width of the pulse for a share of the full travel, 0 to 1."""
         least, most = self.wiring.number("min_pulse_ms"), self.wiring.number("max_pulse_ms")
         return round(least + min(1.0, max(0.0, part)) * (most - least), 4)
 
 
 class Gripper(Servo):
-    """A gripper moved by a servo. Nothing in it feels whether it holds something."""
+    """A gripper moved by a servo. It has no sensor that feels whether it holds something."""
 
     unknown_ports = ("holding",)
 
@@ -51,9 +51,9 @@ class Gripper(Servo):
 
 
 class TwoMotors(PinDriver):
-    """An H-bridge for two motors (L298N, TB6612FNG): two pins say which way, PWM on them how much, a third lets it.
+    """An H-bridge for two motors (L298N, TB6612FNG): two pins set the direction, PWM the power, a third one enables it.
 
-    Both data sheets: one input high and the other low turns, both low or enable low stops.
+    According to both data sheets, one input high and the other low turns the motor; both low, or enable low, stops it.
     """
 
     drives = True
@@ -84,7 +84,7 @@ def _signed_share(percent: float) -> float:
 HALF_STEPS = (0b0001, 0b0011, 0b0010, 0b0110, 0b0100, 0b1100, 0b1000, 0b1001)
 """Which coils are on in the eight half steps (28BYJ-48 data sheet, table of the lead wires); bit 0 is IN1."""
 STEPS_PER_TURN = 4096
-"""Half steps of a full turn: 64 of the motor, and the gear's 1:64 (data sheet: 5.625 degrees / 64)."""
+"""Half steps of a full turn: 64 of the motor times the 1:64 gear (data sheet: 5.625 degrees / 64)."""
 IDLE_S = 0.05
 """Longest sleep of the stepping thread."""
 
@@ -92,7 +92,7 @@ IDLE_S = 0.05
 class Stepper(PinDriver):
     """28BYJ-48 with ULN2003: a thread of its own steps, because the time between two steps is about a millisecond.
 
-    Coils are off while it is at rest: it does not hold, and does not get hot.
+    The coils are off at rest: the motor does not hold its position, and does not get hot.
     """
 
     samples = True
@@ -122,13 +122,13 @@ class Stepper(PinDriver):
         return round(float(values["turning"]), 3)
 
     def drive(self, wanted: object) -> None:
-        """Turn that quickly from now on."""
+        """Turn at that speed from now on."""
         assert isinstance(wanted, float)
         self._rpm = wanted
         self._news.set()
 
     def sample(self, values: Values) -> Values:
-        """Steps it has made, in the steps that the part counts in."""
+        """The steps made, in the unit in which the part counts."""
         return {"steps": round(self._half_steps * float(values["steps_per_turn"]) / STEPS_PER_TURN)}
 
     def step(self, direction: int) -> None:

@@ -10,7 +10,7 @@ from msbot.hardware.faults import HardwareFault
 
 FILTER, GYRO_RANGE, ACCELERATION_RANGE, MEASURED, POWER, IDENTITY = 0x1A, 0x1B, 0x1C, 0x3B, 0x6B, 0x75
 IDENTITIES = (0x68, 0x70, 0x71, 0x72, 0x98)
-"""The chip itself, its successors 6500, 9250 and 9255, and copies: these registers are the same."""
+"""The chip itself, its successors 6500, 9250 and 9255, and copies: they have the same registers."""
 AWAKE = 0x01
 """Not asleep, clock of the X gyroscope (4.28)."""
 SLOW_FILTER = 0x03

@@ -8,7 +8,7 @@ from msbot.hardware.pins import PinDriver
 
 
 class DimmedOutput(PinDriver):
-    """One output with PWM. Options: `active_low`, `frequency_hz`. The source that says how much, in percent."""
+    """One output with PWM. Options: `active_low`, `frequency_hz`. A source gives its power in percent."""
 
     drives = True
     source = "brightness_now"
@@ -29,13 +29,13 @@ class DimmedOutput(PinDriver):
 
 
 class Fan(DimmedOutput):
-    """A fan; below `start_at` it stays still."""
+    """A fan; below `start_at` it does not turn."""
 
     source = "wanted"
 
 
 class Relay(PinDriver):
-    """One output without PWM. Option: `active_low`, as most relay boards with an optocoupler want it."""
+    """One output without PWM. Option: `active_low`, which most relay boards with an optocoupler need."""
 
     drives = True
     source = "coil"
@@ -57,7 +57,7 @@ class Relay(PinDriver):
 
 
 class CameraTrigger(Relay):
-    """Presses the button of a camera by a transistor or optocoupler; counts how often it did."""
+    """Presses the button of a camera through a transistor or optocoupler; counts the presses."""
 
     source = "shutter"
     samples = True
@@ -69,18 +69,18 @@ class CameraTrigger(Relay):
         self._taken = 0
 
     def drive(self, wanted: object) -> None:
-        """Press or let go."""
+        """Press or release."""
         if wanted and not self._output.value:
             self._taken += 1
         super().drive(wanted)
 
     def sample(self, values: Values) -> Values:  # noqa: ARG002 - as its base
-        """How often it was pressed."""
+        """How often the button was pressed."""
         return {"pictures": self._taken}
 
 
 class ColourLamp(PinDriver):
-    """A lamp with three legs for red, green and blue. Options: `common_anode`, `frequency_hz`."""
+    """A lamp with three pins for red, green and blue. Options: `common_anode`, `frequency_hz`."""
 
     drives = True
 
@@ -100,7 +100,7 @@ class ColourLamp(PinDriver):
 
 
 class Buzzer(PinDriver):
-    """A loudspeaker or a passive buzzer: a square wave, whose duty cycle makes it loud."""
+    """A loudspeaker or a passive buzzer: driven by a square wave, whose duty cycle sets the loudness."""
 
     drives = True
 
@@ -109,7 +109,7 @@ class Buzzer(PinDriver):
         self._output = self.device("PWMOutputDevice", self.wiring.pins["s"], initial_value=0, frequency=440)
 
     def wanted(self, values: Values) -> object:
-        """Frequency and duty cycle; half the time is loudest."""
+        """Frequency and duty cycle; 50 % is loudest."""
         hertz = float(values["hertz"])
         if hertz < LOWEST_HZ:
             return 0.0, 0.0
@@ -125,9 +125,9 @@ class Buzzer(PinDriver):
 
 
 LOWEST_HZ = 1.0
-"""Nobody hears less, and PWM cannot do it."""
+"""Nobody can hear a lower frequency, and PWM cannot make one."""
 
 
 def share(value: Scalar, most: float = 100.0) -> float:
-    """A value as a share of the most, 0 to 1."""
+    """A value as a share of the maximum, 0 to 1."""
     return min(1.0, max(0.0, float(value) / most))

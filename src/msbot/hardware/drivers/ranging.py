@@ -1,4 +1,4 @@
-"""Ultrasonic distance and wheel pulses: edges of a pin, with the time at which the kernel saw them."""
+"""Ultrasonic distance and wheel pulses: edges on a pin, with the time at which the kernel saw them."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from msbot.hardware.pins import PinDriver, gpiozero
 TRIGGER_S = 10e-6
 """HC-SR04 data sheet: a high level of at least 10 us starts a measurement."""
 ECHO_STARTS_S = 0.06
-"""How long is waited for the echo pin to rise: the bursts take 0.2 ms, a busy computer takes longer."""
+"""How long to wait for the echo pin to rise: the bursts take 0.2 ms, a busy computer takes longer."""
 ECHO_ENDS_S = 0.06
 """The echo pin falls after 38 ms at the latest when nothing was heard (data sheet), plus time for the computer."""
 FAR_M = 10.0
-"""What the model takes as too far away."""
+"""What the model treats as too far away."""
 NO_ECHO_S = 0.036
-"""A longer echo is none: the sensor has given up."""
+"""A longer pulse is no echo: the sensor has given up."""
 
 
 class HcSr04(PinDriver):
@@ -71,7 +71,7 @@ class HcSr04(PinDriver):
 
 
 class WheelEncoder(PinDriver):
-    """LM393-SPEED: a light barrier at a disc with slots. One sensor cannot tell which way: pulses only go up."""
+    """LM393-SPEED: a light barrier at a slotted disc. One sensor cannot tell the direction: the count only goes up."""
 
     samples = True
 
@@ -84,7 +84,7 @@ class WheelEncoder(PinDriver):
         self._input.when_activated = self._count
 
     def sample(self, values: Values) -> Values:
-        """Pulses since it was opened, and turns per minute since the last look."""
+        """Pulses since it was opened, and turns per minute since the last call."""
         pulses, now = self._pulses, self.machine.clock()
         passed_s = now - self._seen_at
         turns = (pulses - self._seen) / float(values["pulses_per_turn"])

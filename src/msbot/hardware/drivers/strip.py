@@ -14,13 +14,13 @@ SPEED_HZ = 2_400_000
 """Three bits of SPI for each bit of the strip: 0.42 us high is a 0, 0.83 us is a 1 (0.4 and 0.8 us +-0.15)."""
 ZERO, ONE = 0b100, 0b110
 RESET = bytes(90)
-"""Low for 300 us: newer ones want 280 us until they show it."""
+"""Low for 300 us: newer chips need 280 us to latch the colours."""
 SET_SPEED = 0x40046B04
 """SPI_IOC_WR_MAX_SPEED_HZ (linux/spi/spidev.h)."""
 
 
 class Strip(Driver):
-    """Eight lamps; `device` is the SPI, /dev/spidev0.0."""
+    """Eight lamps; `device` is the SPI device, /dev/spidev0.0."""
 
     drives = True
 
@@ -45,12 +45,12 @@ class Strip(Driver):
         """Make all lamps dark."""
         file, self._file = getattr(self, "_file", None), None
         if file is not None:
-            with contextlib.suppress(OSError):  # it is closed because it fails: that has been said
+            with contextlib.suppress(OSError):  # it is closed because it fails, which has been reported
                 file.write(frame([(0, 0, 0)] * LAMPS))
             file.close()
 
     def wanted(self, values: Values) -> object:
-        """How many shine, and their colour."""
+        """How many lamps are on, and their colour."""
         colour = tuple(min(255, max(0, round(float(values[name])))) for name in ("red", "green", "blue"))
         return int(float(values["lamps_on"])), colour
 
@@ -66,7 +66,7 @@ class Strip(Driver):
 
 
 def set_speed(file: BinaryIO) -> None:
-    """Set the rate of an SPI; a plain file, as tests have, is left as it is."""
+    """Set the rate of an SPI device; a plain file, as used by tests, is left alone."""
     import fcntl
     import stat
     from os import fstat
@@ -76,7 +76,7 @@ def set_speed(file: BinaryIO) -> None:
 
 
 def frame(colours: list[tuple[int, int, int]]) -> bytes:
-    """The octets of SPI for these colours: green, red, blue, highest bit first."""
+    """The octets to send over SPI for these colours: green, red, blue, highest bit first."""
     bits = 0
     count = 0
     for red, green, blue in colours:

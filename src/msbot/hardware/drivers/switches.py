@@ -15,7 +15,7 @@ class SwitchInput(PinDriver):
     samples = True
 
     def open(self) -> None:
-        """Take the pin, and hear of each change."""
+        """Take the pin, and be told of each change."""
         simulator = self.place.part_type.simulator
         assert simulator is not None
         self._control = simulator.controls[0].name
@@ -33,9 +33,9 @@ class SwitchInput(PinDriver):
 
 
 def open_input(driver: PinDriver, gpio: int, pull: str) -> Any:  # noqa: ANN401 - the library has no types
-    """An input whose value is the level of the pin, whatever resistor pulls it."""
+    """An input whose value is the level of the pin, whichever way a resistor pulls it."""
     if pull == "up":
-        # gpiozero takes a pin that is pulled up as active when it is low; ours is the level.
+        # gpiozero treats a pulled-up pin as active when it is low; ours is the plain level.
         device = driver.device("DigitalInputDevice", gpio, pull_up=True)
         return _Inverted(device)
     return driver.device("DigitalInputDevice", gpio, pull_up=False if pull == "down" else None,
@@ -43,7 +43,7 @@ def open_input(driver: PinDriver, gpio: int, pull: str) -> Any:  # noqa: ANN401 
 
 
 class _Inverted:
-    """A gpiozero input seen the other way round."""
+    """A gpiozero input with its value inverted."""
 
     _device: Any
 
@@ -61,7 +61,7 @@ class _Inverted:
 
 
 class Knob(PinDriver):
-    """KY-040: a turning knob with clicks; both contacts and the button close to ground."""
+    """KY-040: a rotary encoder with clicks; both contacts and the button close to ground."""
 
     samples = True
 
@@ -86,7 +86,7 @@ KEYS = ("123A", "456B", "789C", "*0#D")
 
 
 class Keypad(PinDriver):
-    """A keypad of 16 keys. One row at a time is pulled low; the others float, so that two keys harm nothing."""
+    """A keypad of 16 keys. One row at a time is driven low; the others float, so that two pressed keys do no harm."""
 
     samples = True
     poll_s = 0.02
@@ -100,7 +100,7 @@ class Keypad(PinDriver):
             pin.input_with_pull("up")
 
     def sample(self, values: Values) -> Values:  # noqa: ARG002 - as its base
-        """The key that is pressed; of several, the first."""
+        """The pressed key; the first of several."""
         pressed = "none"
         for row, keys in zip(self._rows, KEYS, strict=True):
             row.output_with_state(0)

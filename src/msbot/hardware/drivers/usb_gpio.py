@@ -21,7 +21,7 @@ class UsbGpio8(Driver):
     poll_s = 0.05
 
     def open(self) -> None:
-        """Open the port; outputs are off before they are outputs."""
+        """Open the port; outputs are set to off before they become outputs."""
         self._stream: SerialStream | None = None
         self._gpio: NumatoGpio | None = None
         self._stream = SerialStream(str(self.machine.path(self.wiring.device)), BAUDRATE, "the USB module")
@@ -36,7 +36,7 @@ class UsbGpio8(Driver):
         self._levels = 0
 
     def close(self) -> None:
-        """All outputs off, and all pins inputs."""
+        """Switch all outputs off, and make all pins inputs."""
         gpio, self._gpio = getattr(self, "_gpio", None), None
         stream, self._stream = getattr(self, "_stream", None), None
         try:
@@ -44,7 +44,7 @@ class UsbGpio8(Driver):
                 gpio.write_all(0)
                 gpio.set_directions(outputs=0)
         except (LinkDown, RemoteProtocolError):
-            pass  # it was unplugged: it has no supply any more
+            pass  # it was unplugged, so it has no power any more
         finally:
             if stream is not None:
                 stream.close()
@@ -80,7 +80,7 @@ class UsbGpio8(Driver):
 
 
 class ThesisSwitch(UsbGpio8):
-    """Component BB: all pins are outputs; the last digit of a message says which one is on; it reports pin 3."""
+    """Component BB: all pins are outputs; the last digit of a message says which one is on; the part reports pin 3."""
 
     def output_pins(self) -> int:
         """All of them."""
