@@ -1,4 +1,4 @@
-"""Octets of DDS-XRCE in words, for people who watch the wire. Never raises, whatever the octets."""
+"""DDS-XRCE messages in words, for people who watch the wire. Never raises, whatever the octets."""
 
 from __future__ import annotations
 
@@ -62,11 +62,11 @@ _HEADERLESS_ANSWER = 12
 
 
 def explain(packet: bytes, notes: Callable[[Header, Submessage], list[str]] | None = None) -> list[str]:
-    """The message in words: one line for its header, one for each submessage, one for what could not be read.
+    """The message in words: one line for its header, one for each submessage, and one for what could not be read.
 
     Args:
         packet: the octets.
-        notes: what somebody who knows more has to add to a submessage; lines that are shown below it.
+        notes: gives further lines about a submessage, from a caller who knows more; they are shown below it.
     """
     try:
         header = decode_header(packet)
@@ -122,7 +122,7 @@ def submessage_words(submessage: Submessage) -> str:
 
 
 def definition_words(definition: Definition) -> str:
-    """What an object should be."""
+    """The requested object."""
     match definition:
         case ParticipantDef():
             return f"named {_short(definition.name)!r}"

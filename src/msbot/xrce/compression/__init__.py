@@ -1,1 +1,1 @@
-"""Header compression for slow buses: shorter messages and back, exactly."""
+"""Header compression for slow buses: makes messages shorter, and restores them exactly."""

@@ -1,8 +1,9 @@
-"""What both ends of header compression know beforehand: the dictionary of DEFLATE, and messages that never differ.
+"""What both ends of header compression know in advance: the DEFLATE dictionary, and messages that never change.
 
-Part of the wire format: both ends must have the same octets, so the CRC-32 of the dictionary stands here and in
-docs/reference/can.md, and another dictionary would need a capability bit of its own. It holds what every robot says
-and nothing of a single one: a part's first message (`msbot.part.Membership`), and ports being made and read.
+Part of the wire format: both ends must have the same octets, so the CRC-32 of the dictionary is given here and in
+docs/reference/can.md, and another dictionary would need a capability bit of its own. It holds only what every robot
+says, nothing specific to one of them: a part's first message (`msbot.part.Membership`), and the messages that create
+and read ports.
 """
 
 from __future__ import annotations
@@ -103,4 +104,4 @@ FIXED: Final = tuple(
         Reset(),
     )
 )
-"""What stands behind the header of messages outside of streams that are always the same, by number."""
+"""Messages outside streams that are always the same, without their header, by number."""

@@ -1,10 +1,10 @@
-"""Header compression: a shorter form of a message and back, exactly, with no memory of earlier messages.
+"""Header compression: makes a message shorter and restores it exactly, with no memory of earlier messages.
 
-Theory of operation. On one CAN identifier pair most of a message can be foreseen: whose it is, that one submessage
-fills it, what the request id is if our own client chose it. The first octet of the short form, the *code*, says which
-form it is; ordinary messages begin with a session id of 0x80 or more there, so they pass as they are. What is still
-longer than one classic frame is then squeezed by DEFLATE with a dictionary of what every robot says. Each step is left
-out when it does not fit, therefore `decompress(compress(packet)) == packet` for all octets.
+Theory of operation. Given the CAN identifier pair, most of a message can be predicted: whose it is, that one submessage
+fills it, and, if our own client chose it, the request id. The first octet of the short form, the *code*, says which
+form it is; ordinary messages begin with a session id of 0x80 or more there, so they pass as they are. A form that is
+still longer than one classic frame is then compressed by DEFLATE with a dictionary of what every robot says. A step
+that does not apply is left out, so `decompress(compress(packet)) == packet` for all octets.
 
 ::
 
@@ -70,13 +70,13 @@ NO_STREAM: Final = 30
 ESCAPE: Final = 0x1F
 """The message follows as it is; needed when its first octet is below 0x80."""
 DEFLATED: Final = 0x5F
-"""Another form follows, squeezed (RFC 1951, with `DICTIONARY` before it)."""
+"""Another form follows, compressed by DEFLATE (RFC 1951, with `DICTIONARY` before it)."""
 OUTSIDE: Final = 0x80
 
 ONE_FRAME: Final = 7
-"""Octets that one classic CAN frame carries; what is no longer than this is not squeezed."""
+"""Octets that one classic CAN frame carries; forms up to this length are not compressed by DEFLATE."""
 LARGEST: Final = 1 << 16
-"""Longer messages are not squeezed, and no more octets come out of DEFLATE."""
+"""Longer messages are not compressed by DEFLATE, and it never produces more octets than this."""
 
 _SUBMESSAGE = struct.Struct("<BBH")
 _IDS = struct.Struct(">HH")
@@ -116,7 +116,7 @@ _DATA_FORMS = {make_object_id(1 + n, ObjectKind.DATAREADER): READER + n for n in
 _OBJECTS = {form: object_id for object_id, form in (*_WRITE_FORMS.items(), *_DATA_FORMS.items())}
 
 _DEFLATE = zlib.compressobj(9, zlib.DEFLATED, -13, 4, zlib.Z_FIXED, zdict=DICTIONARY)
-"""Never used itself: copying it is three times as quick as making a new one."""
+"""A template, never used itself: copying it is three times as fast as making a new one."""
 
 
 def compress(packet: bytes) -> bytes:
@@ -131,10 +131,10 @@ def compress(packet: bytes) -> bytes:
 
 
 def decompress(data: bytes) -> bytes:
-    """The message of which `data` is a form.
+    """The message that `data` is a short form of.
 
     Raises:
-        RemoteProtocolError: it is none.
+        RemoteProtocolError: it is not a short form.
     """
     if data[:1] == b"\x5f":
         data = _inflate(data)
@@ -178,7 +178,7 @@ def _shorten_on_stream(packet: bytes, code: int, stream_id: int) -> bytes:
     size = len(packet)
     end = 8 + length
     if kind == _WRITE_DATA_ID:
-        # Clients fill up to a multiple of 4, agents do not.
+        # Clients pad to a multiple of 4, agents do not.
         if flags == LITTLE_ENDIAN and length >= 4 and size == (end + 3) & ~3 and packet[end:] == bytes(size - end):
             return _shorten_write(packet[:end], code, stream_id)
     elif end == size:
@@ -207,7 +207,7 @@ def _shorten_data(packet: bytes, code: int) -> bytes:
     if form is not None and request_id == read_request_id(object_id):
         if form < REPLY:
             return bytes((code | form, packet[2], packet[3])) + packet[12:]
-        # The request it answers stands in front: its request id, and once more the requester.
+        # The request it answers comes first: its request id, and the requester once more.
         if len(packet) >= 16 and packet[12] >> 6 == 2 and packet[14:16] == packet[10:12]:
             body = packet[16:].rstrip(b"\0")
             zeros = min(len(packet) - 16 - len(body), _MOST_ZEROS)

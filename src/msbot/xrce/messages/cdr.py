@@ -1,9 +1,9 @@
 """Classic CDR (XCDR version 1), the way every structure of DDS-XRCE is written.
 
-Each number is at a multiple of its own size (1, 2, 4 or 8), counted from an origin: the first octet of the message
-for submessages, of the blob for BINARY representations, of the sample for user data. A string has its length with the
+Each number is at a multiple of its own size (1, 2, 4 or 8), counted from an origin: the first octet of the message for
+submessages, of the blob for BINARY representations, of the sample for user data. A string has its length with the
 closing NUL in front, a sequence its count, an optional member a boolean (OMG CORBA 3 §9.3, XRCE 1.0 §8.3; seen on the
-wire). Padding is written as zero and not looked at when reading.
+wire). Padding is written as zeros and ignored when reading.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ _BIG = {code: struct.Struct(">" + code) for code in _CODES}
 
 
 class CdrWriter:
-    """Writes values one after the other; `finish` gives the octets.
+    """Writes values one after the other; `finish` returns the octets.
 
-    Every verb raises LocalProtocolError for a value that has no form on the wire.
+    Every method raises LocalProtocolError for a value that cannot be represented on the wire.
     """
 
     __slots__ = ("_buffer", "_structs")
@@ -68,7 +68,7 @@ class CdrWriter:
         self._number("q", 8, value)
 
     def f32(self, value: float) -> None:
-        """Write a float of 32 bits; what it cannot hold exactly is rounded."""
+        """Write a float of 32 bits; a value it cannot hold exactly is rounded."""
         self._number("f", 4, value)
 
     def f64(self, value: float) -> None:
@@ -96,12 +96,12 @@ class CdrWriter:
         self._buffer += value
 
     def octet_sequence(self, value: bytes) -> None:
-        """Write a count of octets and the octets."""
+        """Write a count of octets, then the octets."""
         self.u32(len(value))
         self._buffer += value
 
     def numbers(self, code: str, values: Sequence[float]) -> None:
-        """Write several numbers of one kind, given by its code in a `struct` format; nothing where there are none."""
+        """Write numbers of one kind, given by its code in a `struct` format; an empty sequence writes nothing."""
         if not values:
             return
         self.align(struct.calcsize(f"<{code}"))
@@ -134,7 +134,7 @@ class CdrWriter:
 class CdrReader:
     """Reads values one after the other from part of some octets.
 
-    Every verb raises RemoteProtocolError when the value is not there in full or makes no sense.
+    Every method raises RemoteProtocolError when the value is incomplete or makes no sense.
     """
 
     __slots__ = ("_data", "_end", "_origin", "_structs", "offset")
@@ -211,7 +211,7 @@ class CdrReader:
         return value == 1
 
     def string(self) -> str:
-        """Read a text; a length of 0 is taken for an empty one, as the genuine agent does."""
+        """Read a text; a length of 0 counts as an empty one, as in the genuine agent."""
         length = self.u32()
         if length == 0:
             return ""
@@ -234,7 +234,7 @@ class CdrReader:
         return self._data[offset : offset + count]
 
     def octet_sequence(self) -> bytes:
-        """Read a count of octets and the octets."""
+        """Read a count of octets, then the octets."""
         return self.octets(self.u32())
 
     def numbers(self, code: str, count: int) -> list[float]:
@@ -249,7 +249,7 @@ class CdrReader:
         return list(struct.unpack_from(f"{'<' if self._structs is _LITTLE else '>'}{count}{code}", self._data, start))
 
     def align(self, size: int) -> None:
-        """Go on to the next multiple of `size` (1, 2, 4 or 8)."""
+        """Skip to the next multiple of `size` (1, 2, 4 or 8)."""
         self.offset += -(self.offset - self._origin) & (size - 1)
 
     def _integer(self, code: str, size: int) -> int:

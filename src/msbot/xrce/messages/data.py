@@ -33,7 +33,7 @@ class WriteData:
     payload: bytes
 
     def encode(self) -> bytes:
-        """The whole submessage; above 65531 octets its length is 0, then it must be the last of its message."""
+        """The whole submessage; above 65531 octets its length is 0, and it must be the last of its message."""
         return _head(self.ID, len(self.payload) + 4, self.request_id, self.object_id) + self.payload
 
     @classmethod
@@ -41,7 +41,7 @@ class WriteData:
         """Read it from `packet[start:end]`.
 
         Raises:
-            RemoteProtocolError: fewer than 4 octets (the genuine agent aborts), or another format than DATA.
+            RemoteProtocolError: fewer than 4 octets (the genuine agent aborts), or a format other than DATA.
         """
         if flags & FORMAT_MASK or end - start < 4:
             raise _refused(end - start, flags)
@@ -56,12 +56,12 @@ class Data:
     ID: ClassVar[int] = SubmessageId.DATA
 
     request_id: int
-    """That of the READ_DATA which asked for it."""
+    """The request id of the READ_DATA that asked for it."""
     object_id: int
     payload: bytes
 
     def encode(self) -> bytes:
-        """The whole submessage; above 65531 octets its length is 0, then it must be the last of its message."""
+        """The whole submessage; above 65531 octets its length is 0, and it must be the last of its message."""
         return _head(self.ID, len(self.payload) + 4, self.request_id, self.object_id) + self.payload
 
     @classmethod
@@ -69,7 +69,7 @@ class Data:
         """Read it from `packet[start:end]`.
 
         Raises:
-            RemoteProtocolError: fewer than 4 octets, or another format than DATA.
+            RemoteProtocolError: fewer than 4 octets, or a format other than DATA.
         """
         if flags & FORMAT_MASK or end - start < 4:
             raise _refused(end - start, flags)
@@ -81,7 +81,7 @@ def _head(submessage_id: int, length: int, request_id: int, object_id: int) -> b
     if length > MAX_LENGTH:
         # eProsima's way to exceed 64 KiB: length 0 means "to the end of the message" (seen on the wire).
         length = 0
-    # One Struct for both headers: the ids are big endian, hence octet by octet.
+    # One Struct for both headers: the ids are big endian, so they are packed octet by octet.
     return _DATA.pack(
         submessage_id, LITTLE_ENDIAN, length, request_id >> 8, request_id & 0xFF, object_id >> 8, object_id & 0xFF
     )
@@ -100,9 +100,9 @@ class DeliveryControl:
     """How much a READ_DATA asks for (XRCE 1.0 §7.7.12)."""
 
     max_samples: int = 0xFFFF
-    """0xFFFF = without end; 0 = stop reading."""
+    """0xFFFF = unlimited; 0 = stop reading."""
     max_elapsed_s: int = 0
-    """Seconds; 0 = without end."""
+    """Seconds; 0 = unlimited."""
     max_bytes_per_second: int = 0
     """0 = as fast as possible."""
     min_pace_ms: int = 0

@@ -1,4 +1,4 @@
-"""Headers around contents: how samples become submessages, and bodies messages (XRCE 1.0 §8.3.2)."""
+"""Headers around contents: turns samples into submessages, and bodies into messages (XRCE 1.0 §8.3.2)."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Envelope:
     def __init__(self, session_id: int, client_key: int, mtu: int, *, pads: bool) -> None:
         """Prepare for messages of at most `mtu` bytes, header included.
 
-        The client key is part of the header if the session id is below 0x80 (XRCE 1.0 §8.3.2). `pads` fills the
-        messages of streams up to a multiple of 4, as C clients do and agents do not.
+        The client key is part of the header if the session id is below 0x80 (XRCE 1.0 §8.3.2). `pads` pads the messages
+        of streams to a multiple of 4, as C clients do and agents do not.
         """
         self._session_id = session_id
         self._key_octets = client_key.to_bytes(4, "big") if session_id < 0x80 else b""
@@ -40,7 +40,7 @@ class Envelope:
 
 
 def append_submessage(body: bytes, submessage: bytes) -> bytes:
-    """The body with one more submessage, which begins at a multiple of 4."""
+    """The body with one more submessage appended, starting at a multiple of 4."""
     return body + bytes(-len(body) & 3) + submessage
 
 

@@ -1,4 +1,4 @@
-"""The numbers of DDS-XRCE: kinds, statuses, formats, and the identifiers that are octets on the wire and ints here.
+"""The numbers of DDS-XRCE: kinds, statuses, formats, and the identifiers, which are octets on the wire and ints here.
 
 Object ids, request ids and client keys are octet arrays (XRCE 1.0 §8.2.1), never byte-swapped; they are kept as the
 big-endian number of their octets: key `aa bb cc dd` is 0xAABBCCDD, object `00 15` is 0x0015.
@@ -13,16 +13,16 @@ COOKIE = b"XRCE"
 VERSION = b"\x01\x00"
 """Protocol version 1.0."""
 VENDOR = b"\x01\x0f"
-"""Vendor id of eProsima, whose dialect is spoken here (the thesis builds on its client and agent)."""
+"""Vendor id of eProsima, whose dialect this is (the thesis builds on its client and agent)."""
 
 ASKS_AGAIN = ("msbot_asks_again", "1")
-"""Property of a client that, refused for want of resources, reads the octet of the implementation in STATUS_AGENT as
-the tenths of a second after which it should ask again (MsBOT's own; agents pass over what they do not know)."""
+"""Property of a client that asks again: when refused for lack of resources, it reads the implementation octet in
+STATUS_AGENT as the tenths of a second to wait (MsBOT's own; agents ignore properties they do not know)."""
 
 SESSION_NONE_KEYED = 0x00
 """No session yet; the client key follows in the header."""
 SESSION_NONE = 0x80
-"""No session yet, no key in the header; from here on no session id has the key in the header."""
+"""No session yet, no key in the header; ids from this one up never have the key in the header."""
 SESSION_DEFAULT = 0x81
 """The session id that all stock clients ask for."""
 
@@ -44,9 +44,9 @@ REQUEST_LOGOUT = 2
 REQUEST_DISCOVERY = 9
 REQUEST_PING = 10
 FIRST_REQUEST = 10
-"""Clients count their requests from here, after 65535 from here again (seen on the wire)."""
+"""Clients count their requests from here, and start here again after 65535 (seen on the wire)."""
 FIRST_RULED_REQUEST = 0x8000
-"""Request ids from here on follow from the rest of their message, for clients that use `write_request_id`."""
+"""Request ids from this one up follow from the rest of their message, for clients that use `write_request_id`."""
 
 
 class SubmessageId(IntEnum):
@@ -159,5 +159,5 @@ def read_request_id(object_id: int) -> int:
 
 
 def kind_of(object_id: int) -> int:
-    """The kind of an object: the low four bits of its id; a kind that nobody defined is possible."""
+    """The kind of an object: the low four bits of its id; it may be a kind that nobody defined."""
     return object_id & 0x0F

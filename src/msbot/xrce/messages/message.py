@@ -1,8 +1,8 @@
 """Messages: a header and one or more submessages (XRCE 1.0 §8.3.2).
 
 One packet is one message. Each submessage begins at a multiple of 4; its length field is always little endian, its
-payload is as its flag says. The genuine peers do not use the length to find the next submessage; here it is used, so
-unknown submessages can be skipped, with two exceptions that stock clients need:
+payload has the byte order its flag gives. The genuine peers do not use the length to find the next submessage. It is
+used here, so that unknown submessages can be skipped, with two exceptions for the sake of stock clients:
 
 * CREATE_CLIENT is read by its contents: C clients leave the properties out of the length;
 * WRITE_DATA of length 0 reaches to the end of the message: eProsima's way to carry more than 64 KiB. Between our own
@@ -129,7 +129,7 @@ def decode_header(packet: bytes) -> Header:
     """Read the header of a message.
 
     Raises:
-        RemoteProtocolError: fewer than 4 octets, or than 8 where a client key belongs to it.
+        RemoteProtocolError: fewer than 4 octets, or fewer than 8 where the header has a client key.
     """
     if len(packet) < 4:
         raise RemoteProtocolError(f"a message of {len(packet)} octets: the header alone has 4")
@@ -147,7 +147,7 @@ def iter_submessages(packet: bytes, offset: int) -> Iterator[Submessage]:
     Unknown ones are skipped, and so are up to 3 octets of padding at the end.
 
     Raises:
-        RemoteProtocolError: at the first one that makes no sense; those before it have been yielded.
+        RemoteProtocolError: at the first one that makes no sense; the earlier ones have been yielded by then.
     """
     return (submessage for submessage, _ in located_submessages(packet, offset) if submessage is not None)
 
@@ -178,9 +178,9 @@ def _name(submessage_id: int) -> str:
 
 
 def encode_message(header: Header, submessages: Iterable[Submessage], *, pad_end: bool) -> bytes:
-    """The octets of a message; `pad_end` fills the last submessage up to a multiple of 4 too.
+    """The octets of a message; `pad_end` pads the last submessage to a multiple of 4, too.
 
-    Agents do not pad the end; C clients pad what they send on a stream (seen on the wire). Both are accepted by all.
+    Agents do not pad the end; C clients pad what they send on a stream (seen on the wire). Every peer accepts both.
     """
     packet = bytearray(header.encode())
     for submessage in submessages:

@@ -1,4 +1,4 @@
-"""Submessages that make, remove and answer for a client's objects (XRCE 1.0 §8.3.5.2, §8.3.5.4, §8.3.5.6)."""
+"""Submessages that create, delete and answer for objects (XRCE 1.0 §8.3.5.2, §8.3.5.4, §8.3.5.6)."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ _DESCRIBED_ONLY = (ObjectKind.TYPE, ObjectKind.QOSPROFILE, ObjectKind.APPLICATIO
 
 @dataclass(frozen=True, slots=True)
 class ObjectVariant:
-    """The description of an object in a CREATE, not looked into yet: `parse_variant` does that."""
+    """The description of an object in a CREATE, not parsed yet: `parse_variant` does that."""
 
     kind: int
-    """What should be made; the kind in the object id does not count (seen on the wire)."""
+    """What to create; the kind in the object id does not count (seen on the wire)."""
     format: int
     """1 reference, 2 XML, 3 binary; others have no contents and cannot be parsed."""
     text: str | None = None
@@ -54,7 +54,7 @@ class ObjectVariant:
 
     @classmethod
     def read(cls, reader: CdrReader) -> Self:
-        """Read one; kinds that can only be talked about (agent, client, unknown ones) have no contents.
+        """Read one; kinds that cannot be created (agent, client, unknown ones) have no contents.
 
         Raises:
             RemoteProtocolError: the octets do not make sense.
@@ -87,9 +87,9 @@ class Create:
     object_id: int
     variant: ObjectVariant
     reuse: bool = False
-    """An equal object may stay (OK_MATCHED)."""
+    """An equal object with this id may stay (OK_MATCHED)."""
     replace: bool = False
-    """Another object of this id may be deleted."""
+    """A different object with this id may be deleted."""
     little_endian: bool = True
     """Byte order of the submessage, and with it of the variant's blob."""
 

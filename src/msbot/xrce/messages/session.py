@@ -1,7 +1,7 @@
-"""Submessages about the session itself: logging in, asking who is there, comparing clocks (XRCE 1.0 §8.3.5).
+"""Submessages about the session itself: logging in, asking for an agent, comparing clocks (XRCE 1.0 §8.3.5).
 
-Every class here and in its sister files knows its id, writes itself as a whole submessage (header and payload, little
-endian, without padding after it) and reads itself from `packet[start:end]`, the payload, with the flags of its header.
+Every class here and in the sister files knows its id, encodes itself as a whole submessage (header and payload, little
+endian, no padding after it) and decodes itself from `packet[start:end]`, the payload, given the flags of its header.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class CreateClient:
 
     @classmethod
     def decode_by_content(cls, packet: bytes, start: int, end: int, flags: int) -> tuple[Self, int]:
-        """Read it without trusting its length; returns it and where it ends.
+        """Read it without trusting its length; returns the submessage and where it ends.
 
         C clients leave the properties out of the length (seen on the wire).
 
@@ -111,7 +111,7 @@ class StatusAgent:
 
     @classmethod
     def decode(cls, packet: bytes, start: int, end: int, flags: int) -> Self:  # noqa: ARG003 - octets only
-        """Read it from `packet[start:end]`; properties of the agent are not looked at (C clients do not either).
+        """Read it from `packet[start:end]`; the agent's properties are ignored (as by C clients).
 
         Raises:
             RemoteProtocolError: the octets do not make sense.
@@ -231,7 +231,8 @@ class Locator:
 class Info:
     """The answer to GET_INFO (XRCE 1.0 §8.3.5.7); configuration first, then activity, as eProsima sends them.
 
-    Last submessage of its message: C clients do not read the locators and lose their place there (seen on the wire).
+    Last submessage of its message: C clients do not read the locators, so they would misread whatever followed (seen on
+    the wire).
     """
 
     ID: ClassVar[int] = SubmessageId.INFO
@@ -242,7 +243,7 @@ class Info:
     implementation_status: int = 0
     """1: the agent knows a session of the asking address; 0: it does not (seen on the wire)."""
     has_agent: bool = True
-    """Whether the agent's description (cookie, version, vendor) is there; a client's own answer goes without."""
+    """Whether the agent's description (cookie, version, vendor) is there; a client's own answer leaves it out."""
     availability: int | None = 1
     """Above 0: the agent takes clients. None: no activity part."""
     locators: tuple[Locator, ...] = ()
@@ -358,7 +359,7 @@ class TimestampReply:
 
 def _pack_time(time_ns: int) -> bytes:
     seconds, nanoseconds = divmod(time_ns, _SECOND_NS)
-    # The 32 bits of seconds wrap in 2038; both sides compute with differences, so the wrapped ones stay usable.
+    # The 32 bits of seconds wrap in 2038; both sides compute with differences, so wrapped times stay usable.
     return _TIME_OUT.pack(seconds & 0xFFFFFFFF, nanoseconds)
 
 

@@ -1,4 +1,4 @@
-"""Submessages by which a stream works: acknowledge, announce, start over, carry a piece (XRCE 1.0 §8.3.5.11 to 14)."""
+"""Submessages that run a stream: acknowledge, announce, start over, carry a piece (XRCE 1.0 §8.3.5.11 to 14)."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _HEARTBEAT_OUT = struct.Struct("<BBHHHB")
 
 @dataclass(slots=True)
 class Acknack:
-    """What a receiver has and misses on a reliable stream (XRCE 1.0 §8.3.5.11); always sent on stream NONE."""
+    """What a receiver has and is missing on a reliable stream (XRCE 1.0 §8.3.5.11); always sent on stream NONE."""
 
     ID: ClassVar[int] = SubmessageId.ACKNACK
 
     first_unacked: int
-    """All sequence numbers below have arrived."""
+    """All messages with lower sequence numbers have arrived."""
     bitmap: int
     """Bit i set: `first_unacked + i` is missing."""
     stream_id: int
@@ -46,7 +46,7 @@ class Acknack:
 
 
 def read_acknack(packet: bytes, start: int, end: int, flags: int) -> tuple[int, int, int]:
-    """The fields of an `Acknack` in `packet[start:end]`, without making one for every message that was sent.
+    """The fields of an `Acknack` in `packet[start:end]`, without creating an object for every message that was sent.
 
     Raises:
         RemoteProtocolError: it is too short.
@@ -58,13 +58,14 @@ def read_acknack(packet: bytes, start: int, end: int, flags: int) -> tuple[int, 
 
 
 def write_acknack(first_unacked: int, bitmap: int, stream_id: int) -> bytes:
-    """The whole submessage of an `Acknack`, without making one for every message that was received."""
+    """The whole submessage of an `Acknack`, without creating an object for every message that was received."""
     return _ACKNACK_OUT.pack(_ACKNACK_ID, LITTLE_ENDIAN, 5, first_unacked, bitmap >> 8, bitmap & 0xFF, stream_id)
 
 
 @dataclass(slots=True)
 class Heartbeat:
-    """What a sender keeps on a reliable stream (XRCE 1.0 §8.3.5.12); sent on stream NONE, answered by ACKNACK."""
+    """The messages that a sender keeps for a reliable stream (XRCE 1.0 §8.3.5.12); on stream NONE, answered by
+    ACKNACK."""
 
     ID: ClassVar[int] = SubmessageId.HEARTBEAT
 
@@ -92,7 +93,7 @@ class Heartbeat:
 
 @dataclass(slots=True)
 class Reset:
-    """All streams of the session start over (XRCE 1.0 §8.3.5.13); objects stay, no answer."""
+    """All streams of the session start over (XRCE 1.0 §8.3.5.13); objects stay; there is no answer."""
 
     ID: ClassVar[int] = SubmessageId.RESET
 
@@ -108,7 +109,7 @@ class Reset:
 
 @dataclass(slots=True)
 class Fragment:
-    """A piece of submessages that do not fit one message (XRCE 1.0 §8.3.5.14); reliable streams only."""
+    """A piece of submessages that do not fit into one message (XRCE 1.0 §8.3.5.14); reliable streams only."""
 
     ID: ClassVar[int] = SubmessageId.FRAGMENT
 
@@ -122,5 +123,5 @@ class Fragment:
 
     @classmethod
     def decode(cls, packet: bytes, start: int, end: int, flags: int) -> Self:
-        """Read it from `packet[start:end]`; an empty piece is a piece."""
+        """Read it from `packet[start:end]`; an empty piece is valid."""
         return cls(packet[start:end], bool(flags & LAST_FRAGMENT))

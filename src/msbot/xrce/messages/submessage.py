@@ -44,8 +44,8 @@ def need(start: int, end: int, size: int) -> None:
 def locate(packet: bytes, start: int) -> tuple[int, int, int]:
     """`(kind, flags, end)` of the submessage whose contents begin at `start`.
 
-    Of one that is cut short the end lies beyond the packet. A sample of length 0 reaches to the end: more than a length
-    field can say (seen on the wire, beyond 64 KiB).
+    If the submessage is cut short, its end lies beyond the packet. A sample of length 0 reaches to the end of the
+    packet: it is too long for the length field (seen on the wire, beyond 64 KiB).
     """
     kind, flags, length = _HEADER.unpack_from(packet, start - HEADER_SIZE)
     return kind, flags, start + length if length or kind not in _TO_THE_END else len(packet)

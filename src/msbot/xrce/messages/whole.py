@@ -1,5 +1,5 @@
-"""Tells a whole message from one that lost its beginning, or its end, on a way that cannot tell (the CAN framing of
-the thesis' firmware has neither a length nor a checksum)."""
+"""Tells a whole message from one that lost its beginning or its end, for framings that cannot (the CAN framing of the
+thesis' firmware has neither a length nor a checksum)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ HEADERLESS_ANSWER: Final = 12
 
 
 def is_whole(packet: bytes) -> bool:
-    """Whether the octets are one message without a client key in its header, and nothing but that.
+    """Whether the octets are exactly one message, without a client key in its header.
 
-    Its submessages are all known, make sense and fill it to the last octet. Of a message up to 32 KiB without its
-    first 7 octets this is never true: what is left begins with the high half of a length, which is not a session id.
+    Its submessages are all known, make sense and fill it to the last octet. This is never true of a message of up to 32
+    KiB that lost its first 7 octets: the rest begins with the high half of a length, which is not a session id.
     """
     if len(packet) < 2 * HEADER_SIZE or packet[0] < SESSION_NONE:
         return False

@@ -1,4 +1,4 @@
-"""Descriptions of objects in binary form, the way eProsima's C client writes them: what our own client sends."""
+"""Descriptions of objects in binary form, the way eProsima's C client writes them. Our own client sends these."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ class EndpointQos:
     """The writer keeps its last `depth` samples for readers that come later."""
     keep_all: bool = False
     depth: int | None = None
-    """Samples to keep, 1 to 65535; None leaves it to the agent."""
+    """Samples to keep, 1 to 65535; None: the agent decides."""
 
 
 RELIABLE_QOS = EndpointQos()
-"""Nothing is lost on the way; late readers get nothing old."""
+"""Nothing is lost on the way; late readers get no earlier samples."""
 
 
 def participant_variant(name: str, domain: int = 0) -> ObjectVariant:
-    """A participant; domain 255 leaves it to the agent."""
+    """A participant; domain 255: the agent decides."""
     writer = CdrWriter()
     writer.boolean(False)
     _optional_string(writer, name)
@@ -92,7 +92,7 @@ def _endpoint_blob(topic_id: int, qos: EndpointQos, no_more: bytes) -> bytes:
     writer.boolean(qos.depth is not None)
     if qos.depth is not None:
         writer.u16(qos.depth)
-    # No deadline, no lifespan, no user data, and none of what only writers or only readers have.
+    # No deadline, no lifespan, no user data, and no policies that only writers or only readers have.
     writer.octets(b"\0\0\0" + no_more)
     return writer.finish()
 

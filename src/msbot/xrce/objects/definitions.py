@@ -1,12 +1,12 @@
-"""What a client wants each of its objects to be, whatever form it was written in.
+"""The object that a client asks for, whichever form it was described in.
 
 Two definitions compare equal exactly when CREATE with REUSE finds the object it wants (STATUS OK_MATCHED, seen on the
 wire): participants by domain and name, topics by name, type and quality of service, publishers and subscribers always,
 writers and readers by quality of service and topic, requesters and repliers by topics and types.
 
 DEVIATION: the genuine agent does not compare the topic id of a writer or reader in binary form. A part that restarts
-with its topics in another order would be told OK_MATCHED and go on writing into the old topic; here that is a MISMATCH,
-or with REPLACE the new topic.
+with its topics in another order would be answered OK_MATCHED and go on writing to the old topic; here the answer is a
+MISMATCH, or with REPLACE the endpoint moves to the new topic.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 FurtherQos: TypeAlias = tuple[tuple[str, str], ...]
-"""Quality of service that no data space here honours: only compared."""
+"""Quality of service that no data space here supports: it is only compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +56,9 @@ class SubscriberDef:
 @dataclass(frozen=True, slots=True)
 class _EndpointDef:
     topic_id: int | None
-    """The topic's object id (binary form), or None: then it is named."""
+    """The topic's object id (binary form); None: the topic is given by name."""
     topic_name: str | None
-    """The topic's name (XML and reference), or None: then it has an id."""
+    """The topic's name (XML and reference); None: the topic is given by id."""
     type_name: str | None = field(compare=False)
     """What the endpoint says about its type; the topic's own type counts."""
     reliable: bool
@@ -75,9 +75,9 @@ class _EndpointDef:
     exclusive: bool = False
     """Ownership."""
     strength: int = 0
-    """Of a writer, where ownership is exclusive."""
+    """Strength of a writer, where ownership is exclusive."""
     separation_s: float = 0.0
-    """Of a reader: time-based filter."""
+    """Time-based filter of a reader."""
     further: FurtherQos = ()
 
 

@@ -1,4 +1,4 @@
-"""Objects by any text, as the genuine agent takes them with `-m ced`: the text is the topic's name."""
+"""Objects described by any text, as the genuine agent accepts them with `-m ced`: the text is the topic's name."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from msbot.xrce.objects.definitions import (
 
 
 def named_by(variant: ObjectVariant) -> Definition:
-    """What a reference or XML says to a reader that takes it for a name.
+    """The definition that results from reading a reference or XML as a topic's name.
 
     Raises:
-        RemoteProtocolError: it is in binary form, or of a kind that has no name.
+        RemoteProtocolError: it is in binary form, or its kind has no name.
     """
     text = variant.text
     if text is None or variant.format not in (Format.REFERENCE, Format.XML):

@@ -45,7 +45,7 @@ def parse_variant(
     """What the client wants, from any of the three forms.
 
     Raises:
-        RemoteProtocolError: a kind that is not made, a form that does not exist, or contents that make no sense.
+        RemoteProtocolError: a kind that cannot be created, an unknown form, or contents that make no sense.
     """
     try:
         kind = ObjectKind(variant.kind)
@@ -63,7 +63,7 @@ def parse_variant(
 def _from_xml(kind: ObjectKind, text: str, domain_id: int) -> Definition:
     if kind > ObjectKind.REPLIER:
         raise RemoteProtocolError(f"objects of kind {kind.name} are not made")
-    # No XML at all means defaults; what needs a name then fails for the lack of it.
+    # No XML at all means defaults; kinds that need a name then fail because it is missing.
     element = locate(kind, parse_xml(text)) if text else Element("", {}, 1)
     return define(kind, element, domain_id)
 
@@ -80,7 +80,7 @@ def _topic(reader: CdrReader, variant: ObjectVariant) -> TopicDef:  # noqa: ARG0
 
 
 def _publisher(reader: CdrReader, variant: ObjectVariant) -> PublisherDef:  # noqa: ARG001
-    # What follows the name is not read: client and agent of eProsima disagree about its form, and nobody sends it.
+    # What follows the name is not read: eProsima's client and agent disagree about its form, and nobody sends it.
     return PublisherDef(_optional_string(reader) or "")
 
 
@@ -137,7 +137,7 @@ def _endpoint_qos(reader: CdrReader) -> dict[str, Any]:
     deadline_ms = reader.u32() if reader.boolean() else 0
     lifespan_ms = reader.u32() if reader.boolean() else 0
     user_data = reader.octet_sequence().hex() if reader.boolean() else None
-    # The durabilities beyond transient local are honoured as that, and still not equal to it.
+    # The durabilities beyond transient local are served as transient local, but do not compare equal to it.
     further = [] if not flags & ~_KNOWN else [("qos_flags", f"0x{flags:04X}")]
     if user_data is not None:
         further.append(("user_data", user_data))

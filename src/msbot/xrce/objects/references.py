@@ -14,7 +14,7 @@ MAX_FILE_OCTETS = 4_000_000
 MAX_FILE_ELEMENTS = 100_000
 
 DOMAIN_OF_PROFILE = 255
-"""Domain id by which a participant by reference leaves the domain to its profile."""
+"""Domain id that means: take the domain from the profile of the participant."""
 
 _KINDS = (
     ObjectKind.PARTICIPANT,
@@ -68,7 +68,7 @@ class References:
 
 
 def resolve(kind: ObjectKind, name: str, domain_id: int, references: References | None) -> Definition:
-    """What a client means by a reference.
+    """The definition that a reference stands for.
 
     Without a profile file, a participant may have any name, and a topic, writer or reader may be named after its topic
     (`Name__t`, `Name__dw`, `Name__dr`), as the genuine agent's in-memory middleware understands it.

@@ -1,8 +1,8 @@
-"""The small part of XML that clients describe objects with: elements, attributes, text.
+"""The small part of XML that clients use to describe objects: elements, attributes, text.
 
-Bounded in size, depth and number of elements; document types, and with them entities of the sender's own, are refused.
-Namespaces are cut off. Attributes without a blank between them are mended, because eProsima's own request/reply
-examples send them so (seen on the wire).
+Bounded in size, depth and number of elements; document types, and with them custom entities, are refused. Namespaces
+are stripped. A missing blank between attributes is added, because eProsima's own request/reply examples send them so
+(seen on the wire).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _JOINED = re.compile(r"(=\s*(?:\"[^\"]*\"|'[^']*'))(?=[A-Za-z_])")
 
 @dataclass(slots=True)
 class Element:
-    """One element with what is in it."""
+    """One element and its contents."""
 
     tag: str
     attributes: dict[str, str]
@@ -95,7 +95,7 @@ class _Builder:
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
         self._parser.CharacterDataHandler = self._characters
-        # The document itself, so that the root has a place to go.
+        # The document itself, as the parent of the root.
         self._stack = [Element("", {}, 1)]
 
     def parse(self, octets: bytes) -> Element:

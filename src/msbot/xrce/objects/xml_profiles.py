@@ -83,7 +83,7 @@ def define(kind: ObjectKind, element: Element, domain_id: int = 0) -> Definition
     """The object that an element describes; `domain_id` is for participants.
 
     Raises:
-        RemoteProtocolError: a name is missing, or a value is none of those allowed.
+        RemoteProtocolError: a name is missing, or a value is not one of those allowed.
     """
     match kind:
         case ObjectKind.PARTICIPANT:
@@ -97,7 +97,7 @@ def define(kind: ObjectKind, element: Element, domain_id: int = 0) -> Definition
         case ObjectKind.SUBSCRIBER:
             return SubscriberDef()
         case ObjectKind.DATAWRITER:
-            # Unless told otherwise a writer is reliable and a reader is not (defaults of Fast DDS).
+            # By default a writer is reliable and a reader is not (as in Fast DDS).
             return _endpoint(WriterDef, element, reliable=True)
         case ObjectKind.DATAREADER:
             return _endpoint(ReaderDef, element, reliable=False)
@@ -148,7 +148,7 @@ def service_topics(service_name: str, request_topic: str | None, reply_topic: st
     """The two topics of a service: as given, or made from its name as Fast DDS does.
 
     Raises:
-        RemoteProtocolError: neither is there.
+        RemoteProtocolError: neither is given.
     """
     if not service_name and not (request_topic and reply_topic):
         raise RemoteProtocolError("a service without a name")
@@ -179,7 +179,7 @@ def _endpoint(
 
 
 def _late_depth(element: Element) -> int | None:
-    """What the durability service keeps; all of it is as much as there is."""
+    """The depth of the durability service; KEEP_ALL counts as the largest depth there is."""
     if _choice(element, "qos/durabilityService/history_kind", _HISTORY, default=False):
         return _MAX_DEPTH
     depth = element.find("qos/durabilityService/history_depth")
@@ -199,7 +199,7 @@ def _partitions(element: Element) -> tuple[str, ...]:
 
 
 def _duration(element: Element, path: str) -> float | None:
-    """Seconds; None for one that is not there, has no end, or is nothing."""
+    """Seconds; None if it is missing, infinite or zero."""
     seconds, nanoseconds = element.find(f"{path}/sec") or "0", element.find(f"{path}/nanosec") or "0"
     if seconds in _ENDLESS or nanoseconds in _ENDLESS:
         return None

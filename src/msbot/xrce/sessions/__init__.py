@@ -1,4 +1,4 @@
-"""Sessions of both ends, and what they tell their owners."""
+"""Sessions of both ends, and the events they report to their owners."""
 
 from msbot.xrce.sessions.agent import DataHandler
 from msbot.xrce.sessions.counters import Memory

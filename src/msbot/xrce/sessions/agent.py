@@ -1,9 +1,9 @@
 """The agent's end of a session: requests come in, statuses and samples go out (XRCE 1.0 §8.4).
 
-The agent sends one submessage per message and no padding behind it, as the genuine agent does. What an event causes
-must be booked before the next event is taken: so it precedes the ACKNACK.
+The agent sends one submessage per message, without padding, as the genuine agent does. The owner must book the answers
+to an event before it takes the next event; they then precede the ACKNACK.
 
-DEVIATION: the genuine agent loses a STATUS when 16 messages are unacknowledged; here they wait, up to
+DEVIATION: the genuine agent loses a STATUS when 16 messages are unacknowledged; here further ones wait, up to
 `SessionSettings.backlog` of them.
 """
 
@@ -73,16 +73,16 @@ class AgentSession(Session[AgentEvent]):
         """Open the session that a CREATE_CLIENT asked for.
 
         Args:
-            client_key: of the CREATE_CLIENT, not 0.
-            session_id: the one wanted; below 0x80 every header carries the key.
-            mtu: largest message that the client takes; below 24 it counts as 24 (refuse such a client).
+            client_key: the one in the CREATE_CLIENT, not 0.
+            session_id: the one in the CREATE_CLIENT; below 0x80 every header carries the key.
+            mtu: largest message that the client accepts; below 24 it counts as 24 (such a client should be refused).
             epoch_ns: wall clock in nanoseconds since 1970, for time synchronisation.
             settings: windows, periods and limits.
-            memory: bounds what all sessions that share it hold of incomplete messages; call `release` at the end.
-            unacked: the same for what they keep until it is acknowledged; beyond, each of their streams goes on with
+            memory: bounds the incomplete messages that all sessions sharing it hold; call `release` at the end.
+            unacked: the same for messages kept until they are acknowledged; when it is full, each stream goes on with
                 one message at a time.
-            on_data: takes `(object_id, request_id, payload)` of a sample that nothing else precedes, in place of the
-                event DataWritten. It must not call `receive_packet`.
+            on_data: called with `(object_id, request_id, payload)` for a sample that no undelivered event precedes,
+                instead of the event DataWritten. It must not call `receive_packet`.
         """
         options = settings or AgentSessionSettings()
         super().__init__(client_key, session_id, mtu, options, pads=False, memory=memory, unacked=unacked)
@@ -90,7 +90,7 @@ class AgentSession(Session[AgentEvent]):
         self._on_data = on_data
 
     def send_status(self, request_id: int, object_id: int, status: int, stream_id: int) -> None:
-        """Answer a CREATE or DELETE that came on `stream_id`, or refuse a read (say 0x80 then).
+        """Answer a CREATE or DELETE that came on `stream_id`, or refuse a read (then use stream 0x80).
 
         Requests on a reliable stream are answered on 0x80, others on 0x01, and the deletion of the session on stream
         NONE (seen on the wire). While the window is full the status waits.
@@ -112,10 +112,10 @@ class AgentSession(Session[AgentEvent]):
         self._sender.answer(Info(request_id, object_id, implementation_status=1).encode())
 
     def send_data(self, request_id: int, object_id: int, payload: bytes, stream_id: int) -> bool:
-        """Book a sample for the READ_DATA `request_id`; False when the window is full: try after `WindowOpened`.
+        """Book a sample for the READ_DATA `request_id`; False when the window is full: try again after `WindowOpened`.
 
-        On a reliable stream, what does not fit one message is cut. Elsewhere it is dropped and counted, and the result
-        is True: to try again would not help.
+        On a reliable stream, a sample that does not fit into one message is cut into fragments. On other streams it is
+        dropped and counted, and the result is True: trying again would not help.
         """
         body = data_submessage(_DATA_ID, request_id, object_id, payload)
         if stream_id < STREAM_RELIABLE:
@@ -127,15 +127,15 @@ class AgentSession(Session[AgentEvent]):
     def probe(self) -> None:
         """Ask the client for a sign of life; any packet is one.
 
-        The request id must be 0: C clients answer without a submessage header, so it is read as the kind of one; 0 is
-        a CREATE_CLIENT, which means nothing inside of a session (seen on the wire).
+        The request id must be 0. C clients answer without a submessage header, so the request id is read as the kind of
+        a submessage; 0 is a CREATE_CLIENT, which has no effect inside a session (seen on the wire).
         """
         self._sender.answer(GetInfo(REQUEST_NONE, OBJECT_CLIENT, _MASK_CONFIGURATION).encode())
 
     def relogin(self, mtu: int | None = None) -> None:
         """The client has logged in again with the same session id: all streams start over.
 
-        DEVIATION: the genuine agent ignores the new `mtu`; a client that was rebuilt may take less than before.
+        DEVIATION: the genuine agent ignores the new `mtu`; a client that was rebuilt may accept less than before.
         """
         if mtu is None:
             self._restart_streams()
@@ -148,7 +148,7 @@ class AgentSession(Session[AgentEvent]):
         self._restart_streams()
 
     def _refusal(self, packet: bytes, stream_id: int) -> str | None:  # noqa: ARG002 - the client's end looks at it
-        # Whose packet it is was found by its address or its key; among ids from 0x80 on the id itself is not compared
+        # The packet's owner was found by its address or its key; among ids from 0x80 up, the id itself is not compared
         # (seen on the wire).
         if self.session_id >= SESSION_NONE:
             return None if packet[0] >= SESSION_NONE else OTHER_SESSION

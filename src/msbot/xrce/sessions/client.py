@@ -1,13 +1,12 @@
-"""The client's end of a session: log in, create objects, write, read, ask who is there (XRCE 1.0 §8.4).
+"""The client's end of a session: log in, create objects, write, read, ask whether the agent is there (XRCE 1.0 §8.4).
 
-Theory of operation. A login or logout is repeated until it is answered or the tries are used up. Between them, requests
-and samples that are booked in one turn of the owner are packed into as few messages as they fit, which the next
-`packets_to_send` finishes.
+Theory of operation. A login or logout is repeated until it is answered or the tries are used up. Requests and samples
+booked in one turn of the owner are packed into as few messages as possible, which `packets_to_send` finishes.
 
-The agent starts its streams over with every CREATE_CLIENT it gets. A client that had to repeat itself is therefore told
-"yes" more than once, and the samples between two of these answers are numbered from 0 twice; so every further answer
-that repetitions explain starts the input over. An answer that nothing explains is a copy as long as nothing was sent
-in the session; later it may mean that a late login has reached the agent, so the owner is told (SessionRestarted).
+The agent starts its streams over with every CREATE_CLIENT it gets. A client that repeated its login may thus get
+several answers, each of which restarts the numbers of the agent's samples at 0. So every further answer that a
+repetition explains restarts the input. Any other is a duplicate as long as nothing was sent in the session; later it
+may mean that a late login reached the agent: the owner is told (SessionRestarted).
 
 ::
 
@@ -78,7 +77,7 @@ _IDS = struct.Struct(">HH")
 _WRITE_DATA_ID = SubmessageId.WRITE_DATA.value
 _MASK_ACTIVITY = 2
 _MTU_RESERVE = 4
-"""C clients announce, and use themselves, 4 bytes less than the transport takes (seen on the wire: 508 of 512)."""
+"""C clients announce, and themselves use, 4 bytes less than the transport allows (seen on the wire: 508 of 512)."""
 
 NOT_DATA = "DATA without ids, or in another format than DATA"
 NOT_OPEN = "message while the session is not open"
@@ -103,8 +102,8 @@ class ClientSession(Session[ClientEvent]):
 
         Args:
             client_key: 32 bits, unique among the clients of an agent, not 0.
-            session_id: 0x81 as all stock clients; below 0x80 every header carries the key.
-            mtu: largest packet in bytes that the link takes.
+            session_id: 0x81 as in all stock clients; below 0x80 every header carries the key.
+            mtu: largest packet in bytes that the link accepts.
             epoch_ns: wall clock in nanoseconds since 1970, for time synchronisation.
             settings: windows, periods and limits.
         """
@@ -138,7 +137,8 @@ class ClientSession(Session[ClientEvent]):
         self._begin(ClientState.CONNECTING, now)
 
     def close(self, now: float) -> None:
-        """Delete the session at the agent; ends with SessionClosed. What the window has room for is sent before.
+        """Delete the session at the agent; ends with SessionClosed. Messages that the window has room for are sent
+        first.
 
         Raises:
             LocalProtocolError: there is no session to close.
@@ -198,11 +198,11 @@ class ClientSession(Session[ClientEvent]):
     def write(self, object_id: int, payload: bytes, stream_id: int) -> int:
         """Write a sample, a request or a reply; returns the request id.
 
-        On a reliable stream, what does not fit one message is cut.
+        On a reliable stream, a payload too large for one message is cut.
 
         Raises:
             LinkFull: the window is full; try again after WindowOpened.
-            LocalProtocolError: the session is not open, or the payload does not fit one message of a best-effort
+            LocalProtocolError: the session is not open, or the payload does not fit into one message of a best-effort
                 stream.
         """
         self._need_open("write")
@@ -213,12 +213,12 @@ class ClientSession(Session[ClientEvent]):
         request_id = self._next_request_id() if ruled is None else ruled
         self._sender.pack(data_submessage(_WRITE_DATA_ID, request_id, object_id, payload), stream_id)
         if ruled is not None:
-            # Nothing may join it: what follows would need a longer form.
+            # Nothing may be packed behind it: the next submessage would need a longer form.
             self._sender.finish_message(stream_id)
         return request_id
 
     def ping(self, now: float) -> None:
-        """Ask the agent whether it is there and knows us; in any state; answered by Pong."""
+        """Ask the agent whether it is there and knows us, in any state; answered by Pong."""
         self._pinged_at = now
         question = GetInfo(REQUEST_PING, OBJECT_AGENT, _MASK_ACTIVITY)
         if self._state in OPEN_STATES:
@@ -239,8 +239,8 @@ class ClientSession(Session[ClientEvent]):
     def packets_to_send(self, now: float, limit: int | None = None) -> list[bytes]:
         """The next messages for the link, all or at most `limit`; they count as sent.
 
-        What was booked since the last call is finished into messages first. Pull no more than the link takes now: the
-        wait for acknowledgements begins when nothing is left, and what waits here is still the newest that there is.
+        Booked submessages are made into messages first. Pull no more than the link accepts now: the wait for
+        acknowledgements begins when nothing is left, and samples that wait here can still be replaced by newer ones.
         """
         self._sender.flush()
         return self._sender.pull(now, limit)
@@ -260,7 +260,7 @@ class ClientSession(Session[ClientEvent]):
         if not self._retries.take(now):
             self._give_up()
         elif self._sender.is_idle:
-            # Otherwise the link has not even taken the last one, and another would only wait behind it.
+            # Otherwise the link has not even accepted the last one, and another would only wait behind it.
             self._ask_again()
 
     # Trying, until there is an answer.

@@ -1,4 +1,4 @@
-"""Where a client's session stands; `client_session.py` draws how the states follow each other."""
+"""The states of a client's session; the docstring of `client.py` draws the transitions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class ClientState(Enum):
-    """Where a client's session stands."""
+    """The state of a client's session."""
 
     IDLE = "not connected yet"
     CONNECTING = "waiting for the agent's answer to the login"

@@ -14,10 +14,10 @@ class SessionCounters:
     packets_in: int = 0
     packets_out: int = 0
     resent: int = 0
-    """Reliable messages sent once more because the peer missed them."""
+    """Reliable messages sent again because the peer missed them."""
     heartbeats_out: int = 0
     repeated: int = 0
-    """Reliable and best-effort messages that came again or too late: no effect, no harm."""
+    """Messages of any stream that came again or too late; they are harmless and ignored."""
     early: int = 0
     """Reliable messages that came before one that is still missing, and were held for it."""
     dropped: Tally = field(default_factory=Tally)
@@ -30,7 +30,7 @@ class Memory:
     __slots__ = ("_shared", "limit", "used")
 
     def __init__(self, limit: int, shared: Memory | None = None) -> None:
-        """Bound them to `limit`, and together with other sessions to what `shared` has."""
+        """Allow `limit` bytes, and together with other sessions no more than `shared` allows."""
         self.limit = limit
         self.used = 0
         self._shared = shared

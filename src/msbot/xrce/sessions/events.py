@@ -1,7 +1,6 @@
-"""What a session tells its owner, in the order in which it happened.
+"""The events that a session reports to its owner, in the order in which they happened.
 
-Events are made once for every message, so they are plain slots classes; nobody changes them after they were handed
-over.
+There is one event for every message, so events are plain classes with slots. They are never changed once handed over.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ class DeleteRequested:
 
 @dataclass(slots=True)
 class SessionDeleteRequested:
-    """The client leaves; answer with `send_status(request_id, object_id, ...)`, which takes stream NONE by itself."""
+    """The client leaves; answer with `send_status(request_id, object_id, ...)`, which uses stream NONE by itself."""
 
     request_id: int
     object_id: int = OBJECT_CLIENT
@@ -98,26 +97,26 @@ AgentEvent = (
 
 @dataclass(slots=True)
 class Connected:
-    """The agent has opened the session; its objects may or may not survive from before: create them with REUSE."""
+    """The agent has opened the session. Objects from an earlier one may still be there: create them with REUSE."""
 
 
 @dataclass(slots=True)
 class SessionRestarted:
-    """The agent has started the open session over, though it was not asked to: connect again.
+    """The agent has restarted the open session although it was not asked to: connect again.
 
-    A login that was late or doubled on its way has reached it. Its streams begin at 0 and ours do not, so samples
-    would be taken for repetitions, and be lost without a trace.
+    A late or duplicated login has reached it. Its streams now begin at 0 and ours do not, so samples would be mistaken
+    for repetitions and lost without a trace.
     """
 
 
 @dataclass(slots=True)
 class ConnectFailed:
-    """No session: the agent refused, or has not answered any try."""
+    """There is no session: the agent refused, or did not answer any try."""
 
     status: int | None = None
     """The agent's status octet; None = no answer."""
     implementation_status: int = 0
-    """The octet after it, whose meaning is the agent's own."""
+    """The octet after the status; each agent gives it a meaning of its own."""
 
 
 @dataclass(slots=True)
@@ -135,7 +134,7 @@ class DataReceived:
     """A sample for a read request."""
 
     request_id: int
-    """Of the read."""
+    """The request id of the read."""
     object_id: int
     payload: bytes
     stream_id: int
@@ -148,7 +147,7 @@ class Pong:
     agent_knows_us: bool
     """Whether it has a session for this client; if not, the client must connect again."""
     round_trip_s: float = 0.0
-    """Since the last ping was booked."""
+    """Time since the last ping was booked."""
 
 
 @dataclass(slots=True)

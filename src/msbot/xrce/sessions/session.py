@@ -1,12 +1,13 @@
-"""What both ends of a session have in common: receiving through streams, acknowledging, telling the owner.
+"""What both ends of a session have in common: receiving through streams, acknowledging, reporting to the owner.
 
 Theory of operation. `receive_packet` runs a message through its stream and then submessage by submessage through
-`_handle`, which turns each into an event. The ACKNACK is put behind the events that the message caused and is booked
-when the owner has taken them, so the outputs of a message always precede its ACKNACK, and ACKNACKs never overtake each
-other: a C client loses its history when they do.
+`_handle`, which turns each into an event. The ACKNACK is queued behind the events that the message caused and is booked
+when the owner has taken them. So the answers to a message always precede its ACKNACK, and ACKNACKs never overtake each
+other; if they did, a C client would lose its history.
 
-A gap is reported at once. When that report or what it asked for is lost, too, and nothing else comes that would tell,
-the ACKNACK is repeated after a while; so a lossy link is as quick as its round trip, not as the peer's HEARTBEAT.
+A gap is reported at once. If that report or the messages it asked for are lost, too, and nothing else arrives that
+would reveal it, the ACKNACK is repeated after a while. So repair on a lossy link takes a round trip, and need not wait
+for the peer's HEARTBEAT.
 """
 
 from __future__ import annotations
@@ -30,13 +31,13 @@ from msbot.xrce.streams.stream_state import StreamState, last_number
 
 Event = TypeVar("Event")
 
-# Plain ints: comparing with a member of an IntEnum costs several times as much, once for every submessage.
+# Plain ints: comparing with a member of an IntEnum costs several times as much, for every submessage.
 _ACKNACK_ID = SubmessageId.ACKNACK.value
 _HEARTBEAT_ID = SubmessageId.HEARTBEAT.value
 _FRAGMENT_ID = SubmessageId.FRAGMENT.value
 
 REPEATS_MAX = 8
-"""How often the same gap is reported while nothing comes; then the peer must ask by a HEARTBEAT."""
+"""How often the same gap is reported while nothing arrives; after that the peer must ask with a HEARTBEAT."""
 
 BROKEN = {kind.value: f"broken {kind.name}" for kind in SubmessageId}
 UNKNOWN_BROKEN = "broken submessage of an unknown kind"
@@ -50,7 +51,7 @@ class Session(ABC, Generic[Event]):
     """The common half of `AgentSession` and `ClientSession`."""
 
     _DATA_ID: ClassVar[int]
-    """The submessage that brings samples to this end."""
+    """The submessage that carries samples to this end."""
 
     def __init__(
         self,
@@ -74,7 +75,7 @@ class Session(ABC, Generic[Event]):
         self._memory = Memory(settings.max_message, memory)
         self._key_octets = client_key.to_bytes(4, "big")
         self._events: deque[Event | WindowOpened | bytes] = deque()
-        self._acknacks = 0  # among the events
+        self._acknacks = 0  # how many are queued among the events
         self._best_effort: dict[int, BestEffortInput] = {}
         self._reliable: dict[int, ReliableInput] = {}
         self._gaps: dict[int, tuple[float, int]] = {}
@@ -85,7 +86,7 @@ class Session(ABC, Generic[Event]):
     def receive_packet(self, packet: bytes, now: float) -> bool:
         """Take one packet of the peer; if the result is True, call `next_event` until it returns None.
 
-        What cannot be understood inside of the message is counted in `dropped` and ends the message.
+        A submessage that makes no sense is counted in `dropped`, and the rest of the message is ignored.
 
         Raises:
             RemoteProtocolError: the packet is shorter than a message header.
@@ -112,7 +113,7 @@ class Session(ABC, Generic[Event]):
         return bool(self._events)
 
     def next_event(self) -> Event | WindowOpened | None:
-        """What happened next; None when nothing more did, and the ACKNACKs of the packet are booked."""
+        """The next event; None when there are no more, and the ACKNACKs of the packet are booked."""
         events = self._events
         while events:
             event = events.popleft()
@@ -123,7 +124,7 @@ class Session(ABC, Generic[Event]):
         return None
 
     def has_room(self, stream_id: int) -> bool:
-        """Whether a sample may be booked in that stream now; after False, `WindowOpened` tells when."""
+        """Whether a sample may be booked on that stream now; after False, `WindowOpened` says when."""
         if stream_id < STREAM_RELIABLE:
             return True
         stream = self._sender.reliable(stream_id)
@@ -135,8 +136,8 @@ class Session(ABC, Generic[Event]):
     def packets_to_send(self, now: float, limit: int | None = None) -> list[bytes]:
         """The next messages for the link, all or at most `limit`; they count as sent.
 
-        Pull no more than the link takes now: the wait for acknowledgements begins when nothing is left, and what waits
-        here is still the newest that there is.
+        Pull no more than the link accepts now: the wait for acknowledgements begins when nothing is left, and samples
+        that wait here can still be replaced by newer ones.
         """
         return self._sender.pull(now, limit)
 
@@ -150,7 +151,7 @@ class Session(ABC, Generic[Event]):
 
     def handle_timer(self, now: float) -> None:
         """Book what is due by now."""
-        # What waits for the link already says more than a repetition could.
+        # What already waits for the link says more than a repetition could.
         gaps = self._gaps.items() if self._gaps and self._sender.is_idle else ()
         due = [(stream_id, repeated) for stream_id, (at, repeated) in gaps if now >= at]
         self._sender.handle_timer(now)
@@ -167,7 +168,7 @@ class Session(ABC, Generic[Event]):
     def heartbeat_s(self) -> float:
         """Silence in seconds after which a HEARTBEAT asks for what is unacknowledged; may be changed at any time.
 
-        On a link that takes longer, two measured round trips are waited for instead.
+        On a slower link, the wait is two measured round trips instead.
         """
         return self._sender.heartbeat_s
 
@@ -203,7 +204,7 @@ class Session(ABC, Generic[Event]):
 
     @abstractmethod
     def _refusal(self, packet: bytes, stream_id: int) -> str | None:
-        """Why the message is not for this session as it stands, in words; None when it is."""
+        """Why this session cannot take the message in its present state, in words; None when it can."""
 
     @abstractmethod
     def _take_data(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:
@@ -214,7 +215,7 @@ class Session(ABC, Generic[Event]):
         """Take one submessage of another kind; False ends the message."""
 
     def _restart_streams(self, envelope: Envelope | None = None) -> None:
-        """Start all streams over, both ways; forget what waits, what is held and what is half collected."""
+        """Start all streams over, both ways; forget all messages that wait, are held, or are half collected."""
         self._restart_input()
         if self._acknacks:
             # Only then: a message may consist of thousands of RESETs, each with its event.
@@ -279,14 +280,14 @@ class Session(ABC, Generic[Event]):
             self._sender.put_answer(packet)
 
     def _watch_gap(self, stream_id: int, now: float, repeated: int) -> None:
-        """The peer has just been told what is missing; it is told again after a while, but not for ever."""
+        """Note that the peer has just been told what is missing; it is told again after a while, but not for ever."""
         if repeated < REPEATS_MAX and self._sender.round_trip.smoothed_s is not None:
             self._gaps[stream_id] = (now + self._sender.patience_s(now, repeated), repeated)
         else:
             self._gaps.pop(stream_id, None)
 
     def _process(self, packet: bytes, offset: int, stream_id: int) -> None:
-        """Handle the submessages of a message, or of joined fragments (which begin at offset 0)."""
+        """Handle the submessages of a message, or of reassembled fragments (which begin at offset 0)."""
         size = len(packet)
         start = offset + HEADER_SIZE
         while start <= size:
@@ -316,11 +317,11 @@ class Session(ABC, Generic[Event]):
 
     def _take_heartbeat(self, heartbeat: Heartbeat, carrier_id: int) -> None:
         if carrier_id >= STREAM_RELIABLE:
-            # They travel on stream NONE (XRCE 1.0 §8.3.5.12); one that was held could set off others, without end.
+            # They travel on stream NONE (XRCE 1.0 §8.3.5.12); one in a held message could trigger others without end.
             self.counters.dropped.count(INSIDE_STREAM)
             return
         stream_id = heartbeat.stream_id
-        # A HEARTBEAT of a best-effort stream means nothing. DEVIATION: the genuine agent answers it with garbage.
+        # A HEARTBEAT for a best-effort stream means nothing. DEVIATION: the genuine agent answers it with garbage.
         stream = self._reliable_input(stream_id) if stream_id >= STREAM_RELIABLE else None
         if stream is None:
             return

@@ -1,4 +1,4 @@
-"""Windows, periods and limits of sessions; the defaults are what the genuine agent and client do."""
+"""Windows, periods and limits of sessions; the defaults are those of the genuine agent and client."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class SessionSettings:
-    """What both ends of a session can be told."""
+    """The settings that both ends of a session have."""
 
     window: int = 16
-    """Unacknowledged messages on each reliable stream, both ways; an ACKNACK reports on 16."""
+    """Unacknowledged messages on each reliable stream, in each direction; an ACKNACK covers 16."""
     heartbeat_s: float = 0.2
     """Silence in seconds after which a HEARTBEAT asks for what is unacknowledged."""
     heartbeat_min_s: float = 0.005
-    """The same on a link that loses messages, where the measured round trip allows it; not below `heartbeat_s` = never
-    sooner than that. The wait doubles with every question that stays without an answer."""
+    """The shortest such silence on a link that loses messages, where the wait follows the measured round trip; a value
+    from `heartbeat_s` up turns this off. The wait doubles with every HEARTBEAT that goes unanswered."""
     max_message: int = 1 << 20
-    """Bytes held for early messages and pieces of large ones; so also the largest message that is accepted."""
+    """Bytes held for early messages and pieces of large ones; this also limits the largest message accepted."""
     queue_limit: int = 256
     """Best-effort messages of one stream that may wait for the link; beyond, the oldest is dropped and counted."""
     backlog: int = 64
@@ -28,23 +28,23 @@ class SessionSettings:
 
 @dataclass(frozen=True, slots=True)
 class AgentSessionSettings(SessionSettings):
-    """What an agent's session can be told."""
+    """The settings of an agent's session."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClientSessionSettings(SessionSettings):
-    """What a client's session can be told."""
+    """The settings of a client's session."""
 
     heartbeat_s: float = 0.1
     """Silence in seconds after which a HEARTBEAT asks for what is unacknowledged."""
     login_period_s: float = 1.0
-    """Between two tries of a login or of the deletion of the session."""
+    """Seconds between two tries of a login or of the deletion of the session."""
     login_tries: int | None = 10
-    """How often they are tried; None = without end."""
+    """How often each is tried; None = for ever."""
     login_properties: tuple[tuple[str, str], ...] | None = None
-    """What the login says besides; an agent passes over what it does not know."""
+    """Further properties in the login; an agent ignores those it does not know."""
     pads: bool = True
-    """Whether messages of streams are filled up to a multiple of 4, as C clients do; agents do not need it."""
+    """Whether messages of streams are padded to a multiple of 4, as by C clients; agents do not need it."""
     ids_by_rule: bool = False
-    """Request ids of WRITE_DATA and READ_DATA follow from other fields, and each WRITE_DATA has a message of its own:
-    shortest with header compression. Off: they are counted and packed, as C clients do."""
+    """Whether request ids of WRITE_DATA and READ_DATA follow from other fields, and each WRITE_DATA has a message of
+    its own: the shortest with header compression. If not, requests are numbered and packed, as by C clients."""

@@ -1,4 +1,4 @@
-"""Comparing clocks: one question, four times (XRCE 1.0 §8.3.5.15 and 16; the arithmetic of NTP, RFC 5905 §8)."""
+"""Comparing clocks: one request, four timestamps (XRCE 1.0 §8.3.5.15 and 16; the arithmetic of NTP, RFC 5905 §8)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ CIRCLE_NS = 2**32 * 1_000_000_000
 
 
 def answers(reply: TimestampReply, asked_ns: int) -> bool:
-    """Whether the reply is to the question that was asked at that time."""
+    """Whether it is the reply to the request sent at that time."""
     return (asked_ns - reply.originate_ns) % CIRCLE_NS == 0
 
 
 def compare_clocks(reply: TimestampReply, asked_ns: int, arrived_ns: int) -> TimeSynchronised:
-    """Offset of the own clock to the agent's (agent time = own time - offset), and the time on the way.
+    """The offset of our clock from the agent's (agent time = own time - offset), and the round-trip time.
 
     The result is exact if both ways take equally long; it is wrong by at most half of the round trip.
     """

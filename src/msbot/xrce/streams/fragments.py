@@ -1,9 +1,9 @@
-"""Joining the pieces of a large submessage (XRCE 1.0 §8.3.5.14).
+"""Reassembles the pieces of a large submessage (XRCE 1.0 §8.3.5.14).
 
-A submessage that does not fit one message is cut into FRAGMENTs with consecutive numbers of one reliable stream; there
-is neither a length nor an offset in them, so a joiner must never see a gap: its owner clears it when a message is given
-up, at RESET and at every login (seen on the wire: an agent that keeps half a message over a RESET spoils the next one).
-Cutting is done by `ReliableOutput`, one piece at a time, so that a large sample is stored once.
+A submessage that does not fit into one message is cut into FRAGMENTs with consecutive numbers of one reliable stream;
+they contain neither a length nor an offset, so the joiner must never see a gap: its owner clears it when a message is
+given up, at RESET and at every login (seen on the wire: an agent that keeps half a message across a RESET spoils the
+next one). Cutting is done by `ReliableOutput`, one piece at a time, so that a large sample is stored once.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class FragmentJoiner:
         self._refused = False
 
     def add(self, piece: bytes, *, last: bool) -> bytes | None:
-        """Take the next piece; the whole string of submessages when it was the last one, else None.
+        """Take the next piece; returns the whole string of submessages if it was the last one, else None.
 
         A message that outgrows the memory is dropped as a whole, up to and including its last piece, and counted once.
         """

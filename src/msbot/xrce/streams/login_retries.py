@@ -1,4 +1,4 @@
-"""Asking again until there is an answer: login and logout of a client (seen on the wire: 10 times, 1 s apart)."""
+"""Repeats a client's login or logout until there is an answer (seen on the wire: 10 times, 1 s apart)."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ class Retries:
         self.count = 0
         """Tries since `begin`."""
         self.next_at: float | None = None
-        """When to call `take`; None while nothing is asked."""
+        """When to call `take`; None while nothing is being asked."""
 
     def begin(self, now: float) -> None:
-        """The first try is made now."""
+        """Start counting: the first try is made now."""
         self.count = 1
         self.next_at = now + self._period_s
 
     def take(self, now: float) -> bool:
-        """Use up the try that is due; False when none is left: the asking has ended."""
+        """Use up the try that is due; False when none is left and the retries end."""
         if self.count == self._limit:
             self.next_at = None
             return False
@@ -32,5 +32,5 @@ class Retries:
         return True
 
     def end(self) -> None:
-        """There is an answer, or nobody wants it any more."""
+        """Stop: there is an answer, or it is not wanted any more."""
         self.next_at = None

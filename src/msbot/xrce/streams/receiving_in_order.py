@@ -1,9 +1,9 @@
 """The receiving half of a stream: what is new, what came too early, what came again.
 
 Theory of operation. A best-effort stream takes every message that is newer than the newest it has seen. A reliable
-stream hands on every message exactly once and in order: the next one at once, those up to a window ahead are held until
-the gap before them is filled. Its state is told to the peer in an ACKNACK after every message and every HEARTBEAT, so a
-gap is repaired at the speed of the link (XRCE 1.0 §8.4).
+stream passes on every message exactly once and in order: the next one at once, those up to a window ahead are held
+until the gap before them is filled. It reports its state to the peer in an ACKNACK after every message and every
+HEARTBEAT, so a gap is repaired at the speed of the link (XRCE 1.0 §8.4).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class ReliableInput:
         self._counters = counters
         self._held: dict[int, bytes] = {}
         self.announced = NOTHING_YET
-        """The newest number that is known to exist; nothing is missing while it is the last one handled."""
+        """The newest number known to exist; nothing is missing while it equals the last one handled."""
         self.last_handled = NOTHING_YET
         self.joiner = FragmentJoiner(memory, counters)
 
@@ -76,7 +76,7 @@ class ReliableInput:
         return packet
 
     def announce(self, first: int, last: int) -> list[bytes | None]:
-        """Note a HEARTBEAT; what must be handled now because older messages will not come any more.
+        """Note a HEARTBEAT; returns what must be handled now because older messages will never come.
 
         The peer keeps `first` to `last`; anything before `first` that is missing is given up. In the result, None
         stands for messages that are lost: pieces collected before it are worthless.
@@ -124,8 +124,8 @@ class ReliableInput:
         self.announced = self.last_handled = NOTHING_YET
 
     def _hold(self, sequence_nr: int, packet: bytes, ahead: int) -> None:
-        # A number far beyond the window is not believed: it would be reported missing for ever, and C clients answer
-        # any bit by sending everything again.
+        # A number far beyond the window is ignored: it would be reported missing for ever, and C clients answer any bit
+        # by sending everything again.
         if ahead <= 2 * self._window and is_after(sequence_nr, self.announced):
             self.announced = sequence_nr
         if ahead > self._window:

@@ -1,22 +1,22 @@
-"""How long the peer takes to acknowledge, and so how long to wait before asking it (after RFC 6298).
+"""How long the peer takes to acknowledge, and therefore how long to wait before asking it (after RFC 6298).
 
-A loss at the end of a burst shows only in silence. On a link that loses messages, to wait a fixed time for it costs
-hundreds of others; so there the wait follows the measured round trip, and doubles with every question that stays
-without an answer. As long as nothing is lost, questions come as seldom as those of the genuine peers: a client that is
-just slow to answer is left in peace.
+A loss at the end of a burst shows only as silence. On a lossy link, waiting a fixed time each time would cost the time
+of hundreds of messages. So there the wait follows the measured round trip, and doubles with every question that goes
+unanswered. As long as nothing is lost, questions are as rare as those of the genuine peers, so a client that is merely
+slow to answer is not pestered.
 """
 
 from __future__ import annotations
 
 PATIENCE_MAX = 5
-"""On a slow link a question waits at most that many periods, however long the round trip was."""
+"""On a slow link a question waits at most this many periods, however long the round trip was."""
 
 MEMORY_S = 10.0
-"""How long after a loss the link counts as one that loses messages."""
+"""How long after a loss the link counts as lossy."""
 
 
 class RoundTrip:
-    """The measured time from handing a message to the link until its acknowledgement comes, and what was lost."""
+    """The measured time from handing a message to the link until its acknowledgement, and recent losses."""
 
     __slots__ = ("_lossy_until", "_spread_s", "smoothed_s")
 
@@ -44,11 +44,11 @@ class RoundTrip:
         """How long to wait for an answer before asking.
 
         Args:
-            now: the wait begins.
-            longest_s: the wait as long as nothing is lost or the round trip is not known, and at most; where the round
-                trip takes longer than that, up to five times of it.
-            shortest_s: the wait at least where messages are lost.
-            unanswered: questions before, since the last answer.
+            now: when the wait begins.
+            longest_s: the wait while nothing is lost or the round trip is not known, and otherwise the longest wait; if
+                the round trip itself takes longer, up to five times this.
+            shortest_s: the shortest wait on a lossy link.
+            unanswered: questions asked since the last answer.
         """
         smoothed_s = self.smoothed_s
         if smoothed_s is None:
@@ -57,5 +57,6 @@ class RoundTrip:
         if now < self._lossy_until:
             expected_s = max(smoothed_s + 4 * self._spread_s, shortest_s)
             wait_s = min(longest_s, expected_s * (1 << min(unanswered, 16)))
-        # On a slow link the answer may still be on its way; but a peer that was busy for long must not silence us.
+        # On a slow link the answer may still be on its way; but a peer that was busy for a long time must not silence
+        # us.
         return min(max(wait_s, 2 * smoothed_s), PATIENCE_MAX * longest_s)

@@ -1,16 +1,17 @@
 """The sending half of a stream: numbering, the window, what is unacknowledged, and when to send it again.
 
-Theory of operation. A submessage is booked, becomes (with others, if the stream packs) the body of a message, and gets
-its number when the window has room. From then on the finished message is kept until an ACKNACK covers it, and is sent
-again, byte for byte, when an ACKNACK reports it missing (XRCE 1.0 §8.4).
+Theory of operation. A submessage is booked (accepted for sending), becomes the body of a message (with others, if the
+stream packs), and that message gets its number when the window has room. From then on the finished message is kept
+until an ACKNACK covers it, and is sent again, byte for byte, when an ACKNACK reports it missing (XRCE 1.0 §8.4).
 
 A submessage larger than a message is cut into FRAGMENTs as the window moves. The genuine agent puts all pieces on the
 wire at once; here at most a window (16) of them is unacknowledged at any time. That is what one ACKNACK bitmap covers,
-and C clients (history 4 to 16 and more) acknowledge every piece when they store it, so the rest follows at once; a
-client whose history is smaller than the number of pieces cannot take the submessage from any agent.
+and C clients (history 4 to 16 and more) acknowledge every piece when they store it, so the rest follows at once. A
+client whose history is smaller than the number of pieces cannot receive the submessage from any agent.
 
 Storms. A receiver with a gap says so with every message that arrives, so one lost message causes many equal ACKNACKs.
-It is sent again once for all of them: later requests count only after two round trips, or once a HEARTBEAT has asked.
+The message is sent again only once for all of them: later requests count only after two round trips, or once a
+HEARTBEAT has asked.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from msbot.xrce.streams.stream_state import StreamState, last_number
 from msbot.xrce.streams.waiting_messages import Lane, Outbox
 
 GUARD_MIN_S = 0.001
-"""A message is not sent again twice within this time for ACKNACKs of the same gap."""
+"""A message is not resent twice within this time because of ACKNACKs for the same gap."""
 
 QUEUE_FULL = "best-effort message: queue full, oldest dropped"
 TOO_LARGE = "unacknowledged message larger than the MTU"
@@ -50,7 +51,7 @@ class BestEffortOutput:
 
     @property
     def state(self) -> StreamState:
-        """How it stands."""
+        """Its state, for people."""
         return StreamState(self.stream_id, outgoing=True, last=last_number(self._sequence_nr))
 
     @property
@@ -118,13 +119,13 @@ class ReliableOutput:
     ) -> None:  # fmt: skip
         """`pool` counts the octets that all sessions of an agent keep until they are acknowledged.
 
-        When it is full, a stream that has nothing unacknowledged goes on with one message at a time.
+        When it is full, a stream still gets one message at a time, once nothing of it is unacknowledged.
         """
         self.stream_id = stream_id
         self.heartbeat_at: float | None = None
         """When a HEARTBEAT is due; None while nothing is unacknowledged or messages wait for the link."""
         self.refused = False
-        """Whether somebody was told that there is no room, and wants to hear when there is."""
+        """Whether a caller was refused for lack of room, and must be told when there is room."""
         self.missed: deque[int] = deque()
         """Numbers of the messages to be sent again."""
         self._envelope = envelope
@@ -134,7 +135,7 @@ class ReliableOutput:
         self._window = window
         self._round_trip = round_trip
         self._pool = pool
-        self._octets = 0  # of the pool
+        self._octets = 0  # counted in the pool
         self._unanswered = 0  # HEARTBEATs since the last ACKNACK
         self._waiting: deque[bytes] = deque()
         self._unacked: dict[int, bytes] = {}
@@ -171,19 +172,19 @@ class ReliableOutput:
 
     @property
     def state(self) -> StreamState:
-        """How it stands."""
+        """Its state, for people."""
         last = last_number((self._next - 1) & 0xFFFF)
         return StreamState(self.stream_id, outgoing=True, last=last, unacked=self.unacked, waiting=self.waiting)
 
     def book(self, body: bytes) -> None:
-        """Queue a body, whatever its size; the caller has asked `has_room` or bounds `waiting`."""
+        """Queue a body, whatever its size; the caller has checked `has_room` or bounds `waiting`."""
         if len(body) > self._capacity:
             self._waiting_large += 1
             self._count(len(body))
         self._waiting.append(body)
 
     def pack(self, body: bytes) -> None:
-        """Queue a submessage, in the same message as the one before it if both wait and fit."""
+        """Queue a submessage, in the same message as the previous one if that still waits and both fit."""
         waiting = self._waiting
         if waiting:
             joined = append_submessage(waiting[-1], body)
@@ -201,7 +202,7 @@ class ReliableOutput:
             self.advance()
 
     def offer(self, body: bytes) -> bool:
-        """Book a body if there is room for it; False = it was not booked, and there will be news when there is."""
+        """Book a body if there is room for it; False: it was not booked, and the owner is told when there is room."""
         kept, pool = len(self._unacked) + len(self._waiting), self._pool
         if kept >= self._window or self._waiting_large or (kept and pool.used >= pool.limit):
             self.refused = True
@@ -214,7 +215,7 @@ class ReliableOutput:
         return True
 
     def advance(self) -> None:
-        """Give numbers to what waits, as far as the window allows."""
+        """Number the waiting messages, as far as the window allows."""
         waiting = self._waiting
         unacked, pool = self._unacked, self._pool
         while waiting and len(unacked) < self._window and (pool.used < pool.limit or not unacked):
@@ -226,7 +227,7 @@ class ReliableOutput:
     def acknowledge(self, first: int, bitmap: int, now: float) -> bool:
         """Note an ACKNACK; True when it made progress.
 
-        Numbers outside of what was sent (an old or foreign ACKNACK) are ignored: a C client loses its history that way.
+        Numbers that were never sent (an old or foreign ACKNACK) are ignored; a C client loses its history that way.
         """
         unacked = self._unacked
         progress = (first - self._first) & 0xFFFF
@@ -254,7 +255,7 @@ class ReliableOutput:
         return progress > 0
 
     def pull_missed(self, now: float, limit: int | None = None) -> list[bytes]:
-        """The messages to send again, at most `limit`; those acknowledged meanwhile are left out."""
+        """The messages to send again, at most `limit`; those acknowledged since are left out."""
         packets: list[bytes] = []
         while self.missed and (limit is None or len(packets) < limit):
             nr = self.missed.popleft()
@@ -278,7 +279,7 @@ class ReliableOutput:
             self._timed_at = now
 
     def heartbeat(self, now: float) -> Heartbeat:
-        """The HEARTBEAT to be sent now; it tells the first and the last unacknowledged message."""
+        """The HEARTBEAT to be sent now; it names the first and the last unacknowledged message."""
         self._heartbeat_sent_at = now
         self._unanswered += 1
         self.heartbeat_at = None

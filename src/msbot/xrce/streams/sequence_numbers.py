@@ -8,14 +8,14 @@ takes 0x7FFE).
 from __future__ import annotations
 
 NOTHING_YET = 0xFFFF
-"""What "the last number handled" is before the first message of a stream, which has number 0."""
+"""The "last number handled" before the first message of a stream, which has number 0."""
 
 HALF = 0x8000
 """Distances from here on mean "behind"."""
 
 
 def distance(start: int, end: int) -> int:
-    """How many steps forward lead from `start` to `end`, 0 to 65535."""
+    """The number of steps forward from `start` to `end`, 0 to 65535."""
     return (end - start) & 0xFFFF
 
 

@@ -1,8 +1,8 @@
-"""Everything a session sends: its output streams, what it answers outside of them, and when to ask again.
+"""Everything a session sends: its output streams, answers outside them, and HEARTBEATs.
 
-Outgoing messages are pulled by the owner of the link. Whatever was pulled counts as sent; only then the wait for its
-acknowledgement begins, and no HEARTBEAT is made while something waits to be pulled, so a slow link is never filled
-with HEARTBEATs. Messages to be sent again go first: they unblock the peer.
+Outgoing messages are pulled by the owner of the link. A message counts as sent once it is pulled; only then does the
+wait for its acknowledgement begin. No HEARTBEAT is made while anything waits to be pulled, so HEARTBEATs never fill up
+a slow link. Messages to be sent again go first: they unblock the peer.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class SessionOutput:
         self._reliable: dict[int, ReliableOutput] = {}
 
     def answer(self, body: bytes) -> None:
-        """Book a submessage outside of the streams (stream NONE); the caller sees to its size."""
+        """Book a submessage outside the streams (stream NONE); the caller makes sure that it fits."""
         self.put_answer(self._answer_header + body)
 
     def put_answer(self, packet: bytes) -> None:
@@ -66,10 +66,11 @@ class SessionOutput:
             self._counters.dropped.count(TOO_LARGE)
 
     def pack(self, body: bytes, stream_id: int) -> None:
-        """Book a submessage, in one message with others of this turn if they fit; `flush` finishes them.
+        """Book a submessage, in one message with others of the same turn if they fit; `flush` finishes them.
 
         Raises:
-            LocalProtocolError: it does not fit one message of a stream that is not reliable; or too many streams.
+            LocalProtocolError: it does not fit into one message of a stream that is not reliable; or there are too many
+                streams.
         """
         is_large = len(body) > self._envelope.capacity
         if stream_id >= STREAM_RELIABLE:
@@ -88,12 +89,12 @@ class SessionOutput:
             self._need(self.best_effort(stream_id), stream_id).pack(body)
 
     def finish_message(self, stream_id: int) -> int | None:
-        """Finish what is packed on stream 0x01 or 0x80; the number of the message that comes next.
+        """Finish the packed message on stream 0x01 or 0x80; returns the number of the message after it.
 
         None for other streams. On 0x80 the window must have room.
 
         Raises:
-            LocalProtocolError: too many streams.
+            LocalProtocolError: there are too many streams.
         """
         if stream_id == STREAM_BEST_EFFORT:
             best_effort = self._need(self.best_effort(stream_id), stream_id)
@@ -180,7 +181,7 @@ class SessionOutput:
         return packets
 
     def stream_states(self) -> list[StreamState]:
-        """How every stream stands."""
+        """The state of every stream."""
         states = [stream.state for stream in self._best_effort.values()]
         return states + [stream.state for stream in self._reliable.values()]
 

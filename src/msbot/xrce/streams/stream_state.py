@@ -1,4 +1,4 @@
-"""How a stream stands, for people who watch a session."""
+"""The state of a stream, for people who watch a session."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class StreamState:
     unacked: int = 0
     """Reliable and outgoing: messages on their way or missing."""
     waiting: int = 0
-    """Reliable: outgoing what waits for the window, incoming what came early and waits for the gap before it."""
+    """Reliable: outgoing messages that wait for the window, or incoming ones that came early and wait for a gap."""
 
 
 def last_number(sequence_nr: int) -> int | None:
-    """The number as a person wants it; the one before 0 means that there was none (or 65,536 exactly)."""
+    """The number as shown to people; the one before 0 becomes None: there was no message yet (or exactly 65,536)."""
     return None if sequence_nr == NOTHING_YET else sequence_nr

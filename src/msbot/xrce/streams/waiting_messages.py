@@ -1,7 +1,7 @@
 """Messages ready to go, in the order they were booked, until the link pulls them.
 
 Reliable messages are bounded by their window. Everything else goes through a `Lane`, which keeps the newest messages:
-when it is full the oldest of that lane is dropped and counted, because on a slow link a fresh sample or ACKNACK is
+when a lane is full, its oldest message is dropped and counted, because on a slow link a fresh sample or ACKNACK is
 worth more than a stale one.
 """
 
@@ -29,7 +29,7 @@ class Outbox:
 
     def __init__(self, limit: int, counters: SessionCounters) -> None:
         self.items: deque[bytes | Lane] = deque()
-        """What waits, oldest first: messages, and lanes in the place of theirs; to be looked at only."""
+        """What waits, oldest first: messages, or for each message of a lane its lane; read-only."""
         self._counters = counters
         self.limit = limit
         """Messages per lane."""
@@ -38,14 +38,14 @@ class Outbox:
         return len(self.items)
 
     def put(self, packet: bytes) -> None:
-        """Book a message that somebody else bounds."""
+        """Book a message whose number the caller bounds."""
         self.items.append(packet)
 
     def put_newest(self, packet: bytes, lane: Lane) -> None:
         """Book a message in its lane; the oldest of a full lane makes room."""
         lane.packets.append(packet)
         if len(lane.packets) > self.limit:
-            # The oldest goes, the places in the queue stay: the lane keeps its turn among the others.
+            # The oldest message goes, but its place in the queue stays: the lane keeps its turn among the others.
             lane.packets.popleft()
             self._counters.dropped.count(lane.name)
         else:
@@ -56,7 +56,7 @@ class Outbox:
         return any(item is packet for item in self.items)
 
     def pull(self, limit: int | None = None) -> list[bytes]:
-        """Take the oldest messages out, all of them or at most `limit`."""
+        """Take messages out, oldest first, all of them or at most `limit`."""
         items = self.items
         if limit is None or limit >= len(items):
             packets = [item if type(item) is bytes else item.packets.popleft() for item in items]  # type: ignore[union-attr]
