@@ -7,7 +7,7 @@ A room that needs an error of its own derives it from one of these.
     MsbotError
     ├── ConfigError              a file, option or setting the user can mend; also a ValueError
     │   └── NotThere             there is no slot, part, frame or type of that name
-    ├── LinkError                the way to a peer; also a ConnectionError
+    ├── LinkError                the path to a peer; also a ConnectionError
     │   ├── LinkDown             absent, closed, bus-off: nothing can be sent now
     │   │   └── BusTaken         another master is on the bus
     │   └── LinkFull             the peer's queue is full: try again when there is room
@@ -34,7 +34,7 @@ class NotThere(ConfigError):
 
 
 class LinkError(MsbotError, ConnectionError):
-    """Something about the way to a peer."""
+    """The path to a peer has failed."""
 
 
 class LinkDown(LinkError):
@@ -42,11 +42,11 @@ class LinkDown(LinkError):
 
 
 class BusTaken(LinkDown):
-    """Another master is on the bus: this one has no business there, and ends, whatever other links it has."""
+    """Another master is on the bus: this one must not run there, and ends even if it has other links."""
 
 
 class LinkFull(LinkError):
-    """The queue towards that peer is full; wait for `on_room`."""
+    """The queue to that peer is full; wait for `on_room`."""
 
 
 class LocalProtocolError(MsbotError, RuntimeError):

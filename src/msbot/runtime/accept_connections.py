@@ -1,7 +1,7 @@
-"""Accepts connections in the event loop, and rests when the system has no more to give.
+"""Accepts connections in the event loop, and pauses when the system is out of file descriptors or memory.
 
-asyncio's own servers try again and again, and log each failure, while the process has no file descriptor left; here the
-failure is counted once for each pause, the log says it once, and everything else goes on meanwhile.
+While a process has no file descriptor left, asyncio's own servers retry in a tight loop and log every failure. Here a
+failure is counted once per pause and logged once, and everything else keeps running.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from msbot.runtime.tally import Tally
 _log = logging.getLogger(__name__)
 
 PAUSE_S = 0.5
-"""Rest after the system had no descriptor or memory for another connection."""
+"""Pause after the system had no descriptor or memory for another connection."""
 
 PER_TURN = 64
-"""Connections that are accepted before others have their turn."""
+"""Connections accepted before the rest of the loop gets its turn."""
 
 EXHAUSTED = "connection waits: the system has no more file descriptors"
 BROKEN = "connection broke before it was accepted"
@@ -29,14 +29,14 @@ _NO_MORE = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
 class Acceptor:
-    """Hands over every connection that comes to a listening socket."""
+    """Hands over every connection made to a listening socket."""
 
     def __init__(self, listening: socket.socket, take: Callable[[socket.socket], None], dropped: Tally) -> None:
         """Begin at once, in the running loop.
 
         Args:
-            listening: the socket; it stays the caller's to close, after `stop`.
-            take: gets each connection, which does not block.
+            listening: the socket; the caller closes it, after `stop`.
+            take: gets each connection as a non-blocking socket.
             dropped: where failures are counted.
         """
         listening.setblocking(False)

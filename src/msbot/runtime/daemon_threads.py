@@ -1,7 +1,7 @@
 """Threads for work that may hang (a database, a disk): the process ends without waiting for them.
 
-The executors of `concurrent.futures` are waited for when the interpreter ends, so that a server that does not answer
-would keep the process for ever.
+The interpreter waits for the executors of `concurrent.futures` when it exits, so a database server that does not answer
+would keep the process alive for ever.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ class DaemonThreads(Executor):
     """An executor whose threads nobody waits for.
 
     Args:
-        most: this many threads at most; they begin when they are needed.
-        name: of the threads.
+        most: the largest number of threads; each is started when it is needed.
+        name: the name of the threads.
     """
 
     def __init__(self, most: int, name: str) -> None:
@@ -58,7 +58,7 @@ class DaemonThreads(Executor):
         return future
 
     def shutdown(self, wait: bool = False, *, cancel_futures: bool = False) -> None:  # noqa: ARG002 - `Executor`'s own
-        """Take no more work; what was handed over is done if the process lasts that long."""
+        """Take no more work; work already submitted is done if the process lasts that long."""
         with self._lock:
             if self._is_shut:
                 return

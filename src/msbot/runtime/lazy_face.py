@@ -1,4 +1,4 @@
-"""Packages whose names are imported when they are used first: who needs one of them does not wait for all."""
+"""Packages whose names are imported on first use, so that using one of them does not load them all."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 
 
 def lazy_face(package: str, names: Mapping[str, tuple[str, ...]]) -> Callable[[str], object]:
-    """What a package has as `__getattr__` (PEP 562).
+    """Make the `__getattr__` of a package (PEP 562).
 
     Args:
-        package: its name.
+        package: the package's name.
         names: module of the package -> the names that come from there.
     """
     where = {name: module for module, found in names.items() for name in found}

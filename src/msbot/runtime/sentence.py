@@ -1,8 +1,7 @@
-"""Sentences that can be said in another language: a text in English that remembers its form and its values.
+"""Sentences that can be translated: a text in English that remembers its form and its values.
 
-Rooms say why something is so in English, as they always have: what they hand on is a text. Whoever speaks another
-language (the pages) looks up the form in a catalogue and puts the same values into it, so nobody ever has to read
-English to know what was meant.
+Every room explains itself in English and passes on a plain text. A reader in another language (the pages) looks up the
+form in a catalogue and puts the same values into it, so no translation ever has to parse English.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ class Sentence(str):
 
     Attributes:
         form: the sentence with names in braces, in English: `heard again after {silence:.1f} s`.
-        values: what stands for each name; a value may be a sentence again.
+        values: the value of each name; a value may itself be a sentence.
     """
 
     __slots__ = ("form", "values")
@@ -37,11 +36,11 @@ class Sentence(str):
         return made
 
     def __str__(self) -> str:
-        """Itself: the text of an error made of a sentence is the sentence."""
+        """Itself, so that the text of an error made from a sentence is still a sentence."""
         return self
 
     def __reduce__(self) -> tuple[type[Sentence], tuple[str, Mapping[str, object]]]:
-        """So that it can come from another process."""
+        """Make it survive pickling, so that it can come from another process."""
         return Sentence, (self.form, self.values)
 
 
@@ -56,7 +55,7 @@ def counted(count: int, one: str, many: str, /, **values: object) -> Sentence:
 
 
 def without(text: str, names: Collection[str], instead: str) -> str:
-    """The text with other words for the values of these names, wherever they stand in it."""
+    """The text with `instead` in place of the values of these names, wherever they occur."""
     if not isinstance(text, Sentence):
         return text
     values = {
@@ -67,7 +66,7 @@ def without(text: str, names: Collection[str], instead: str) -> str:
 
 
 def to_json(text: str) -> JsonSentence:
-    """A text as a database keeps it: values that JSON does not know become texts."""
+    """A text as a database stores it: values that JSON cannot hold become texts."""
     if not isinstance(text, Sentence):
         return text
     values = {
@@ -78,7 +77,7 @@ def to_json(text: str) -> JsonSentence:
 
 
 def from_json(content: object) -> str:
-    """The text that `to_json` has written; what makes no sense (it comes out of a file) is shown as it stands."""
+    """The text that `to_json` wrote; since it may come from a file, anything malformed is shown as it is."""
     match content:
         case str():
             return content

@@ -1,6 +1,7 @@
-"""How a program of the same user reaches the STOP of a running master: one datagram there, one back.
+"""How a program of the same user sends STOP to a running master: one datagram there, one back.
 
-Loads nothing that takes time. The master's end, and why it is a socket of its own: `msbot.master.stop_socket`.
+Imports nothing that is slow to load. For the master's end, and why it has a socket of its own, see
+`msbot.master.stop_socket`.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ ANSWER_S: Final = 5.0
 """How long a command waits for an answer; a master whose loop runs gives it within milliseconds."""
 
 CREDENTIALS: Final = struct.Struct("3i")
-"""Process, user and group of a sender, as the system tells them."""
+"""Process, user and group of a sender, as the system reports them."""
 
 GROUP_VARIABLE: Final = "MSBOT_STOP_GROUP"
-"""Set for a program, it says STOP only to masters for which it is set to the same word. One without it reaches all."""
+"""A program with this variable set sends STOP only to masters with the same value; one without it reaches all."""
 _PREFIX = "msbot-stop-"
 
 _log = logging.getLogger(__name__)
@@ -41,11 +42,11 @@ def ask_masters(request: Mapping[str, object], timeout_s: float = ANSWER_S) -> t
     """Send one request to every master of this user on this computer at once.
 
     Args:
-        request: `do`: `stop`, `go` or `status`; `who`, `reason`; `robot` and `database` say who is meant, None = any.
-        timeout_s: for the slowest of them.
+        request: `do`: `stop`, `go` or `status`; `who`, `reason`; `robot` and `database` select the masters, None = any.
+        timeout_s: how long to wait for the slowest of them.
 
     Returns:
-        The answers of those that are meant, and how many masters run and do not answer.
+        The answers of the selected masters, and how many masters run but do not answer.
     """
     names = set(_names())
     if not names:
@@ -78,12 +79,12 @@ def ask_masters(request: Mapping[str, object], timeout_s: float = ANSWER_S) -> t
 
 
 def _send(asking: socket.socket, name: str, request: Mapping[str, object]) -> bool:
-    """False: nobody is there (any more). Never waits: a master that is stuck has a full queue."""
+    """Send it; False when nobody is there (any more). Never waits: the queue of a stuck master is full."""
     asking.setblocking(False)
     try:
         asking.sendto(json.dumps(request).encode(), name)
     except BlockingIOError:
-        return True  # it is there and takes nothing: no answer will come
+        return True  # it is there but takes nothing: no answer will come
     except OSError as error:
         _log.debug("%r: %s", name, error)
         return False
@@ -128,7 +129,7 @@ def _user() -> int:
 
 
 def withdraw(name: str) -> None:
-    """Remove what such a name leaves behind."""
+    """Remove the file that such a name leaves behind."""
     if not IS_ABSTRACT:
         Path(name).unlink(missing_ok=True)
 

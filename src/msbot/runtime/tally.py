@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 OTHERS = "(others)"
-"""Under this name everything is counted that came after a tally was full."""
+"""Everything that came after a tally was full is counted under this name."""
 
 MOST_NAMES = 64
-"""Names that are counted one by one, unless told otherwise; some have a number of the sender's in their words."""
+"""Names counted separately by default; it is bounded because some names contain a number chosen by the sender."""
 
 
 class Tally(dict[str, int]):

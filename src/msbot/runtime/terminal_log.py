@@ -1,9 +1,9 @@
-"""Log lines for a terminal: what strangers put into them cannot forge or colour anything, and floods are counted.
+"""Log lines for a terminal: input from strangers cannot forge or colour a line, and floods are only counted.
 
-Names, addresses and texts from outside come into log lines. Control characters (escape sequences, line breaks, marks
-that turn the direction of writing) are shown as `\\x1b`, so that one event is one line and the terminal obeys nobody.
-More than `SAME` equal lines within a minute, and more than `BURST` lines of one kind within ten seconds, are counted
-instead of written; the count follows as a line of its own.
+Log lines contain names, addresses and texts from outside. Control characters (escape sequences, line breaks, marks that
+change the direction of writing) are shown as `\\x1b`, so that one event is one line and no outsider controls the
+terminal. More than `SAME` equal lines within a minute, and more than `BURST` lines of one kind within ten seconds, are
+counted instead of written; the count follows as a line of its own.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ BURST = 20
 BURST_S = 10.0
 
 MOST_KINDS = 256
-"""Lines and kinds that are remembered; the oldest are forgotten."""
+"""Lines and kinds that are remembered; beyond, the oldest are forgotten."""
 
 _UNSAFE = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
@@ -65,7 +65,7 @@ class TerminalHandler(logging.StreamHandler[TextIO]):
         self._places: dict[tuple[str, int], _Kind] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write the record, or count it; what was counted is told when its time is over."""
+        """Write the record, or only count it; the count is written when the period ends."""
         for due in self._over(record.created):
             super().emit(due)
         text = record.getMessage()
@@ -83,7 +83,7 @@ class TerminalHandler(logging.StreamHandler[TextIO]):
             super().emit(record)
 
     def close(self) -> None:
-        """Tell what was counted and not told yet."""
+        """Write the counts that are still outstanding."""
         for due in self._over(float("inf")):
             super().emit(due)
         super().close()

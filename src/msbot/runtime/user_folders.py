@@ -1,7 +1,8 @@
-"""The folders of this user: what must survive a restart, what running programs leave for each other, settings.
+"""The folders of this user: for state that survives a restart, for what running programs leave each other, and for
+settings.
 
-`platformdirs` knows the rules of each system (XDG base directories on Linux). Where an earlier version kept its files
-elsewhere, they are found there.
+`platformdirs` knows the rules of each system (XDG base directories on Linux). If an earlier version kept its files
+elsewhere, they are still found there.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ APP = "msbot"
 
 
 def state_folder() -> Path:
-    """Where this user's programs keep what must survive a restart: `$XDG_STATE_HOME/msbot` on Linux."""
+    """Where this user's programs keep the state that must survive a restart: `$XDG_STATE_HOME/msbot` on Linux."""
     from platformdirs import user_state_path  # `msbot --help` needs no folder
 
     folder = user_state_path(APP, appauthor=False)
     earlier = _earlier_state_folder()
     if earlier == folder or folder.is_dir():
         return folder
-    # Sockets stand there in any case (`socket_folder`); only files were kept.
+    # `socket_folder` puts sockets there in any case; only other files are a reason to keep using it.
     return earlier if any(path.is_file() for path in earlier.glob("*/*")) else folder
 
 
@@ -37,18 +38,19 @@ def settings_folder(program: str) -> Path:
 
 
 def socket_folder() -> Path:
-    """Where sockets have a name in the file system.
+    """Where sockets that need a file have theirs.
 
-    The same for all programs of the user, whatever their environment says, and short: such a name has 104 octets.
+    The same for all programs of the user, whatever their environment says, and short: such a name has at most 104
+    octets.
     """
     return Path.home() / ".local" / "state" / APP / "stop"
 
 
 def running_folder() -> Path:
-    """Where this user's running programs leave word for each other: `$XDG_RUNTIME_DIR/msbot`.
+    """Where this user's running programs leave information for each other: `$XDG_RUNTIME_DIR/msbot`.
 
-    Where there is none, it is one in the folder for temporary files, and not what `platformdirs` would take: that
-    depends on who is logged in at the moment, and the programs would miss each other.
+    If that variable is not set, it is a folder among the temporary files. The choice of `platformdirs` would not do: it
+    depends on who is logged in at the moment, so programs could miss each other.
     """
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     if runtime and Path(runtime).is_dir():
@@ -58,7 +60,7 @@ def running_folder() -> Path:
 
 
 def check_owner(folder: Path) -> None:
-    """Make sure that a folder is the user's own; in one that others can write to, a file may be anybody's.
+    """Make sure that a folder is the user's own; if others can write to it, a file in it may be anybody's.
 
     Raises:
         ConfigError: it is not.
@@ -71,9 +73,9 @@ def check_owner(folder: Path) -> None:
 
 
 def is_running(pid: int) -> bool:
-    """Whether there is a process with that number; taken to be so where it cannot be found out."""
+    """Whether there is a process with that number; True where the system cannot tell."""
     if os.name != "posix":
-        return True  # there, a signal 0 would be more than a question
+        return True  # on this system, signal 0 would do more than ask
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

@@ -4,7 +4,7 @@ Theory of operation. An asyncio loop asks its selector to wait until the next ti
 wait: it sets the clock to exactly that timer's time and returns. Everything that takes its time from
 `asyncio.get_running_loop().time()` then runs as fast as the machine can, in the same order every time. Sockets are
 still served, but time does not wait for them, so only what has no socket (the simulated bus, the in-process link)
-behaves as in real time. While a job of `run_in_executor` is at work the clock stays still.
+behaves as in real time. While a job of `run_in_executor` is running, the clock stands still.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from concurrent.futures import Executor
 from typing import TypeVar, TypeVarTuple
 
 STUCK_AFTER_S = 5.0
-"""Real seconds after which a loop without timers, and without news from a thread or socket, is called stuck."""
+"""Real seconds after which a loop with no timers and no news from a thread or socket counts as stuck."""
 
 _T = TypeVar("_T")
 _Ts = TypeVarTuple("_Ts")
@@ -49,11 +49,11 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
     def _set_clock(self, now: float) -> None:
         self._now = now
         # The base class fires timers up to one resolution early. In virtual time "early" would never pass: a state
-        # machine that finds itself woken too soon would ask for the same moment for ever. One ulp means "not early".
+        # machine that is woken too soon would ask for the same moment for ever. One ulp means "not early".
         self._clock_resolution = math.ulp(now)
 
     def _next_moment(self) -> bool:
-        """Sets the clock to the next timer; False when there is none or a thread is still at work."""
+        """Set the clock to the next timer; False when there is none or a thread is still at work."""
         timers: list[asyncio.TimerHandle] = self._scheduled  # type: ignore[attr-defined]  # no public way to see them
         if self._at_work or not timers:
             return False

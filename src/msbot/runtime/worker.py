@@ -1,8 +1,8 @@
-"""Work on what strangers send, in a process of its own: with little memory and little time, and without the robot.
+"""Handles input from strangers in a process of its own, with limited memory and time, apart from the robot.
 
 A robot's event loop must not wait for a parser, and no text may cost the robot its memory. So the work is done by
-another Python process, whose memory and processor time the system limits; when it needs more, it ends, and the robot
-goes on. One takes some 0.2 s to start, so this is for what people send now and then.
+another Python process, whose memory and processor time the system limits; if it needs more, that process ends and the
+robot keeps running. Starting one takes some 0.2 s, so this is for what people send now and then.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _T = TypeVar("_T")
 AT_ONCE = 2
 """How many workers of one robot run at the same time."""
 MOST_WAITING = 8
-"""How many more wait for their turn; the next one is sent away."""
+"""How many more may wait for their turn; any further one is refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,17 +40,17 @@ class WorkLimits:
     memory_mb: int = 300
     """Megabytes of memory; not limited on Windows."""
     wall_s: float = 30.0
-    """Seconds until it must have answered, however busy the computer is."""
+    """Seconds until it must have answered, even on a busy computer."""
 
 
 def run_limited(function: Callable[_P, _T], limits: WorkLimits, *args: _P.args, **kwargs: _P.kwargs) -> _T:
-    """Call a function in a process of its own, and wait for what it gives.
+    """Call a function in a process of its own, and wait for its result.
 
     Args:
-        function: a function of a module, so that the other process finds it by its name.
+        function: a module-level function, so that the other process finds it by its name.
         limits: what it may use.
-        args: handed on; like the result, they must be such that `pickle` takes them.
-        kwargs: the same.
+        args: its arguments; like the result, they must be picklable.
+        kwargs: likewise.
 
     Raises:
         ConfigError: it needed more than it may use.
@@ -82,7 +82,7 @@ def run_limited(function: Callable[_P, _T], limits: WorkLimits, *args: _P.args, 
 
 
 class Workshop:
-    """Has functions called in processes of their own without holding up an event loop; a bounded number of them."""
+    """Calls functions in processes of their own, a bounded number at a time, without blocking the event loop."""
 
     def __init__(self, limits: WorkLimits | None = None, *, most_waiting: int = MOST_WAITING) -> None:
         self._most = AT_ONCE + most_waiting
@@ -94,7 +94,7 @@ class Workshop:
         """As `run_limited`.
 
         Raises:
-            ConfigError: too many are at work or waiting already.
+            ConfigError: too many are running or waiting already.
         """
         if self._open >= self._most:
             raise ConfigError("the robot is busy with what others have sent; try again in a moment")
@@ -133,11 +133,11 @@ def _main(cpu_s: int, memory_mb: int, source: BinaryIO, target: BinaryIO) -> Non
 
 
 def _limit(cpu_s: int, memory_mb: int) -> None:
-    """Have the system end this process when it uses more, and let the robot go first."""
+    """Have the system end this process when it uses more, and give the robot priority."""
     try:
         import resource
     except ImportError:
-        return  # Windows: the time until the answer is limited by who waits for it
+        return  # Windows: only the caller's wait limits the time
     os.nice(10)
     resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
     with contextlib.suppress(ValueError, OSError):  # macOS refuses a limit below what a process has mapped
