@@ -1,7 +1,7 @@
 """Definitions as C99 for the Micro XRCE-DDS client: a struct for each message, and its functions on Micro-CDR's API.
 
-What has no bound in the definition gets one here, since a microcontroller has no heap: texts and sequences are arrays
-inside the struct.
+Texts and sequences without a bound in the definition get one here, since a microcontroller has no heap: they become
+arrays inside the struct.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from msbot.errors import ConfigError
 from msbot.idl.model import Array, Basic, Definitions, Enum, Name, Reference, Sequence, StringType, Struct, Type
 
 TEXT_BOUND = 255
-"""Characters of a text without a bound."""
+"""Largest number of characters in a text without a bound."""
 SEQUENCE_BOUND = 64
-"""Elements of a sequence without a bound."""
+"""Largest number of elements in a sequence without a bound."""
 
 _C = {
     "bool": "bool", "uint8": "uint8_t", "int8": "int8_t", "uint16": "uint16_t", "int16": "int16_t",
@@ -37,8 +37,8 @@ def to_c(definitions: Definitions, source: str, stem: str, *, text_bound: int = 
         definitions: what to write.
         source: where they come from, for the first line.
         stem: name of the files without `.h` and `.c`.
-        text_bound: characters of a text that has no bound.
-        sequence_bound: elements of a sequence that has none.
+        text_bound: largest number of characters in a text without a bound.
+        sequence_bound: largest number of elements in a sequence without a bound.
     """
     return _Writer(definitions, source, stem, text_bound, sequence_bound).write()
 

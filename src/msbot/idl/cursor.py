@@ -1,4 +1,4 @@
-"""Going through the words of an IDL file: what comes next, what must come, and whole-number expressions."""
+"""Walks through the words of an IDL file: the next word, a required word, and whole-number expressions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from msbot.idl.model import Name, SourcePlace
 from msbot.idl.scanner import TokenKind, Word
 
 DEEPEST = 32
-"""Nested brackets and signs of an expression."""
+"""Deepest nesting of brackets and signs in an expression."""
 
 _BINARY: list[dict[str, Callable[[int, int], int]]] = [
     {"|": operator.or_},
@@ -23,7 +23,7 @@ _BINARY: list[dict[str, Callable[[int, int], int]]] = [
 
 
 class Cursor:
-    """The words of one file, one after the other; every method raises ConfigError where something else is found."""
+    """The words of one file, one after the other; every method raises ConfigError when it finds something else."""
 
     def __init__(self, words: list[Word]) -> None:
         self._words = words
@@ -35,7 +35,7 @@ class Cursor:
         return self._words[self._at]
 
     def take(self) -> Word:
-        """The next word, and go on; the end of the file stays where it is."""
+        """Take the next word; at the end of the file this returns the end again."""
         word = self.word
         self._at = min(self._at + 1, len(self._words) - 1)
         return word
@@ -45,26 +45,26 @@ class Cursor:
         return self.word.text == text and self.word.kind in (TokenKind.SIGN, TokenKind.NAME)
 
     def took(self, text: str) -> bool:
-        """Go on if that sign or name comes next."""
+        """Take that sign or name if it comes next; returns whether it did."""
         if self.has(text):
             self.take()
             return True
         return False
 
     def need(self, text: str) -> Word:
-        """That sign or name, and go on."""
+        """Take that sign or name, which must come next."""
         if not self.has(text):
             raise self.word.place.error(f"{text} is missing before {self.shown()}")
         return self.take()
 
     def need_name(self, what: str) -> Word:
-        """Any name, and go on."""
+        """Take a name, which must come next."""
         if self.word.kind is not TokenKind.NAME:
             raise self.word.place.error(f"the name of {what} is missing before {self.shown()}")
         return self.take()
 
     def scoped_name(self) -> tuple[Name, SourcePlace]:
-        """A name with its modules: `geometry_msgs::msg::Twist`."""
+        """Take a name with its modules: `geometry_msgs::msg::Twist`."""
         place = self.word.place
         self.took("::")
         parts = [self.need_name("a type").text]
@@ -73,7 +73,7 @@ class Cursor:
         return tuple(parts), place
 
     def halve(self) -> None:
-        """Take the first half of `>>` where it closes two brackets."""
+        """Take the first half of a `>>` that closes two brackets."""
         self._words[self._at] = Word(TokenKind.SIGN, ">", self.word.place)
 
     def shown(self) -> str:
@@ -86,7 +86,7 @@ class Expressions:
 
     Args:
         words: where they are.
-        constant: the value of a constant by its name, None when there is none.
+        constant: gives the value of a constant by its name, or None when there is none.
     """
 
     def __init__(self, words: Cursor, constant: Callable[[Name], int | None]) -> None:
@@ -95,7 +95,7 @@ class Expressions:
         self._depth = 0
 
     def number(self, level: int = 0, *, shifts: bool = True) -> int:
-        """The next expression; without shifts where `>>` closes two brackets."""
+        """Take the next expression; without shifts where a `>>` would close two brackets."""
         if level == len(_BINARY):
             return self._unary(shifts=shifts)
         value = self.number(level + 1, shifts=shifts)

@@ -13,7 +13,7 @@ Value: TypeAlias = bool | int | float | str
 """What a constant or a default may be."""
 
 LARGEST_ARRAY = 1 << 16
-"""Elements of an array, and the largest bound: more than any message of a robot has."""
+"""Largest number of elements in an array, and largest bound: more than any message of a robot needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class SourcePlace:
     column: int
 
     def error(self, words: str) -> ConfigError:
-        """A mistake at this place."""
+        """An error that names this place."""
         return ConfigError(f"{self.file}:{self.line}:{self.column}: {words}")
 
 
@@ -38,7 +38,7 @@ class Basic:
 
 @dataclass(frozen=True, slots=True)
 class StringType:
-    """A string; `bound` is its largest number of characters, None: any."""
+    """A string; `bound` is its largest number of characters, None = unlimited."""
 
     bound: int | None = None
 
@@ -122,7 +122,7 @@ class Enum:
 
 @dataclass(slots=True)
 class Definitions:
-    """Everything that was read, in an order in which everything is defined before it is used."""
+    """Everything that was read, in an order that defines each name before its use."""
 
     structs: dict[Name, Struct] = field(default_factory=dict)
     enums: dict[Name, Enum] = field(default_factory=dict)
@@ -131,7 +131,7 @@ class Definitions:
     """Structs and enums."""
 
     def add(self, one: Struct | Enum | Constant, place: SourcePlace) -> None:
-        """Take something up.
+        """Add a definition.
 
         Raises:
             ConfigError: its name is taken.

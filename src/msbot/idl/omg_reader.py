@@ -24,7 +24,7 @@ from msbot.idl.model import (
 from msbot.idl.scanner import TokenKind, scan
 
 DEEPEST = 32
-"""Nested modules, types and included files."""
+"""Deepest nesting of modules, types and included files."""
 
 _WORDS_OF_TYPES = {
     ("boolean",): "bool", ("octet",): "uint8", ("char",): "uint8", ("uint8",): "uint8", ("int8",): "int8",
@@ -47,7 +47,7 @@ def read_idl(text: str, file: str, into: Definitions, *, is_ros: bool = False) -
     Args:
         text: the file.
         file: its name, for messages and for finding included files beside it.
-        into: where everything goes.
+        into: where the definitions are added.
         is_ros: whether structs get type names as in ROS 2.
 
     Raises:
@@ -107,7 +107,7 @@ class _Reader:
         word = self._words.take()
         verb, _, rest = word.text[1:].strip().partition(" ")
         if verb != "include":
-            return  # guards and pragmas say nothing about data
+            return  # guards and pragmas do not affect data
         if len(self._seen) > DEEPEST:
             raise word.place.error(f"more than {DEEPEST} files are included")
         path = Path(self._file).parent / rest.strip().strip('"<>')
@@ -120,7 +120,7 @@ class _Reader:
         _Reader(text, str(path), self._into, is_ros=self._is_ros, typedefs=self._typedefs, seen=self._seen).read()
 
     def _annotations(self) -> bool:
-        """Pass over annotations; True when nothing follows."""
+        """Skip annotations; True when nothing follows."""
         while self._words.took("@"):
             name = self._words.need_name("an annotation")
             if name.text == "optional":
@@ -150,7 +150,7 @@ class _Reader:
     def _struct(self, comment: str) -> None:
         name = self._words.need_name("the struct")
         if self._words.took(";"):
-            return  # announced only
+            return  # only a forward declaration
         members: list[Member] = []
         if self._words.took(":"):
             base = self._type()
@@ -277,7 +277,7 @@ class _Reader:
         self._words.need("<")
         element = self._type(depth + 1)
         bound = self._bound() if self._words.took(",") else None
-        if self._words.has(">>"):  # two of them stand together: sequence<sequence<long>>
+        if self._words.has(">>"):  # two in a row: sequence<sequence<long>>
             self._words.halve()
         else:
             self._words.need(">")

@@ -67,7 +67,7 @@ def to_python(definitions: Definitions, source: str) -> str:
 
 
 def python_names(definitions: Definitions) -> Mapping[Name, str]:
-    """The class of each struct and enum: its last name, with its modules in front where two are called the same."""
+    """The class of each struct and enum: its last name, preceded by its modules where two have the same name."""
     last: dict[str, list[Name]] = {}
     for name in definitions.order:
         last.setdefault(name[-1], []).append(name)

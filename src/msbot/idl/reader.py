@@ -1,4 +1,4 @@
-"""From a file to its definitions: which language it is written in, and where the files are that it needs."""
+"""Reads a file into definitions: recognises its language, and finds the files that it needs."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from msbot.idl.omg_reader import read_idl
 from msbot.idl.ros_reader import read_ros
 
 LARGEST_FILE = 1 << 20
-"""Octets of a file."""
+"""Largest file, in octets."""
 MOST_FILES = 500
-"""Files that one file may need."""
+"""How many files one file may need."""
 ROS_FILE = "ros2.idl"
 """The common ROS 2 types that MsBOT brings."""
 
@@ -27,8 +27,9 @@ def read_definitions(
     Args:
         path: an `.idl`, `.msg` or `.srv` file.
         package: the ROS package of a `.msg` or `.srv` file; the folder above `msg` or `srv` if absent.
-        include: folders that hold ROS packages, besides the one that the file is in.
-        is_ros: give the structs of an `.idl` file type names as ROS 2 does; those of the other files always have them.
+        include: folders that hold ROS packages, in addition to the one that the file is in.
+        is_ros: give the structs of an `.idl` file type names in the style of ROS 2; those of other files always have
+            them.
 
     Raises:
         ConfigError: the file cannot be read, or has a mistake: its line, column, and what would be right.

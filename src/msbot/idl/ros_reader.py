@@ -26,7 +26,7 @@ from msbot.idl.model import (
 )
 
 Finder = Callable[[Name, SourcePlace], None]
-"""Has a type that a file needs taken up; raises ConfigError when it is nowhere."""
+"""Adds a type that a file needs; raises ConfigError when it cannot be found."""
 
 _WORDS = {name: name for name in BASICS} | {"byte": "uint8", "char": "uint8"}
 _GONE = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
@@ -35,7 +35,7 @@ _LINE = re.compile(
     r"\s+(?P<name>[A-Za-z]\w*)\s*(?P<equals>=)?\s*(?P<value>.*)"
 )
 EMPTY = Member("structure_needs_at_least_one_member", Basic("uint8"))
-"""What ROS 2 puts into a message without fields, since DDS has none without members."""
+"""What ROS 2 puts into a message without fields, since DDS does not allow a struct without members."""
 
 
 @dataclass(slots=True)
@@ -51,8 +51,8 @@ def read_ros(text: str, file: str, name: Name, into: Definitions, find: Finder) 
         text: the file.
         file: its name, for messages.
         name: what it defines: `(package, "msg" | "srv", name)`.
-        into: where everything goes.
-        find: sees to the types it uses.
+        into: where the definitions are added.
+        find: adds the types it uses.
 
     Raises:
         ConfigError: a mistake, with line, column, and what would be right.

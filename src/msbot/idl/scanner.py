@@ -1,4 +1,4 @@
-"""OMG IDL as words: names, numbers, texts and signs, each with its place; comments go to what follows them."""
+"""Splits OMG IDL into words: names, numbers, texts, signs, each with its place and the comment before it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from msbot.idl.model import SourcePlace
 
 
 class TokenKind(Enum):
-    """What a word is."""
+    """The kinds of words."""
 
     NAME = "a name"
     NUMBER = "a number"
@@ -46,10 +46,10 @@ _WORDS = re.compile(
 
 
 def scan(text: str, file: str) -> list[Word]:
-    """The words of a file, the last one its end.
+    """The words of a file; the last one marks its end.
 
     Raises:
-        ConfigError: a character that IDL does not know.
+        ConfigError: a character that IDL does not allow.
     """
     words: list[Word] = []
     offset, line, start = 0, 1, 0
@@ -68,7 +68,7 @@ def scan(text: str, file: str) -> list[Word]:
         if kind in ("comment", "block"):
             remark += [part.strip(" \t*/!<") for part in inside.splitlines()]
         elif kind == "line" and text[offset - 1 : offset] == "\n":
-            remark = []  # an empty line: the comment before it belongs to nothing
+            remark = []  # an empty line: the comment before it belongs to no word
         elif kind not in ("space", "line"):
             shown = " ".join(part for part in remark if part)
             words.append(Word(TokenKind[str(kind).upper()], inside, place, shown))

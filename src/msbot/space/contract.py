@@ -1,7 +1,7 @@
 """What a data space is: topics, samples, quality of service. Payloads are opaque octets (CDR, little endian).
 
-The agent acts in a space for its clients; which space it is (this process' memory, DDS) is decided where the
-agent is put together. A space matches writers and readers by domain, topic name, type name and quality of service.
+The agent acts in a space for its clients; which space that is (this process' memory, DDS) is decided where the agent is
+set up. A space matches writers and readers by domain, topic name, type name and quality of service.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ class Qos:
     transient_local: bool = False
     """The writer keeps its last `depth` samples for readers that come later."""
     keep_all: bool = False
-    """Bounded all the same: see `depth`."""
+    """Keep all samples; still bounded by `depth`."""
     depth: int = 16
     """Samples kept per writer (late joiners) and per reader (slow readers), at least 1."""
     late_depth: int | None = None
-    """Writer: samples kept for late joiners, where that is not `depth` (DDS: durability service)."""
+    """Writer: samples kept for late joiners, if not `depth` (DDS: durability service)."""
     partitions: tuple[str, ...] = ()
-    """Groups within the topic, with the wildcards * and ?; nothing = the group without a name."""
+    """Groups within the topic, with the wildcards * and ?; empty = the group without a name."""
     deadline_s: float | None = None
-    """A sample is promised (writer) or expected (reader) at least that often."""
+    """A sample is promised (writer) or expected (reader) at least this often."""
     lifespan_s: float | None = None
-    """Writer: how long a sample is worth anything."""
+    """Writer: how long a sample stays valid."""
     exclusive: bool = False
-    """A reader hears one writer only: the strongest of those that write."""
+    """A reader hears only one writer: the strongest of those that write."""
     strength: int = 0
-    """Writer: who is heard where ownership is exclusive."""
+    """Writer: the strongest one is heard where ownership is exclusive."""
     separation_s: float = 0.0
-    """Reader: it wants no more than one sample in that time (DDS: time-based filter)."""
+    """Reader: it wants at most one sample in this time (DDS: time-based filter)."""
     service: bool = False
-    """Whether requests or replies of a service go by it, whose identity travels beside the payload."""
+    """Whether it carries requests or replies of a service, whose identity travels beside the payload."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class Sample:
     related: tuple[Guid, int] | None = None
     """For a reply: the writer and sequence number of the request it answers."""
     expires_at: float | None = None
-    """When it is worth nothing any more, by the space's clock."""
+    """When it stops being valid, by the space's clock."""
 
 
 Deliver = Callable[[Sample], bool]
@@ -85,7 +85,7 @@ class Writer(Protocol):
         """Give one sample to every matched reader; returns its sequence number."""
 
     def troubles(self) -> tuple[str, ...]:
-        """Who should meet it now and cannot, one sentence each, with the policy's name."""
+        """Which endpoints should match it now and cannot, one sentence each, with the policy's name."""
 
     def close(self) -> None:
         """Leave the space; unmatches all readers."""
@@ -102,13 +102,13 @@ class Reader(Protocol):
 
     @property
     def lost(self) -> int:
-        """Samples pushed out of the history before anybody took them."""
+        """Samples pushed out of the history before they were taken."""
 
     def take(self) -> Sample | None:
         """The oldest sample not yet taken, or None."""
 
     def troubles(self) -> tuple[str, ...]:
-        """Who should meet it now and cannot, and what was promised and is not kept, one sentence each."""
+        """Which endpoints should match it now and cannot, and which promises are broken, one sentence each."""
 
     def close(self) -> None:
         """Leave the space; unmatches all writers."""
@@ -118,10 +118,10 @@ class Space(Protocol):
     """Where writers and readers meet."""
 
     words: str | None
-    """Where that is, for people; None when it is nowhere but here."""
+    """Where the space is, for people; None when it is only in this process."""
 
     def writer(self, topic: Topic, qos: Qos, guid: Guid) -> Writer:
-        """Make a writer and match it with every fitting reader."""
+        """Make a writer and match it with every compatible reader."""
 
     def reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> Reader:
         """Make a reader; samples that late joiners get are delivered at once."""

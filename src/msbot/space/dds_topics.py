@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from msbot.space.contract import Topic
 
 Convert = Callable[[bytes], bytes]
-"""From one form of a payload to another; raises RemoteProtocolError for one that makes no sense."""
+"""Converts a payload from one form to another; raises RemoteProtocolError for one that makes no sense."""
 
 
 @dataclass(frozen=True, slots=True)
 class DdsTopic:
-    """One of the names under which a topic is in DDS."""
+    """One of the names that a topic has in DDS."""
 
     name: str
     type_name: str
     partitions: tuple[str, ...] | None = None
-    """Where it is; None leaves it to the space, and to the client that names partitions itself."""
+    """Its partitions; None: those of the client, if it names any, else those of the space."""
     outward: Convert | None = None
-    """From the client's form to that in DDS; None = they are the same."""
+    """From the client's form to the form in DDS; None = they are the same."""
     inward: Convert | None = None
 
 
@@ -28,5 +28,5 @@ DdsTopicsOf = Callable[[Topic], tuple[DdsTopic, ...]]
 
 
 def as_it_is(topic: Topic) -> tuple[DdsTopic, ...]:
-    """Names and types verbatim: what an agent without a blueprint does."""
+    """Names and types verbatim, as for an agent without a blueprint."""
     return (DdsTopic(topic.name, topic.type_name),)

@@ -1,4 +1,4 @@
-"""Bounded histories: what a reader has not taken yet, and what a writer keeps for those that come later."""
+"""Bounded histories: samples that a reader has not taken yet, and samples that a writer keeps for later readers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections import deque
 from msbot.space.contract import Sample
 
 FAIR_SHARE = 16 << 10
-"""Octets that a reader or writer may keep even when the space is full, so that one hog cannot take it all."""
+"""Octets that a reader or writer may keep even when the space is full, so that no single one can take it all."""
 
 
 class Store:
@@ -53,7 +53,7 @@ class History:
         return sample
 
     def clear(self) -> None:
-        """Forget all."""
+        """Forget all samples."""
         self.samples.clear()
         self._store.used -= self._octets
         self._octets = 0

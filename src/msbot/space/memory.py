@@ -1,8 +1,8 @@
 """The data space in this process' memory.
 
-Theory of operation. All writers and readers of one topic stand in one meeting. Writers that offer the same share a
-route, a tuple of the `accept` functions of the readers that fit; routes are rebuilt only when a reader comes or goes,
-so that a write is a loop of plain calls. Samples of one writer reach every reader in order and once, also when a
+Theory of operation. All writers and readers of one topic belong to one meeting. Writers with the same offer share a
+route, a tuple of the `accept` functions of the compatible readers; routes are rebuilt only when a reader comes or goes,
+so that a write is a loop of plain calls. Samples of one writer reach every reader in order and once, even when a
 call-back writes, closes or makes endpoints in the middle of a delivery.
 """
 
@@ -21,26 +21,26 @@ from msbot.space.qos_matching import mismatch
 from msbot.space.readers import Clock, MemoryReader, SelectiveReader, is_selective
 
 FEEDBACK_LIMIT = 1000
-"""Samples that call-backs may add to a topic while one sample is delivered; more is a loop that never ends."""
+"""Samples that call-backs may add to a topic while one sample is delivered; more means an endless loop."""
 
 MAX_OCTETS = 256 << 20
-"""Octets of samples that a space keeps unless told otherwise."""
+"""Octets of samples that a space keeps by default."""
 
 MAX_TROUBLES = 8
-"""Sentences about one endpoint; more help nobody."""
+"""Sentences about one endpoint; more would not help."""
 
 logger = logging.getLogger(__name__)
 
 
 class MemorySpace:
-    """Satisfies `Space` within one process; nothing is kept when it goes."""
+    """Satisfies `Space` within one process; nothing outlives it."""
 
     def __init__(self, max_octets: int = MAX_OCTETS, clock: Clock = time.monotonic) -> None:
         """Make an empty space.
 
         Args:
-            max_octets: payloads that readers' histories and transient-local writers keep, all together; a sample in
-                two histories counts twice. Beyond, everybody keeps no more than `FAIR_SHARE`.
+            max_octets: limit for the payloads in readers' histories and in transient-local writers, all together; a
+                sample in two histories counts twice. When it is reached, each keeps no more than `FAIR_SHARE`.
             clock: seconds, for lifespans, deadlines and time-based filters.
         """
         self.words: str | None = None
@@ -51,18 +51,18 @@ class MemorySpace:
 
     @property
     def octets_kept(self) -> int:
-        """Payloads that are kept now, in octets."""
+        """Size of the payloads kept now, in octets."""
         return self._store.used
 
     def writer(self, topic: Topic, qos: Qos, guid: Guid) -> MemoryWriter:
-        """Make a writer and match it with every fitting reader."""
+        """Make a writer and match it with every compatible reader."""
         meeting = self._meeting(topic)
         writer = MemoryWriter(topic, qos, guid, meeting, self._store, self._clock)
         meeting.enter(writer)
         return writer
 
     def reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> MemoryReader:
-        """Make a reader; a transient-local one gets at once, writer by writer, what such writers have kept."""
+        """Make a reader; a transient-local one gets at once, writer by writer, the samples such writers have kept."""
         meeting = self._meeting(topic)
         make = SelectiveReader if is_selective(qos) else MemoryReader
         reader = make(topic, qos, deliver, self._store, meeting, self._clock)
@@ -123,7 +123,7 @@ class MemoryWriter:
     def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int:
         """Give one sample to every matched reader; returns its sequence number.
 
-        What is written from within a delivery of this writer follows after it: all readers see the same order.
+        A sample written during a delivery of this writer follows after it: all readers see the same order.
 
         Raises:
             LocalProtocolError: the writer is closed, or its readers feed it without end.
@@ -175,7 +175,7 @@ class MemoryWriter:
 
 
 class _Route:
-    """Where the samples of writers that offer the same go."""
+    """Where the samples of writers with the same offer go."""
 
     __slots__ = ("_readers", "accepts", "offered", "users")
 
@@ -186,7 +186,7 @@ class _Route:
         self.accepts = tuple(self._readers.values())
 
     def join(self, reader: MemoryReader) -> None:
-        """A reader has come; only that one is looked at, since thousands may come one by one."""
+        """A reader has come; only this one is checked, since thousands may come one by one."""
         if fit(self.offered, reader.qos):
             self._readers[reader] = reader.accept
             self.accepts = tuple(self._readers.values())
@@ -211,7 +211,7 @@ class _Meeting:
         self._close = close
 
     def route(self, qos: Qos) -> _Route:
-        """The route of a writer that offers that, for one more user."""
+        """The route of writers with that offer; counts one more user."""
         offered = replace(
             qos, depth=1, late_depth=None, keep_all=False, lifespan_s=None, strength=0, separation_s=0.0, service=False
         )
@@ -256,18 +256,18 @@ class _Meeting:
             self._close(self)
 
     def kept_for(self, reader: MemoryReader) -> list[Sample]:
-        """What fitting writers have kept, for a reader that asks for it (DDS 1.4 §2.2.3.4)."""
+        """The samples that compatible writers have kept, for a reader that asks for them (DDS 1.4 §2.2.3.4)."""
         if not reader.qos.transient_local:
             return []
         return [sample for writer in self.writers if fit(writer.qos, reader.qos) for sample in writer.kept]
 
     def troubles_of_reader(self, reader: MemoryReader) -> tuple[str, ...]:
-        """The writers that do not fit, by policy, and the topics of the same name with another type."""
+        """The incompatible writers, by policy, and the topics of the same name with another type."""
         reasons = [mismatch(writer.qos, reader.qos) for writer in self.writers]
         return self._sentences(reasons, (len(meeting.writers) for meeting in self._others()), "written")
 
     def troubles_of_writer(self, writer: MemoryWriter) -> tuple[str, ...]:
-        """The readers that do not fit, by policy, and the topics of the same name with another type."""
+        """The incompatible readers, by policy, and the topics of the same name with another type."""
         reasons = [mismatch(writer.qos, reader.qos) for reader in self.readers]
         return self._sentences(reasons, (len(meeting.readers) for meeting in self._others()), "read")
 
@@ -285,5 +285,5 @@ class _Meeting:
 
 
 def fit(offered: Qos, requested: Qos) -> bool:
-    """Whether a reader takes what a writer offers."""
+    """Whether a reader accepts what a writer offers."""
     return mismatch(offered, requested) is None

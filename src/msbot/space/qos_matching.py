@@ -1,4 +1,5 @@
-"""Whether a writer's offer and a reader's request fit, and if not, by which policy (DDS 1.4 §2.2.3, table of RxO)."""
+"""Whether a writer's offer and a reader's request match, and if not, because of which policy (DDS 1.4 §2.2.3, table of
+RxO)."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ _WILDCARDS = frozenset("*?[")
 
 
 def mismatch(offered: Qos, requested: Qos) -> str | None:
-    """Why a reader cannot take what a writer offers: the policy's name and both values; None when they fit."""
+    """Why a reader cannot accept what a writer offers: the policy's name and both values; None when they match."""
     if requested.reliable and not offered.reliable:
         return "RELIABILITY: the reader asks for RELIABLE, the writer offers BEST_EFFORT"
     if requested.transient_local and not offered.transient_local:

@@ -1,4 +1,4 @@
-"""Readers in this process' memory: who takes all that fits, and who is choosy."""
+"""Readers in this process' memory: those that take every matching sample, and those that are selective."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ Clock = Callable[[], float]
 
 
 class ReadersMeeting(Protocol):
-    """What a reader needs of the place where it meets writers."""
+    """What a reader needs from the place where it meets writers."""
 
     def leave(self, endpoint: MemoryReader) -> None:
         """Take it out."""
 
     def troubles_of_reader(self, reader: MemoryReader) -> tuple[str, ...]:
-        """The writers that do not fit, one sentence each."""
+        """The incompatible writers, one sentence each."""
 
 
 def is_selective(qos: Qos) -> bool:
@@ -84,7 +84,7 @@ class MemoryReader:
                 self._keep(sample)
 
     def catch_up(self, kept: Iterable[Sample]) -> None:
-        """Deliver what was written before the reader came; what is written meanwhile waits behind it."""
+        """Deliver the samples written before the reader came; those written during this call wait behind them."""
         self._backlog = backlog = deque(sample for sample in kept if not self._is_over(sample))
         while backlog and self._open:
             sample = backlog.popleft()
@@ -95,7 +95,7 @@ class MemoryReader:
         self._backlog = None
 
     def _keep(self, sample: Sample) -> None:
-        if self._open:  # else closed by the call-back that has just refused it
+        if self._open:  # otherwise the call-back that just refused the sample has closed it
             self.lost += self._history.push(sample)
 
     def _is_over(self, sample: Sample) -> bool:
@@ -112,14 +112,14 @@ class SelectiveReader(MemoryReader):
     ) -> None:
         super().__init__(topic, qos, deliver, store, meeting, clock)
         self.strengths: dict[Guid, int] = {}
-        """Of the writers that compete to be heard."""
+        """Strengths of the writers that compete to be heard."""
         self.missed = 0
-        """How often a deadline went by."""
+        """How often a deadline was missed."""
         self._owner: Guid | None = None
         self._last_at: float | None = None
 
     def accept(self, sample: Sample) -> None:
-        """Take what it wants; the rest is as if it had never been written."""
+        """Take the sample if it is wanted; any other is treated as if it had never been written."""
         now = self._clock()
         if self.qos.exclusive and not self._is_from_owner(sample.writer, now):
             return
@@ -132,7 +132,7 @@ class SelectiveReader(MemoryReader):
         super().accept(sample)
 
     def catch_up(self, kept: Iterable[Sample]) -> None:
-        """Of what was written before it came, the newest is enough where time counts."""
+        """As above; of the samples written before it came, the newest is enough if there is a time-based filter."""
         samples = list(kept)
         if samples:
             self._last_at = self._clock()
@@ -145,7 +145,7 @@ class SelectiveReader(MemoryReader):
             self._owner = None
 
     def troubles(self) -> tuple[str, ...]:
-        """The writers that it cannot hear, and the deadlines that went by."""
+        """The writers that it cannot hear, and the deadlines that were missed."""
         missed = self.missed
         if self._last_at is not None:
             missed += self._missed_since(self._last_at, self._clock())

@@ -16,7 +16,7 @@ MEMORY = "memory"
 DDS = "dds"
 
 MAX_DOMAIN = 232
-"""DDS domains above have no UDP ports (DDSI-RTPS 2.3 §9.6.1.1)."""
+"""DDS domains above this have no UDP ports (DDSI-RTPS 2.3 §9.6.1.1)."""
 
 _FORM = re.compile(r"(?P<kind>[a-z]+)(:(?P<domain>[^?]*))?(\?(?P<options>.*))?")
 
@@ -28,14 +28,14 @@ class SpaceAddress:
     kind: str = MEMORY
     domain: int = 0
     interface: str | None = None
-    """The one network interface to use; None: the network there is."""
+    """The only network interface to use; None: the network there is."""
 
 
 def parse_space(text: str) -> SpaceAddress:
     """What the user wrote.
 
     Raises:
-        ConfigError: it names no data space; the text says what does.
+        ConfigError: it names no data space; the text says what would be right.
     """
     match = _FORM.fullmatch(text)
     kind = match["kind"] if match else ""
@@ -51,15 +51,15 @@ def parse_space(text: str) -> SpaceAddress:
 def open_space(
     address: SpaceAddress, *, partition: str = "", dds_topics_of: DdsTopicsOf = as_it_is
 ) -> AbstractContextManager[Space]:  # fmt: skip
-    """The space, to be used with `with` on a running event loop.
+    """Open the space, for use with `with` on a running event loop.
 
     Args:
         address: which.
-        partition: in DDS, where endpoints are that name no partition themselves.
+        partition: in DDS, the partition of endpoints that name none themselves.
         dds_topics_of: in DDS, the names of a topic; verbatim if absent.
 
     Raises:
-        ConfigError: it cannot be had here; the text says what to do.
+        ConfigError: it is not available here; the text says what to do.
     """
     if address.kind == MEMORY:
         return contextlib.nullcontext(MemorySpace())

@@ -10,6 +10,6 @@ class Counts:
     """Samples of one endpoint."""
 
     lost: int = 0
-    """Pushed out before there was room for them."""
+    """Samples pushed out before there was room for them."""
     refused: int = 0
-    """Whose octets made no sense on the way."""
+    """Samples whose octets made no sense."""

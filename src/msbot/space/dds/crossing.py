@@ -1,4 +1,5 @@
-"""What a writer and a reader in the library have in common: a name in DDS, and who should meet them and cannot."""
+"""What a writer and a reader in the library have in common: a name in DDS, and a list of the endpoints that should
+match them and cannot."""
 
 from __future__ import annotations
 
@@ -22,11 +23,11 @@ class Crossing:
     WRITES: bool
     """Whether samples go out here."""
     DIFFERS: str
-    """What is said of a peer with another policy."""
+    """What is reported of a peer with another policy."""
     LOST: str
-    """What is said of lost samples, behind their number."""
+    """What is reported of lost samples, after their number."""
     REFUSED: str
-    """What is said of samples that made no sense, behind their number."""
+    """What is reported of samples that made no sense, after their number."""
 
     def __init__(  # noqa: PLR0917 - made by DdsSpace only
         self, library: DdsLibrary, serialiser: Serialiser, entity: int, name: str, type_name: str, qos: Qos,
@@ -36,7 +37,7 @@ class Crossing:
         self.name = name
         self.type_name = type_name
         self.qos = qos
-        """With the partitions it has in DDS."""
+        """Quality of service, with the partitions it has in DDS."""
         self.domain = domain
         self.counts = Counts()
         self._library = library
@@ -46,7 +47,7 @@ class Crossing:
         """Policies that kept a peer away and are not compared here -> how often."""
 
     def troubles(self) -> tuple[str, ...]:
-        """Who in other programs should meet it and cannot, and what got lost."""
+        """Which endpoints in other programs should match it and cannot, and what was lost."""
         found: dict[str, None] = {}
         for other in self._neighbours.on_topic(self.name):
             reason = obstacle(self.type_name, self.qos, other, writes=self.WRITES)
@@ -61,7 +62,7 @@ class Crossing:
         return tuple(found)[:MAX_TROUBLES]
 
     def _look_for_incompatible(self) -> None:
-        """Learn which policies kept a peer away, as far as the comparison with the neighbours does not say it."""
+        """Find out which policies kept a peer away, where the comparison with the neighbours does not tell."""
         calls, incompatible = self._library.calls, Incompatible()
         ask = calls.dds_get_offered_incompatible_qos_status if self.WRITES else (
             calls.dds_get_requested_incompatible_qos_status

@@ -22,18 +22,18 @@ class NativeTopic:
 
     entity: int
     sample_type: int
-    """What makes samples for it."""
+    """The library's type that samples of this topic are made with."""
     users: int = 0
 
 
 class Domain:
-    """This process' place in a domain; made when somebody first needs it."""
+    """This process' participant in a domain; made when it is first needed."""
 
     def __init__(self, library: DdsLibrary, network: Network, number: int) -> None:
-        """Join the domain, and make sure that the library passes octets through as they are.
+        """Join the domain, and check that the library passes octets through unchanged.
 
         Raises:
-            ConfigError: there is no such domain, its ports are taken, or the library does not do what it should.
+            ConfigError: there is no such domain, its ports are taken, or the library does not work as it should.
         """
         check_domain(number)
         self.number = number
@@ -47,7 +47,7 @@ class Domain:
             code = self._calls.dds_create_domain(number, network.config.encode())
             if code >= 0:
                 self._own_domain = code
-            elif code != PRECONDITION_NOT_MET:  # else somebody in this process is there already, with its own network
+            elif code != PRECONDITION_NOT_MET:  # otherwise this process has joined it already
                 raise self._no_participant(code)
         self.participant: int = self._calls.dds_create_participant(number, None, None)
         if self.participant < 0:
@@ -57,7 +57,7 @@ class Domain:
         guid = ctypes.create_string_buffer(16)
         self._calls.dds_get_guid(self.participant, guid)
         self.guid = guid.raw
-        """Of the participant."""
+        """GUID of the participant."""
         try:
             self._test()
         except ConfigError:
@@ -65,10 +65,10 @@ class Domain:
             raise
 
     def topic(self, name: str, type_name: str) -> NativeTopic:
-        """The topic of that name and type, for one more user.
+        """The topic of that name and type; counts one more user.
 
         Raises:
-            ConfigError: DDS does not take the name.
+            ConfigError: DDS does not accept the name.
         """
         topic = self._topics.get((name, type_name))
         if topic is None:
@@ -87,7 +87,7 @@ class Domain:
             self._calls.dds_delete(topic.entity)
 
     def close(self) -> None:
-        """Leave the domain; everything in it goes, and the peers are told."""
+        """Leave the domain; everything in it is deleted, and the peers are told."""
         self._calls.dds_delete(self.participant)
         self._leave()
 
@@ -108,14 +108,14 @@ class Domain:
         return entity
 
     def _generic(self) -> int:
-        """Version 0.10 tells no types: samples of one type do for all, the library turns them into the right one."""
+        """Version 0.10 does not report types: samples of one type serve for all, and the library converts them."""
         if self._generic_type is None:
             self._generic_topic = self._make_topic(f"{_SELF_TEST}/{os.urandom(8).hex()}", _SELF_TEST)
             self._generic_type = type_by_sample(self._library, self._generic_topic, self.participant)
         return self._generic_type
 
     def _test(self) -> None:
-        """Write octets to oneself and compare."""
+        """Write octets to ourselves and compare."""
         calls, name = self._calls, f"{_SELF_TEST}/{os.urandom(8).hex()}"
         topic = self.topic(name, _SELF_TEST)
         reader = calls.dds_create_reader(self.participant, topic.entity, None, None)

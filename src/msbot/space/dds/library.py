@@ -1,8 +1,8 @@
 """Finds libddsc, the C library of Cyclone DDS, and says which of its functions are used and how.
 
-Two sets of handles on one library. `calls` lets other threads run meanwhile and is for everything that may wait;
-`quick` does not, because giving the interpreter away and getting it back costs more than the call: it is for what a
-sample needs. Nothing in the library ever calls back into Python, so `quick` cannot get stuck.
+There are two sets of handles on one library. `calls` lets other threads run during the call and is for everything that
+may wait. `quick` does not, because releasing the interpreter lock and taking it again costs more than the call: it is
+for the path of a sample. Nothing in the library ever calls back into Python, so `quick` cannot get stuck.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ REMEDY = "pip install 'msbot[dds]', or apt install libddsc0debian, or let CYCLON
 
 OLDEST = (0, 10)
 NEWEST = (11, 99)
-"""Versions whose inner layout is known; the self-test at the start is the proof."""
+"""Newest version (and `OLDEST` the oldest) whose internal layout is known; the self-test at the start is the proof."""
 
 ALL_DOMAINS = 0x7FFF0000 + 256
-"""The library itself as an entity: parent of what serves every domain."""
+"""The library itself as an entity: the parent of the entities that serve every domain."""
 PUBLICATIONS = 0x7FFF0000 + 3
 SUBSCRIPTIONS = 0x7FFF0000 + 4
-"""Built-in topics that tell of discovered writers and readers."""
+"""Built-in topics that report discovered writers and readers."""
 
 TIMEOUT = -10
 PRECONDITION_NOT_MET = -4
@@ -217,15 +217,15 @@ _SINCE_11: dict[str, tuple[type | None, list[object]]] = {
 
 @dataclass(frozen=True, slots=True)
 class DdsLibrary:
-    """A libddsc that has every function that is used."""
+    """A libddsc that has every function we use."""
 
     calls: ctypes.CDLL
     """Lets other threads run during a call."""
     quick: ctypes.PyDLL
-    """Does not; for calls that never wait."""
+    """Keeps other threads from running; for calls that never wait."""
     path: str
     knows_types: bool
-    """Whether it tells the type of an entity (since 11); older ones are asked by way of a sample."""
+    """Whether it reports the type of an entity (since 11); with older versions the type is read from a sample."""
 
     def words(self, code: int) -> str:
         """What a return code means."""
@@ -237,7 +237,7 @@ def load() -> DdsLibrary:
     """The first libddsc there is: below CYCLONEDDS_HOME if that is set, else the wheel's, else the system's.
 
     Raises:
-        ConfigError: there is none, or it lacks what is needed; the text says what to do.
+        ConfigError: there is none, or it lacks a function that is needed; the text says what to do.
     """
     failures = []
     for path in places():
@@ -256,13 +256,13 @@ def load() -> DdsLibrary:
 
 
 def places() -> Iterator[str]:
-    """Where libddsc may be, best first."""
+    """The places where libddsc may be, best first."""
     home = os.environ.get("CYCLONEDDS_HOME")
     if home:
         for folder in ("lib", "lib64", "bin", "lib/x86_64-linux-gnu", "lib/aarch64-linux-gnu"):
             for pattern in ("libddsc.so*", "libddsc*.dylib", "ddsc.dll"):
                 yield from (str(path) for path in sorted((Path(home) / folder).glob(pattern))[:1])
-        return  # who names a place means that place
+        return  # a place that the user named is the only one to try
     wheel = _wheel_folder()
     if wheel is not None:
         for place in (wheel.parent / "cyclonedds.libs", wheel / ".dylibs"):

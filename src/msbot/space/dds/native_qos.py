@@ -1,8 +1,8 @@
-"""Quality of service as the library wants it, and back from what it tells of others.
+"""Converts quality of service to the library's form, and back from what it reports of others.
 
-What waits on the way between two programs is not what DDS calls history: a reader that wants the last sample only
-still gets every sample that it has time for. So both ends have room for `ON_THE_WAY` samples whatever their depth;
-what a late joiner gets is said by the durability service, whose default would be a single sample.
+Samples in transit between two programs are not what DDS calls history: a reader that wants only the last sample still
+gets every sample that it has time for. So both ends have room for `ON_THE_WAY` samples whatever their depth. How many
+samples a late joiner gets is set by the durability service, whose default would be a single one.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ COMPARED = frozenset(["RELIABILITY", "DURABILITY", "OWNERSHIP", "DEADLINE", "PAR
 
 @contextlib.contextmanager
 def writer_qos(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> Iterator[int]:
-    """A writer's; valid inside the `with`."""
+    """A writer's QoS; valid inside the `with`."""
     calls = library.calls
     with _common(library, qos, partitions) as made:
-        # A write never waits: what there is no room for is kept by the caller.
+        # A write never waits: the caller keeps a sample for which there is no room.
         calls.dds_qset_reliability(made, _RELIABLE if qos.reliable else _BEST_EFFORT, 0)
         if qos.transient_local:
             late = max(1, qos.late_depth or qos.depth)
@@ -53,7 +53,7 @@ def writer_qos(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> It
 
 @contextlib.contextmanager
 def reader_qos(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> Iterator[int]:
-    """A reader's, which does not hear the writers of its own participant: those it meets in memory."""
+    """A reader's QoS. It ignores the writers of its own participant: it meets those in memory."""
     calls = library.calls
     with _common(library, qos, partitions) as made:
         calls.dds_qset_reliability(made, _RELIABLE if qos.reliable else _BEST_EFFORT, _BLOCKING_OF_OTHERS)
@@ -86,7 +86,7 @@ def _common(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> Itera
 
 
 def qos_of(library: DdsLibrary, native: int) -> Qos:
-    """What a discovered writer offers or a reader asks for, as far as it is compared."""
+    """What a discovered writer offers or a reader requests, as far as we compare it."""
     calls = library.calls
     kind, strength, duration = c_int(), c_int32(), c_int64()
     reliable = bool(calls.dds_qget_reliability(native, byref(kind), byref(duration))) and kind.value == _RELIABLE

@@ -1,4 +1,4 @@
-"""The writers and readers of other programs, as discovery tells of them."""
+"""The writers and readers of other programs, as discovery reports them."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from msbot.space.dds.waiter import Waiter
 from msbot.space.qos_matching import mismatch, partitions_meet
 
 MAX_NEIGHBOURS = 8192
-"""Endpoints of others that are remembered; what does not match more is not explained."""
+"""Endpoints of others that are remembered; mismatches with any further ones are not explained."""
 
 ROBOTS = "msbot/"
-"""How the partitions of robots begin; another robot's topics are nobody's trouble."""
+"""Prefix of the robots' partitions; endpoints of another robot are not reported as mismatches."""
 
 _BATCH = 32
 
@@ -43,7 +43,7 @@ class Neighbour:
 
 
 class Neighbours:
-    """What others write and read in one domain."""
+    """What other programs write and read in one domain."""
 
     def __init__(
         self, library: DdsLibrary, domain: Domain, waiter: Waiter, changed: Callable[[Neighbour], None]
@@ -52,8 +52,8 @@ class Neighbours:
 
         Args:
             library: the library.
-            domain: where.
-            waiter: calls when something was discovered.
+            domain: the domain to listen in.
+            waiter: calls back when something was discovered.
             changed: called with every endpoint that appears.
         """
         self._library = library
@@ -128,12 +128,12 @@ class Neighbours:
 
 
 def obstacle(type_name: str, qos: Qos, other: Neighbour, *, writes: bool) -> str | None:
-    """Why an endpoint of ours cannot meet one of another program on the same topic; None when nothing is in the way.
+    """Why an endpoint of ours cannot match one of another program on the same topic; None when it can.
 
     Args:
-        type_name: type of our endpoint.
+        type_name: type name of our endpoint.
         qos: its quality of service, with the partitions it has in DDS.
-        other: the other program's.
+        other: the other program's endpoint.
         writes: whether ours is the writer.
     """
     if other.is_writer is writes:

@@ -1,8 +1,8 @@
-"""Which network DDS uses, said in Cyclone's own words.
+"""Which network DDS uses, as a configuration for Cyclone.
 
-Whoever sets CYCLONEDDS_URI decides alone. Otherwise Cyclone chooses the interface itself, unless the computer has no
-network: then programs on it find each other over the loopback interface, by multicast where the other side can and
-by asking the usual ports where it cannot (that meets every peer that was tried, whatever its own settings).
+If CYCLONEDDS_URI is set, it alone decides. Otherwise Cyclone chooses the interface itself, unless the computer has no
+network. In that case programs on it find each other over the loopback interface: by multicast where the other side
+supports it, else by trying the usual ports (this found every peer that was tested, whatever its own settings).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from msbot.errors import ConfigError
 from msbot.space.space_address import MAX_DOMAIN
 
 MAX_PARTICIPANTS = 60
-"""Participants on one computer that find each other without multicast."""
+"""How many participants on one computer can find each other without multicast."""
 
 LOOPBACK = "lo"
 
@@ -46,7 +46,7 @@ class NetworkInterface:
 
 @dataclass(frozen=True, slots=True)
 class Network:
-    """What DDS is told, and how that is said to people."""
+    """The network configuration for DDS, and its description for people."""
 
     config: str | None
     """In Cyclone's XML; None leaves it to Cyclone and its environment variable."""
@@ -57,8 +57,8 @@ def choose(interface: str | None = None, interfaces: Iterable[NetworkInterface] 
     """The network for DDS.
 
     Args:
-        interface: the one to use; absent: whichever there is.
-        interfaces: those of the computer; looked up if absent.
+        interface: the one to use; if absent, whichever there is.
+        interfaces: the computer's interfaces; looked up if absent.
 
     Raises:
         ConfigError: there is no interface of that name, or it is down.
@@ -100,14 +100,14 @@ def check_domain(domain: int) -> None:
     """Make sure that a domain exists.
 
     Raises:
-        ConfigError: it has no ports.
+        ConfigError: there are no ports for it.
     """
     if not 0 <= domain <= MAX_DOMAIN:
         raise ConfigError(f"DDS domain {domain}: domains go from 0 to {MAX_DOMAIN}, more have no UDP ports")
 
 
 def find_interfaces() -> list[NetworkInterface]:
-    """The interfaces of this computer; none where they cannot be told (not Linux)."""
+    """The interfaces of this computer; none where the system does not tell (not Linux)."""
     if not sys.platform.startswith("linux"):
         return []
     found = []
@@ -115,7 +115,7 @@ def find_interfaces() -> list[NetworkInterface]:
         for _, name in socket.if_nameindex():
             answer = _ask(probe, _SIOCGIFFLAGS, name)
             if answer is None:
-                continue  # it has just gone
+                continue  # it has just disappeared
             flags: int = struct.unpack_from("H", answer, 16)[0]
             found.append(
                 NetworkInterface(

@@ -1,9 +1,9 @@
-"""Samples of any type through Cyclone DDS as octets: nobody here knows the type, only its name.
+"""Passes samples of any type through Cyclone DDS as octets; only the name of the type is known here.
 
-A topic is made with a descriptor of a type that has nothing in it; samples never go through it, they are handed over
-and taken serialised. What they carry in front is the encapsulation header of CDR, little endian (DDSI-RTPS 2.3 §10.2),
-whose last two bits say how many octets of padding follow the body. No description of the type is announced, so every
-peer that knows the type by the same name is matched, unless it insists on comparing descriptions.
+A topic is made with the descriptor of an empty type. Samples never go through that type: they are handed over and taken
+in serialised form. They begin with the encapsulation header of CDR, little endian (DDSI-RTPS 2.3 §10.2), whose last two
+bits say how many octets of padding follow the body. No description of the type is announced, so every peer that knows
+the type by the same name is matched, unless it insists on comparing descriptions.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from msbot.errors import ConfigError, RemoteProtocolError
 from msbot.space.dds.library import ANY_STATE, DATA, DdsLibrary, IoVec, SampleInfo, TopicDescriptor
 
 BATCH = 64
-"""Samples that are taken at once."""
+"""Samples taken in one call."""
 
 _HEADERS = tuple(bytes((0, 1, 0, padding)) for padding in range(4))
 _PADDING = (b"", b"\0", b"\0\0", b"\0\0\0")
@@ -25,14 +25,14 @@ _SCRATCH = 0x10000
 _RESTRICT_REPRESENTATION = 1 << 7
 _XCDR1 = 1 << 0
 _EMPTY_ARRAY_OF_OCTETS = (c_uint32 * 4)(1 << 24 | 8 << 16 | 1 << 8, 0, 0, 0)
-"""`octet[0]` at offset 0, and the end (ddsc/dds_opcodes.h): the least that passes for a type."""
+"""`octet[0]` at offset 0, and the end (ddsc/dds_opcodes.h): the least that the library accepts as a type."""
 
 _TYPE_IN_SAMPLE = 24
 """Where a serialised sample of version 0.10 keeps its type: behind operations, hash, reference count and kind."""
 
 
 def descriptor(type_name: str) -> TopicDescriptor:
-    """What makes a topic of that type name."""
+    """The descriptor for a topic with that type name."""
     return TopicDescriptor(
         size=1,
         align=1,
@@ -46,7 +46,7 @@ def descriptor(type_name: str) -> TopicDescriptor:
 
 
 class Serialiser:
-    """Turns octets into samples of the library and back; for one thread."""
+    """Turns octets into the library's samples and back; for use in one thread."""
 
     def __init__(self, library: DdsLibrary) -> None:
         self._quick = library.quick
@@ -61,7 +61,7 @@ class Serialiser:
         """Write a body of CDR; returns the library's return code.
 
         Raises:
-            RemoteProtocolError: the library does not take it.
+            RemoteProtocolError: the library does not accept it.
         """
         padding = -len(body) & 3
         octets = _HEADERS[padding] + body + _PADDING[padding]
@@ -79,7 +79,7 @@ class Serialiser:
     def take(self, reader: int, most: int = BATCH) -> list[tuple[int, bytes]] | None:
         """Up to `most` samples, `BATCH` at most: (handle of the writer, body of CDR); None when there is nothing.
 
-        An entry that tells of a writer that has gone has no body and is left out, so the list may be empty.
+        Entries that report the end of a writer have no body and are left out, so the list may be empty.
         """
         quick = self._quick
         samples, infos = self._samples, self._infos
@@ -106,10 +106,10 @@ class Serialiser:
 
 
 def type_of(library: DdsLibrary, entity: int) -> int:
-    """The library's inner type of a topic, for `Serialiser.write` (since version 11).
+    """The library's internal type of a topic, for `Serialiser.write` (since version 11).
 
     Raises:
-        ConfigError: the library does not tell it.
+        ConfigError: the library does not report it.
     """
     found = c_void_p()
     code = library.calls.dds_get_entity_sertype(entity, byref(found))

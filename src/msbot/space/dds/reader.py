@@ -24,15 +24,15 @@ SAMPLE_LOST = 1 << 5
 REQUESTED_STATUSES = SUBSCRIPTION_MATCHED | REQUESTED_INCOMPATIBLE | SAMPLE_LOST
 
 MAX_PEERS = 1024
-"""Writers of others whose samples are numbered; beyond, the numbers start over."""
+"""Writers in other programs whose samples are numbered; beyond, the numbers start over."""
 
 INTRODUCTION_S = 1.0
-"""How long a request waits at most for its requester's reader to be discovered."""
+"""The longest time that a request waits for its requester's reader to be discovered."""
 MAX_EARLY = 64
-"""Requests that wait so."""
+"""How many requests may wait for that."""
 
 AskerOf = Callable[[bytes], Guid | None]
-"""The requester of this process behind the 8 octets in front of a reply, or None."""
+"""Maps the 8 octets in front of a reply to the requester in this process, or to None."""
 
 
 class Peer:
@@ -62,14 +62,14 @@ class Inlet(Crossing):
         super().__init__(library, serialiser, entity, name, type_name, qos, neighbours, domain)
         self.condition = condition
         self.tokens = (0, 0)
-        """Of its data and of its statuses at the waiter."""
+        """Tokens for its data and for its statuses at the waiter."""
         self.reader = reader
         self._accept = reader.accept
         self._convert = convert
         self._peers: dict[int, Peer] = {}
 
     def take(self, most: int = BATCH) -> None:
-        """Hand on what has arrived, a batch at most."""
+        """Pass on the samples that have arrived, one batch at most."""
         taken = self._serialiser.take(self.entity, most)
         if taken is None:
             return
@@ -83,7 +83,7 @@ class Inlet(Crossing):
                 self._take_converted(convert, body, peer)
 
     def look(self) -> None:
-        """Learn who writes and who cannot; what the waiter calls."""
+        """Find out which writers match and which cannot; called by the waiter."""
         calls = self._library.calls
         matched, lost = Matched(), Missed()
         if calls.dds_get_subscription_matched_status(self.entity, byref(matched)) >= 0 and matched.current_change < 0:
@@ -130,10 +130,10 @@ class Inlet(Crossing):
 
 
 class RequestInlet(Inlet):
-    """Requests: the requester's identity precedes the body.
+    """Takes requests: the requester's identity precedes the body.
 
-    A requester may know this side a moment before this side knows where it listens, and an answer would be lost. So
-    its first requests wait until its reader of the replies is known, for `INTRODUCTION_S` at most.
+    A requester may discover this side a moment before this side discovers the requester's reader, and an answer would
+    be lost. So its first requests wait until that reader is known, for `INTRODUCTION_S` at most.
     """
 
     __slots__ = ("_early", "_replies")
@@ -144,13 +144,13 @@ class RequestInlet(Inlet):
         self._early: deque[tuple[bytes, float, Sample]] = deque()
 
     def tell_early(self) -> None:
-        """Hand on requests that waited and need not wait any longer."""
+        """Pass on requests that need not wait any longer."""
         early, now = self._early, asyncio.get_running_loop().time()
         while early and (early[0][1] <= now or self._neighbours.reads(early[0][0], self._replies)):
             self._accept(early.popleft()[2])
 
     def take(self, most: int = BATCH) -> None:
-        """Hand on requests with their identity beside them."""
+        """Pass on requests with their identity beside them."""
         for publication, octets in self._serialiser.take(self.entity, most) or ():
             parts = services.split(octets)
             if parts is None:
@@ -175,7 +175,7 @@ class RequestInlet(Inlet):
 
 
 class ReplyInlet(Inlet):
-    """Replies: the identity they answer precedes the body."""
+    """Takes replies: the identity of the request precedes the body."""
 
     __slots__ = ("_asker_of",)
 
@@ -184,7 +184,7 @@ class ReplyInlet(Inlet):
         self._asker_of = asker_of
 
     def take(self, most: int = BATCH) -> None:
-        """Hand on replies to requesters of this process; the others' are none of our business."""
+        """Pass on replies to requesters of this process, and ignore all others."""
         for publication, octets in self._serialiser.take(self.entity, most) or ():
             parts = services.split(octets)
             if parts is None:
@@ -201,8 +201,8 @@ class ReplyInlet(Inlet):
 class DdsReader:
     """Satisfies `Reader`; made by `DdsSpace.reader`.
 
-    A reader that keeps all takes no more out of DDS than its history holds, so that a reliable writer elsewhere waits
-    instead of losing samples.
+    A reader that keeps all samples takes no more out of DDS than its history holds, so that a reliable writer elsewhere
+    waits instead of losing samples.
     """
 
     __slots__ = ("_close", "_inlets", "_limit", "_memory", "_notes", "_paused", "_waiter", "topic")
@@ -211,7 +211,7 @@ class DdsReader:
         self, memory: MemoryReader, inlets: tuple[Inlet, ...], notes: tuple[str, ...], waiter: Waiter,
         close: Callable[[DdsReader], None],
     ) -> None:  # fmt: skip
-        """`notes` say which of its names DDS did not take, and why."""
+        """`notes` say which of its names DDS did not accept, and why."""
         self.topic: Topic = memory.topic
         self._memory = memory
         self._inlets = inlets
@@ -228,7 +228,7 @@ class DdsReader:
 
     @property
     def lost(self) -> int:
-        """Samples pushed out of the history before anybody took them."""
+        """Samples pushed out of the history before they were taken."""
         return self._memory.lost
 
     @property
@@ -246,7 +246,7 @@ class DdsReader:
         return sample
 
     def arrived(self, inlet: Inlet) -> None:
-        """Something is there for an inlet; what the waiter calls."""
+        """There is something for an inlet; called by the waiter."""
         if self._limit is None:
             inlet.take()
             return
@@ -257,7 +257,7 @@ class DdsReader:
                 self._waiter.pause(paused.condition)
 
     def troubles(self) -> tuple[str, ...]:
-        """Who should be heard and cannot, here and elsewhere."""
+        """Which writers should be heard and cannot, here and elsewhere."""
         found = [*self._notes, *self._memory.troubles()]
         for inlet in self._inlets:
             found += inlet.troubles()

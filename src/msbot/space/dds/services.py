@@ -1,8 +1,8 @@
 """Requests and replies over DDS in the manner of ROS 2 with Cyclone DDS (rmw_cyclonedds).
 
-In front of the body stand 16 octets: 8 that tell the requester, 8 with the number of its request, little endian; a
-reply repeats them. Topics are `rq/<service>Request` and `rr/<service>Reply`. Other services stay in this process: how
-Fast DDS says whom a reply is for, beside the payload, cannot be said through Cyclone DDS.
+16 octets precede the body: 8 that identify the requester, and 8 with the number of its request, little endian; a reply
+repeats them. Topics are `rq/<service>Request` and `rr/<service>Reply`. Other services stay in this process: Fast DDS
+addresses a reply beside the payload, which Cyclone DDS cannot express.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from msbot.space.contract import Guid
 HEADER_SIZE = 16
 _HEADER = Struct("<8sq")
 _ELSEWHERE = b"\0\0\0\0elsw"
-"""Second half of the GUID of a requester in another program, of which only 8 octets are told."""
+"""Second half of the GUID of a requester in another program, of which only 8 octets are known."""
 
 
 def is_request(topic: str) -> bool:
-    """Whether a topic carries requests in that manner."""
+    """Whether a topic carries requests of this kind."""
     return topic.startswith("rq/") and topic.endswith("Request")
 
 
 def is_reply(topic: str) -> bool:
-    """Whether a topic carries replies in that manner."""
+    """Whether a topic carries replies of this kind."""
     return topic.startswith("rr/") and topic.endswith("Reply")
 
 
@@ -34,7 +34,7 @@ def reply_topic(request_topic: str) -> str:
 
 
 def request_topic(replies: str) -> str:
-    """The topic of the requests that are answered on another."""
+    """The topic of the requests that are answered on that one."""
     return f"rq/{replies.removeprefix('rr/').removesuffix('Reply')}Request"
 
 
@@ -49,7 +49,7 @@ def with_header(requester: bytes, number: int, body: bytes) -> bytes:
 
 
 def split(octets: bytes) -> tuple[bytes, int, bytes] | None:
-    """Requester, number and body of a request or reply from DDS; None when it is too short to have them."""
+    """Requester, number and body of a request or reply from DDS; None when it is too short."""
     if len(octets) < HEADER_SIZE:
         return None
     requester, number = _HEADER.unpack_from(octets)
@@ -62,5 +62,5 @@ def foreign(requester: bytes) -> Guid:
 
 
 def is_foreign(guid: Guid) -> bool:
-    """Whether a GUID is such a one."""
+    """Whether a GUID is one that `foreign` made."""
     return guid[8:] == _ELSEWHERE

@@ -1,10 +1,10 @@
-"""The data space over DDS: endpoints meet in this process' memory as ever, and besides in DDS.
+"""The data space over DDS: endpoints meet in this process' memory as usual, and also in DDS.
 
-Theory of operation. Every writer and reader is one in memory with the same rules, speed and order as in a
-`MemorySpace`; beside it stands one in the library for each name that the topic has in DDS. Readers there do not hear
-writers of the same participant, so nothing comes twice. A sample goes out only while somebody elsewhere reads it (or
-it is kept for late readers); what comes in is handed to the reader in memory. So a robot goes on as it was when the
-network does not. One thread waits (`waiter`), everything else happens on the event loop.
+Theory of operation. Every writer and reader exists in memory, with the same rules, speed and order as in a
+`MemorySpace`, and once more in the library for each name that the topic has in DDS. Readers in the library do not hear
+writers of the same participant, so nothing arrives twice. A sample goes out only while another program reads it (or if
+it is kept for late readers); a sample that comes in is handed to the reader in memory. So the robot keeps working when
+the network fails. One thread waits (`waiter`), everything else happens on the event loop.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from msbot.space.memory import MemorySpace
 from msbot.space.readers import MemoryReader
 
 RETRY_S = 0.005
-"""How soon a write is tried again that a slow peer had no room for."""
+"""How soon a write is retried for which a slow peer had no room."""
 
 logger = logging.getLogger(__name__)
 
 
 class DdsSpace:
-    """Satisfies `Space`. Must be made on a running event loop, and closed; fits `with`."""
+    """Satisfies `Space`. Must be made on a running event loop, and closed; can be used with `with`."""
 
     def __init__(
         self, domain: int = 0, *, partition: str = "", dds_topics_of: DdsTopicsOf = as_it_is,
@@ -52,14 +52,14 @@ class DdsSpace:
         """Join DDS.
 
         Args:
-            domain: where endpoints of domain 0 are, which is what clients say that say nothing.
-            partition: where endpoints are that name none themselves.
+            domain: the DDS domain for endpoints of domain 0, which is the default of clients.
+            partition: the partition of endpoints that name none themselves.
             dds_topics_of: the names of a topic in DDS; verbatim if absent.
-            interface: the network interface to use; absent: the network there is.
+            interface: the network interface to use; if absent, the network there is.
             clock: seconds, for lifespans, deadlines and time-based filters.
 
         Raises:
-            ConfigError: libddsc is not there or not usable, or the domain cannot be joined; the text says what to do.
+            ConfigError: libddsc is missing or unusable, or the domain cannot be joined; the text says what to do.
         """
         self._domain = domain
         self._partitions = (partition,) if partition else ()
@@ -93,16 +93,16 @@ class DdsSpace:
 
     @property
     def neighbours(self) -> int:
-        """Writers and readers of other programs that are known now."""
+        """Number of writers and readers of other programs known now."""
         return sum(len(neighbours) for neighbours in self._neighbours.values())
 
     def writer(self, topic: Topic, qos: Qos, guid: Guid) -> Writer:
-        """Make a writer and match it with every fitting reader, here and elsewhere."""
+        """Make a writer and match it with every compatible reader, here and elsewhere."""
         topic = self._place(topic)
         memory = self._memory.writer(topic, qos, guid)
         service = qos.service
         if service and not (services.is_request(topic.name) or services.is_reply(topic.name)):
-            return memory  # whom it is for could not be said in DDS
+            return memory  # DDS could not express whom it is for
         outlets, notes = [], []
         for dds_topic in self._dds_topics_of(topic):
             try:
@@ -120,7 +120,7 @@ class DdsSpace:
         return writer
 
     def reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> Reader:
-        """Make a reader; what late joiners get of writers here is delivered at once, of writers elsewhere soon."""
+        """Make a reader; kept samples of writers here are delivered at once, those of writers elsewhere soon."""
         topic = self._place(topic)
         memory = self._memory.reader(topic, qos, deliver)
         if qos.service and not (services.is_request(topic.name) or services.is_reply(topic.name)):
@@ -163,7 +163,7 @@ class DdsSpace:
         return domain
 
     def _in_dds(self, qos: Qos, dds_topic: DdsTopic) -> Qos:
-        """With the partitions that count there: those of the client, of the topic in DDS, of the space."""
+        """The same with the partitions that count in DDS: the client's, else the topic's, else the space's."""
         return replace(
             qos,
             partitions=qos.partitions or (self._partitions if dds_topic.partitions is None else dds_topic.partitions),
@@ -252,7 +252,7 @@ class DdsSpace:
         )
 
     def _appeared(self, domain: int, other: Neighbour) -> None:
-        """Say once what keeps a newcomer and an endpoint of ours apart; let requests through that waited for it."""
+        """Report once why a newcomer and an endpoint of ours do not match; release requests that waited for it."""
         for mine in tuple(self._by_name.get((domain, other.topic), ())):
             if isinstance(mine, Inlet) is other.is_writer:
                 reason = obstacle(mine.type_name, mine.qos, other, writes=not other.is_writer)

@@ -1,8 +1,8 @@
 """The one thread that waits for DDS; everything else happens on the event loop.
 
-It waits in the library for whatever is attached, hands the tokens of what has happened to the loop, and waits for the
-loop to have dealt with them before it looks again. So nothing queues up between the two: what a flooding peer sends
-stays in the bounded histories of the library until the loop takes it.
+It waits in the library for any attached entity, hands the tokens of those with news to the loop, and looks again only
+when the loop has dealt with them. So nothing queues up between the two: samples from a flooding peer stay in the
+bounded histories of the library until the loop takes them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from msbot.errors import ConfigError
 from msbot.space.dds.library import ALL_DOMAINS, FOR_EVER, DdsLibrary
 
 SLOTS = 256
-"""Events that are handed over at once; more come in the next turn."""
+"""Events handed over at a time; further ones come in the next turn."""
 
 Handler = Callable[[], None]
 
@@ -25,7 +25,7 @@ logger = logging.getLogger(__name__)
 
 
 class Waiter:
-    """Calls handlers on the event loop when their entities have something to say. Must be made on the loop."""
+    """Calls handlers on the event loop when their entities have news. Must be made on the loop."""
 
     def __init__(self, library: DdsLibrary) -> None:
         """Begin to wait; the library must have a participant.
@@ -48,7 +48,7 @@ class Waiter:
         self._thread.start()
 
     def attach(self, entity: int, handler: Handler) -> int:
-        """Call the handler whenever the entity (a reader's condition, or one with a status mask) has something."""
+        """Call the handler whenever the entity (a reader's condition, or one with a status mask) has news."""
         token = self._next_token
         self._next_token += 1
         self._handlers[token] = handler
@@ -88,7 +88,7 @@ class Waiter:
             try:
                 loop.call_soon_threadsafe(self._handle, tokens[: min(count, SLOTS)])
             except RuntimeError:
-                return  # the loop has been closed: nobody is left to be told
+                return  # the loop has been closed: nobody is left to tell
             resume.acquire()
 
     def _handle(self, tokens: list[int]) -> None:

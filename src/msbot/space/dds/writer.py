@@ -38,21 +38,21 @@ class Outlet(Crossing):
         super().__init__(library, serialiser, entity, name, type_name, qos, neighbours, domain)
         self.sample_type = sample_type
         self.has_readers = False
-        """Whether somebody in another program reads it now."""
+        """Whether another program reads it now."""
         self.is_kept = qos.transient_local
-        """Whether samples are written even though nobody reads yet."""
+        """Whether samples are written even if nobody reads them yet."""
         self.token = 0
-        """At the waiter."""
+        """Its token at the waiter."""
         self._retry = retry
         self._backlog: deque[bytes] = deque()
 
     @property
     def waiting(self) -> int:
-        """Samples that a slow peer has no room for now."""
+        """Samples for which a slow peer has no room now."""
         return len(self._backlog)
 
     def write(self, payload: bytes) -> None:
-        """Write a sample; what there is no room for waits, as much as the writer's depth, and the newest win."""
+        """Write a sample; without room it waits, up to the writer's depth, beyond which the oldest is dropped."""
         if self._backlog:
             self._wait(payload)
         elif self._put(payload) == TIMEOUT:
@@ -60,7 +60,7 @@ class Outlet(Crossing):
             self._retry(self)
 
     def flush(self) -> bool:
-        """Write what waits; True when nothing does any more."""
+        """Write the samples that wait; True when none is left."""
         backlog = self._backlog
         while backlog:
             if self._put(backlog[0]) == TIMEOUT:
@@ -69,16 +69,16 @@ class Outlet(Crossing):
         return True
 
     def look(self) -> None:
-        """Learn who reads and who cannot; what the waiter calls."""
+        """Find out which readers match and which cannot; called by the waiter."""
         matched = Matched()
         if self._library.calls.dds_get_publication_matched_status(self.entity, byref(matched)) >= 0:
             self.has_readers = matched.current > 0
             if not self.has_readers:
-                self._backlog.clear()  # nobody is left to wait for
+                self._backlog.clear()  # there is no reader left to wait for
         self._look_for_incompatible()
 
     def close(self) -> None:
-        """Nothing waits any more."""
+        """Forget the samples that wait."""
         self._backlog.clear()
 
     def _put(self, payload: bytes) -> int:
@@ -110,7 +110,7 @@ class DdsWriter:
         self, memory: MemoryWriter, outlets: tuple[tuple[Outlet, Convert | None], ...], notes: tuple[str, ...],
         close: Callable[[DdsWriter], None],
     ) -> None:  # fmt: skip
-        """`notes` say which of its names DDS did not take, and why."""
+        """`notes` say which of its names DDS did not accept, and why."""
         self.guid = memory.guid
         self.topic: Topic = memory.topic
         self._memory = memory
@@ -137,7 +137,7 @@ class DdsWriter:
         return number
 
     def troubles(self) -> tuple[str, ...]:
-        """Who should hear it and cannot, here and elsewhere."""
+        """Which readers should hear it and cannot, here and elsewhere."""
         found = [*self._notes, *self._memory.troubles()]
         for outlet, _ in self._outlets:
             found += outlet.troubles()
@@ -168,7 +168,7 @@ class ServiceWriter(DdsWriter):
     __slots__ = ()
 
     def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int:
-        """Ask, or answer who asked: a requester in this process in memory, one elsewhere in DDS."""
+        """Send a request, or answer one: a requester in this process in memory, one elsewhere in DDS."""
         number = self._memory.write(payload, related)
         if related is None:
             requester, request = services.short(self.guid), number
@@ -177,6 +177,6 @@ class ServiceWriter(DdsWriter):
         else:
             return number
         for outlet, _ in self._outlets:
-            # Whether anybody listens is learned a moment later than the other side learns that we do.
+            # We may discover the other side's reader a moment after the other side has discovered ours.
             outlet.write(services.with_header(requester, request, payload))
         return number
