@@ -3,9 +3,9 @@
 Session ids from 0x80 up have no key in the header; the client is the one that logged in from that address with that
 id. Ids below 0x80 have the key in the header, and the address does not matter (XRCE 1.0 §8.2.1; seen on the wire).
 
-DEVIATION: the genuine agent finds a client by its address alone, whatever the id. A packet of the client's earlier
-session that comes late, even from before a restart of the agent, would then push the streams of the new one on, and
-what the client sends next would be taken for repetitions, and be lost without a trace.
+DEVIATION: the genuine agent finds a client by its address alone, whatever the id. A late packet of the client's earlier
+session, even from before a restart of the agent, would then advance the streams of the new one, and the client's next
+messages would be mistaken for repetitions and lost without a trace.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from msbot.runtime.tally import Tally
 from msbot.xrce.messages import SESSION_NONE
 
 _HIGHEST_DRAWN, _LOWEST_DRAWN = 0xFFFFFFFF, 0xFF000000
-"""Keys for second sessions are counted down from there."""
+"""The agent's own keys, for second sessions, are counted down from the first to the second of these."""
 
 
 @dataclass(slots=True, eq=False)
@@ -28,19 +28,19 @@ class ServedLink:
 
     link: Link
     batch: int | None
-    """Packets that are pulled out of a session at once; None = all."""
+    """How many packets are pulled out of a session at a time; None = all."""
     clients: dict[Peer, Proxy] = field(default_factory=dict)
-    """The clients without keys in their headers, by address: one for each."""
+    """The clients without keys in their headers, by address: one per address."""
     members: dict[Proxy, Peer] = field(default_factory=dict)
     """All clients; any number with keys in their headers may share an address."""
     gone: dict[Peer, list[Proxy]] = field(default_factory=dict)
-    """Clients that went with their peer, and go on where they were when it is back, by address."""
+    """Clients whose peer has gone, by address; they go on where they were when it is back."""
     blocked: dict[Proxy, None] = field(default_factory=dict)
-    """Clients with packets that the link had no room for, in the order they met that."""
+    """Clients with packets for which the link had no room, in the order in which that happened."""
     opened: bool = False
     """Whether the link has carried anything or said that it is up."""
     dropped: Tally = field(default_factory=Tally)
-    """Packets of nobody, by reason in words."""
+    """Packets that belong to no client, by reason in words."""
 
 
 class ClientTable:
@@ -63,11 +63,11 @@ class ClientTable:
         return self._by_key.get(key)
 
     def sharing(self, client_key: int) -> tuple[Proxy, ...]:
-        """The sessions that show that client key, oldest first; more than one only where the gate keeps sessions."""
+        """The sessions that present that client key, oldest first; more than one only where the gate keeps sessions."""
         return self._by_client_key.get(client_key, ())
 
     def free_key(self, client_key: int) -> int:
-        """The key by which the agent may know one more session of that client key."""
+        """A free key under which the agent can know one more session with that client key."""
         while client_key in self._by_key:
             client_key = self._drawn = self._drawn - 1 if self._drawn > _LOWEST_DRAWN else _HIGHEST_DRAWN
         return client_key
@@ -86,7 +86,7 @@ class ClientTable:
         return None
 
     def place(self, proxy: Proxy, port: ServedLink, peer: Peer) -> None:
-        """Enter a client, or move it to another address: the old one then belongs to nobody."""
+        """Enter a client, or move it to another address; no client has the old one any more."""
         self._leave_place(proxy)
         self._forget_gone(proxy)
         self._by_key[proxy.info.key] = proxy
@@ -100,7 +100,7 @@ class ClientTable:
             port.gone.pop(peer, None)
 
     def set_gone(self, proxy: Proxy) -> None:
-        """Its peer has gone: the client has no address any more, and what is meant for it waits."""
+        """Note that its peer has gone: the client has no address any more, and packets for it wait."""
         place = proxy.place
         assert place is not None
         self._leave_place(proxy)

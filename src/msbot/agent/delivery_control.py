@@ -1,7 +1,7 @@
-"""How a READ_DATA lets samples go to the client: how many, for how long, how fast.
+"""How a READ_DATA limits the samples sent to the client: how many, for how long, how fast.
 
-All four limits of the delivery control are honoured (XRCE 1.0 §7.7.9; the genuine agent ignores the pace). A
-sample that may not go yet stays in the reader's history.
+All four limits of the delivery control are obeyed (XRCE 1.0 §7.7.9; the genuine agent ignores the pace). A sample that
+may not go yet stays in the reader's history.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ import math
 from msbot.xrce.messages import DeliveryControl
 
 UNLIMITED_SAMPLES = 0xFFFF
-"""`max_samples` that never ends."""
+"""The `max_samples` that means no limit."""
 
 NEVER = math.inf
-"""A point of time that does not come."""
+"""A time that never comes."""
 
 _ROUNDING = 1e-3
-"""Octets that floating point may be short of after exactly the time that was waited for."""
+"""Octets by which rounding may fall short after exactly the time that was waited."""
 
 
 class ReadTask:
     """One running READ_DATA of a reader, requester or replier.
 
-    The byte rate is a token bucket that holds one second's worth. A sample larger than that may go when the bucket
-    is full, and the debt delays the next one.
-    DEVIATION: the genuine agent never sends a sample larger than the rate and is stuck behind it.
+    The byte rate is a token bucket that holds one second's worth. A sample larger than that may go when the bucket is
+    full; the debt then delays the next one. DEVIATION: the genuine agent never sends a sample larger than the rate and
+    gets stuck behind it.
     """
 
     __slots__ = ("_bytes_per_s", "_filled_at", "_next_at", "_pace_s", "_remaining", "_tokens", "_until", "limited",
@@ -63,7 +63,7 @@ class ReadTask:
         return ready_at if ready_at < self._until else NEVER
 
     def sent(self, size: int, now: float) -> None:
-        """Account for a sample that went."""
+        """Account for a sample that was sent."""
         if self._remaining is not None:
             self._remaining -= 1
         if self._bytes_per_s:

@@ -1,7 +1,7 @@
 """Answers clients that look for an agent by multicast (DDS-XRCE discovery over UDP).
 
-A client sends GET_INFO to 239.255.0.2:7400 and gets, from the same port and to itself alone, an INFO with the
-addresses and the port of the agent's UDP service. Asking the discovery port directly works as well.
+A client sends GET_INFO to 239.255.0.2:7400. The answer comes from the same port, by unicast: an INFO with the addresses
+and the port of the agent's UDP service. Asking the discovery port directly works as well.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ DISCOVERY_PORT = 7400
 _DATAGRAM_MAX = 2048
 _LOOPBACK = "127."
 _ONLY_JOINED_GROUPS = 49
-"""IP_MULTICAST_ALL of Linux, which the socket module does not name: set to 0, a socket hears its own groups only."""
+"""IP_MULTICAST_ALL of Linux, which the socket module does not name: when set to 0, a socket hears only its own
+groups."""
 _ADDRESS_OF_INTERFACE = 0x8915
 """SIOCGIFADDR of Linux."""
 
@@ -43,8 +44,8 @@ def discovery_answer(packet: bytes, addresses: Callable[[], Sequence[str]], serv
     """The INFO for a discovery request, or None when the packet is something else.
 
     Args:
-        packet: what came in on the discovery port.
-        addresses: gives the addresses under which the agent serves, IPv4 or IPv6; called for valid requests only.
+        packet: the packet that came in on the discovery port.
+        addresses: returns the addresses at which the agent serves, IPv4 or IPv6; called for valid requests only.
         service_port: its UDP port.
     """
     try:
@@ -66,7 +67,7 @@ def _locator(address: str, port: int) -> Locator:
 
 
 def host_ipv6_addresses() -> list[str]:
-    """The IPv6 addresses of this machine, none that is good on one link only; loopback where it has no other."""
+    """The IPv6 addresses of this machine without link-local ones; loopback if it has no other."""
     try:
         lines = Path("/proc/net/if_inet6").read_text(encoding="ascii").splitlines()
         found = [socket.inet_ntop(socket.AF_INET6, bytes.fromhex(line.split()[0])) for line in lines]
@@ -76,7 +77,8 @@ def host_ipv6_addresses() -> list[str]:
 
 
 def host_addresses() -> list[str]:
-    """The IPv4 addresses of this machine's interfaces, loopback included; loopback alone where that cannot be told."""
+    """The IPv4 addresses of this machine's interfaces, loopback included; loopback alone where the system does not
+    tell."""
     try:
         import fcntl
     except ImportError:
@@ -108,9 +110,9 @@ class DiscoveryResponder:
             port: where clients look for it; 0 = any free port (see `address`).
             group: multicast group that clients ask.
             interface: IPv4 address of the one interface to listen on and to announce; all if absent. With a loopback
-                address other machines are not answered.
-            told: gives the addresses that are announced; those of the interfaces if absent. An agent on IPv6 is asked
-                over IPv4, too, as the genuine one is, and tells IPv6 addresses.
+                address, other machines get no answer.
+            told: returns the addresses to announce; those of the interfaces if absent. An agent on IPv6 is also asked
+                over IPv4, like the genuine one, and announces IPv6 addresses.
         """
         self._service_port = service_port
         self._port = port
@@ -160,7 +162,7 @@ class DiscoveryResponder:
         return sock
 
     def _join_group(self, sock: socket.socket) -> None:
-        """Hear the group on every interface wanted; one that cannot (it is down) does not matter beside another."""
+        """Join the group on every interface wanted; one that cannot (it is down) does not matter if another can."""
         failure: OSError | None = None
         joined = 0
         for address in self._addresses():

@@ -1,4 +1,4 @@
-"""A client's data writers, data readers, requesters and repliers: what each makes of WRITE_DATA and READ_DATA."""
+"""A client's data writers, data readers, requesters and repliers: what each does with WRITE_DATA and READ_DATA."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Endpoint:
 
     @property
     def topic(self) -> str:
-        """The topic it writes, or for a data reader the topic it reads."""
+        """The topic it writes; for a data reader, the topic it reads."""
         side = self.outgoing or self.incoming
         return side.topic if side is not None else ""
 
@@ -43,7 +43,7 @@ class Endpoint:
             self.incoming.recheck()
 
     def troubles(self) -> tuple[str, ...]:
-        """Who should meet it in the space now and cannot, one sentence each."""
+        """Which endpoints should match it in the space now and cannot, one sentence each."""
         writer = None if self.outgoing is None else self.outgoing.writer
         reader = None if self.incoming is None else self.incoming.reader
         return (*(() if writer is None else writer.troubles()), *(() if reader is None else reader.troubles()))
@@ -80,7 +80,8 @@ class DataReader(Endpoint):
 
 
 class Requester(Endpoint):
-    """WRITE_DATA is a request; replies to it come back with its request id in front, each request's first one only."""
+    """WRITE_DATA is a request; its reply comes back with its request id in front; only the first reply to each request
+    counts."""
 
     __slots__ = ("_answers", "_pending", "_requests", "_shape")
 
@@ -93,7 +94,7 @@ class Requester(Endpoint):
 
     @property
     def forgotten(self) -> int:
-        """Requests whose reply can no longer come, because too many newer ones are open."""
+        """Requests given up, so that a reply to them is ignored, because too many newer ones are open."""
         return self._pending.forgotten
 
     def write(self, request_id: int, payload: bytes) -> None:
@@ -107,8 +108,8 @@ class Requester(Endpoint):
     def recheck(self) -> None:
         """Ask the gate again; open requests end when the writer has changed.
 
-        Who may ask may hear the answers to what it asked, so the gate is not asked about the reply topic: reading
-        that as a whole, with the answers to others, is another matter (`DataReader`).
+        A client that may send requests may receive the answers to them, so the gate is not asked about the reply topic.
+        Reading that whole topic, including answers to others, is a separate right (`DataReader`).
         """
         self._requests.recheck()
         writer = self._requests.writer

@@ -1,12 +1,13 @@
-"""What one client may take of the agent's time when it sends without measure. Pure.
+"""How much of the agent's time one client may take when it sends excessively. Pure.
 
-A client that sends tens of thousands of packets a second would have the agent do nothing else. Where the gate says so,
-each client has a share: up to `per_client` packets a second as long as all together send less than `in_all`; beyond,
-whoever sends most is cut first, and all that are cut get the same. What is beyond the share is read from the link and
-thrown away at once, a tenth of the work, so that the others' packets do not wait, or get lost, behind it.
+A client that sends tens of thousands of packets a second would leave the agent no time for anything else. Where the
+gate allows it, each client has a share: up to `per_client` packets a second, as long as all clients together send less
+than `in_all`. Beyond that, the clients that send most are limited first, and all limited ones get the same share.
+Packets beyond the share are read from the link and thrown away at once. That is a tenth of the work, so other clients'
+packets do not wait, or get lost, behind them.
 
-The way of a packet knows nothing of this but one look whether its client is limited. Packets are counted by the
-sessions anyway; only when a link is busier than one client may be are the counts compared, some times a second.
+The path of a packet only has to check whether its client is limited. The sessions count packets anyway. The counts are
+compared a few times a second, and only when a link is busier than one client may be.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from typing import Generic, Protocol, TypeVar
 from msbot.runtime.tally import Tally
 
 WINDOW_S = 0.25
-"""This often the counts are compared while there is much traffic."""
+"""Time between two comparisons of the counts while there is much traffic."""
 BURST_S = 0.1
-"""A limited client may send so much of its share at once."""
+"""A limited client may send this much of its share in one burst."""
 CALM = 0.8
 """A client whose traffic falls below this part of its share is no longer limited."""
 BEYOND = "packet beyond its share: not read"
@@ -35,10 +36,10 @@ class Limit:
         self._filled_at = now
         self._tokens = 0.0
         self.thrown_away = 0
-        """Packets since the last comparison that were beyond the share."""
+        """Packets thrown away since the last comparison."""
 
     def set(self, per_s: float) -> None:
-        """The share has changed."""
+        """Change the share."""
         self._per_s = per_s
 
     def takes(self, now: float) -> bool:
@@ -53,7 +54,7 @@ class Limit:
 
 
 class Sender(Protocol):
-    """A client, as its share is reckoned; `msbot.agent.proxy.Proxy` is one."""
+    """A client, as far as its share is concerned; `msbot.agent.proxy.Proxy` is one."""
 
     limit: Limit | None
     dropped: Tally
@@ -67,12 +68,12 @@ S = TypeVar("S", bound=Sender)
 
 
 class FairShare(Generic[S]):
-    """Compares the counts and limits who sends without measure (see the module docstring).
+    """Compares the counts and limits the clients that send too much (see the module docstring).
 
     Args:
         per_client: packets a second that a client may send.
-        in_all: packets a second that all may send before the share gets smaller.
-        may_limit: asked about each client that sends too much, with packets a second and its share.
+        in_all: packets a second that all may send before the share shrinks.
+        may_limit: asked about each client that sends too much; gets its packets a second and its share.
     """
 
     def __init__(self, per_client: float, in_all: float, may_limit: Callable[[S, float, float], bool]) -> None:
@@ -82,15 +83,15 @@ class FairShare(Generic[S]):
         self._compared_at = 0.0
         self._total = 0
         self._before: dict[S, int] | None = None
-        """What had come from whom at the last comparison; None: there was little traffic."""
+        """Packet counts by client at the last comparison; None: there was little traffic."""
         self.next_at = 0.0
         """When `compare` is to be called."""
 
     def compare(self, total: int, senders: Iterable[S], now: float) -> None:
-        """Look who sent how much since the last time.
+        """Check how much each client sent since the last time.
 
         Args:
-            total: packets that came on all links so far.
+            total: packets received on all links so far.
             senders: all clients.
             now: the present time.
         """
@@ -128,9 +129,9 @@ class FairShare(Generic[S]):
 
 
 def fair_share(rates: Iterable[float], in_all: float, most: float) -> float:
-    """What one may send, `most` at most, so that all who send at those rates together send no more than `in_all`.
+    """The rate each sender may have, at most `most`, so that all of them together send no more than `in_all`.
 
-    Who sends less than the share keeps what it sends; who sends more is cut to it (max-min fairness).
+    A sender below this share keeps its rate; one above is limited to it (max-min fairness).
     """
     left, ordered = in_all, sorted(rates)
     for place, rate in enumerate(ordered):

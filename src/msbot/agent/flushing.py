@@ -1,10 +1,11 @@
-"""Flushing: sends what the clients' sessions have, as much as each link takes, and wakes them when it is time.
+"""Flushing: sends the packets of the clients' sessions, as many as each link accepts, and wakes sessions when a timer
+is due.
 
 Theory of operation. Every client that has something to send is marked; all marked ones are served at the end of the
-burst of packets that caused it, or of the turn of the loop. What a link has no room for waits in the client's outbox,
-and with a packet in the outbox the client takes no more samples: they wait in the bounded histories of its readers
-until the link calls for more. One timer serves all clients; it is never later than the first of them needs it, and an
-early ring costs one look.
+burst of packets that caused it, or of the turn of the loop. Packets for which a link has no room wait in the client's
+outbox. While there is a packet in the outbox, the client takes no more samples: they wait in the bounded histories of
+its readers until the link asks for more. One timer serves all clients; it never fires later than the first of them
+needs it, and firing early costs only one check.
 """
 
 from __future__ import annotations
@@ -32,9 +33,10 @@ class Flusher:
         end_session: EndSession,
         compare: Callable[[float], float] = lambda _: math.inf,
     ) -> None:
-        """`compare` is called when it is time to compare what the clients send; gives when to call it again."""
+        """`compare` is called when it is time to compare how much the clients send; it returns when to call it
+        again."""
         self.in_burst = False
-        """Whether somebody will call `flush` at the end of the burst that is being received."""
+        """Whether `flush` will be called at the end of the burst that is being received."""
         self._clock = clock
         self._end_session = end_session
         self._compare = compare
@@ -76,13 +78,13 @@ class Flusher:
                 self._serve(proxy, now)
 
     def watch_life(self, proxy: Proxy, when: float) -> None:
-        """Look at that time whether the client is still alive."""
+        """Check at that time whether the client is still alive."""
         if when < math.inf:
             self._lives.schedule(proxy, when)
             self._set_alarm(when)
 
     def forget(self, proxy: Proxy) -> None:
-        """The client is gone."""
+        """Forget a client that is gone."""
         self._timers.forget(proxy)
         self._lives.forget(proxy)
 
@@ -92,7 +94,7 @@ class Flusher:
             self._alarm.cancel()
 
     def send(self, proxy: Proxy, now: float) -> None:
-        """Send what the client's session has, as far as the link takes it."""
+        """Send the packets of the client's session, as far as the link accepts them."""
         place = proxy.place
         if place is None:
             return
@@ -112,14 +114,14 @@ class Flusher:
             proxy.bytes_out += len(packet)
 
     def send_one(self, port: ServedLink, packet: bytes, peer: Peer) -> None:
-        """Send a packet outside of a session; when it cannot go, the other side repeats its question."""
+        """Send a packet outside of a session; if it cannot be sent, the other side will repeat its question."""
         try:
             port.link.send(packet, peer)
         except (LinkFull, LinkDown) as error:
             port.dropped.count(f"answer not sent: {type(error).__name__}")
 
     def _serve(self, proxy: Proxy, now: float) -> None:
-        """Send for a client; what was sent decides when to look again."""
+        """Send for a client, and work out when to look at it again."""
         self.send(proxy, now)
         when = proxy.timer()
         if when is None:
@@ -130,7 +132,7 @@ class Flusher:
                 self._set_alarm(when)
 
     def _send_slowly(self, proxy: Proxy, port: ServedLink, peer: Peer, now: float) -> None:
-        """Send on a link that is full, has been, or takes packet by packet so that what waits is still fresh."""
+        """Send on a link that is or was full, or that takes packets one by one so that waiting samples stay fresh."""
         link = port.link
         outbox = proxy.outbox
         pulled_all = False

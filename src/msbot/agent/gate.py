@@ -1,7 +1,7 @@
 """The one hook by which plug-and-play decides what a client may do; the agent itself knows no parts.
 
-The agent asks once per endpoint and remembers the answer until `Agent.recheck(client_key)` is called, so the gate
-is never on the way of a sample.
+The agent asks once per endpoint and remembers the answer until `Agent.recheck(client_key)` is called, so the gate is
+never in the path of a sample.
 """
 
 from __future__ import annotations
@@ -14,34 +14,36 @@ from msbot.link import Peer
 
 @dataclass(frozen=True, slots=True)
 class ClientInfo:
-    """Who is asking."""
+    """The client that is asking."""
 
     key: int
-    """What the agent knows the session by (never 0): the client key that it shows, or a drawn one if that is in use."""
+    """The agent's key for the session (never 0): the client key it presents, or one of the agent's own if that is in
+    use."""
     link: str
     """Name of the link the client speaks on (`LinkInfo.name`)."""
     peer: Peer
     address: str
     """The peer in words."""
     shown_key: int = 0
-    """The client key that the XRCE session shows, if that is not `key`."""
+    """The client key that the XRCE session presents, if it is not `key`."""
     patience_s: float = 0.12
     """How long another client on its link may take to answer a probe."""
 
     @property
     def client_key(self) -> int:
-        """The client key that the XRCE session shows."""
+        """The client key that the XRCE session presents."""
         return self.shown_key or self.key
 
 
 class SampleGuard(Protocol):
-    """Opens the samples of one client, and seals those for it."""
+    """Opens sealed samples from one client, and seals samples for it."""
 
     def open(self, object_id: int, sample: bytes) -> bytes | None:
-        """What the client gave to its data writer with that id; None: it is not from the client, or not new."""
+        """The sample that the client gave to its data writer with that id; None: it is not from the client, or not
+        new."""
 
     def seal(self, object_id: int, sample: bytes) -> bytes:
-        """What goes to the client's data reader with that id."""
+        """The sealed sample for the client's data reader with that id."""
 
 
 class Gate(Protocol):
@@ -51,14 +53,14 @@ class Gate(Protocol):
         """Whether a session may be opened; False answers STATUS_ERR_DENIED."""
 
     def keeps(self, client: ClientInfo) -> bool:
-        """Whether a login with that client's key from another address leaves its session alone (`msbot.agent.rivals`);
-        False: whoever logs in last has the key, from wherever, and packets that show it are taken from anywhere."""
+        """Whether a login with that client's key from another address leaves its session alone (`msbot.agent.rivals`).
+        If not, the last login owns the key, wherever it came from, and packets with it are accepted from anywhere."""
 
     def is_settled(self, client: ClientInfo) -> bool:
-        """Whether the client has a place that no stranger may take: its session is never put out for others."""
+        """Whether the client has a place that no stranger may take: its session is never ended to make room."""
 
     def limits(self, client: ClientInfo, packets_per_s: float, share: float) -> bool:
-        """Whether a client that sends more than its share of packets gets no more than that; asked again while it does
+        """Whether to limit a client that sends more than its share of packets to that share; asked again while it does
         (`msbot.agent.fair_share`)."""
 
     def limits_strangers(self) -> bool:
@@ -71,7 +73,7 @@ class Gate(Protocol):
         """The session has ended; `reason` in words ("session deleted", "replaced", "silent", ...)."""
 
     def is_latched(self, topic: str) -> bool:
-        """Whether readers get the topic's last sample at once, although they ask for no durability."""
+        """Whether readers get the topic's last sample at once, even if they ask for no durability."""
 
     def may_write(self, client: ClientInfo, topic: str) -> bool:
         """Whether samples of this client may enter the topic."""
@@ -80,7 +82,7 @@ class Gate(Protocol):
         """Whether samples of the topic may go to this client."""
 
     def guard_of(self, client: ClientInfo) -> SampleGuard | None:
-        """What the samples of this client's data writers and readers go through; None: they go as they are."""
+        """What seals and opens the samples of this client's data writers and readers; None: they are not sealed."""
 
 
 class OpenGate:
@@ -91,7 +93,7 @@ class OpenGate:
         return True
 
     def keeps(self, client: ClientInfo) -> bool:  # noqa: ARG002 - the protocol's signature
-        """Always False: as eProsima's agent does it."""
+        """Always False, as in eProsima's agent."""
         return False
 
     def is_settled(self, client: ClientInfo) -> bool:  # noqa: ARG002 - the protocol's signature
@@ -99,7 +101,7 @@ class OpenGate:
         return True
 
     def limits(self, client: ClientInfo, packets_per_s: float, share: float) -> bool:  # noqa: ARG002 - the protocol's
-        """Always False: as quick as it can."""
+        """Always False: clients may send as fast as they can."""
         return False
 
     def limits_strangers(self) -> bool:

@@ -1,7 +1,7 @@
-"""Messages outside of a session: logging in, asking who is there, deleting a session that is gone.
+"""Messages outside a session: logging in, asking for an agent, deleting a session that is gone.
 
-Only the first submessage of such a message counts, everything but these three is met with silence (seen on the
-wire). A CREATE_CLIENT inside a session is ignored.
+Only the first submessage of such a message counts, and only these three are answered (seen on the wire). A
+CREATE_CLIENT inside a session is ignored.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ from msbot.xrce.messages import (
 logger = logging.getLogger(__name__)
 
 HARD_LIVELINESS = "uxr_hl"
-"""Property with the silence in milliseconds after which the client wants to be probed."""
+"""Property: the silence in milliseconds after which the client wants to be probed."""
 
 SHARED_MEMORY = "uxr_sm"
 """Property "1" of a client that does not want its own samples back."""
 
 _MIN_DEAD_AFTER_S = 0.1
 _MAX_DEAD_AFTER_S = 3600.0
-"""Whoever is silent for an hour is asked whether it is there, whatever it said; C clients write at most 1000 s."""
+"""A client silent for an hour is probed, whatever it asked for; C clients ask for at most 1000 s."""
 
 OpenSession = Callable[[ClientInfo, ServedLink, CreateClient, float], Proxy]
 EndSession = Callable[[Proxy, str], None]
@@ -96,7 +96,7 @@ class Handshake:
                 status = self._log_in(port, peer, submessage, now)
                 return _status_agent(header, submessage, StatusAgent(status))
             case GetInfo():
-                # In a session of another id than its present one a client is unknown, so that it logs in again.
+                # A client that asks with a session id other than its present one is unknown, so that it logs in again.
                 is_outside = header.session_id in (SESSION_NONE, SESSION_NONE_KEYED)
                 return _info(header, submessage, is_known=is_outside and peer in port.clients)
             case Delete() if kind_of(submessage.object_id) == ObjectKind.CLIENT:
@@ -120,7 +120,7 @@ class Handshake:
         return False
 
     def _wait_s(self, port: ServedLink, peer: Peer, request: CreateClient, now: float) -> float:
-        """How long this login has to wait for its turn; a client that has a session, or needs none, has not."""
+        """How long this login has to wait for its turn; 0 for a client that has a session, or needs no turn."""
         link = port.link
         if port.batch is not None or _check(request) is not Status.OK or self._clients.sharing(request.client_key):
             return 0.0
@@ -169,8 +169,8 @@ class Handshake:
         return Status.OK
 
     def _session_of(self, info: ClientInfo, port: ServedLink, peer: Peer) -> Proxy | None:
-        """The session that a login is about: the one of its key at its address, one that has gone, or any that may
-        be moved; None: it begins another one."""
+        """The session that a login refers to: the one with its key at its address, one whose peer has gone, or any that
+        may be moved; None: it begins a new one."""
         sharing = self._clients.sharing(info.client_key)
         for proxy in sharing:
             if proxy.place == (port, peer):
@@ -178,7 +178,7 @@ class Handshake:
         return next((proxy for proxy in sharing if proxy.gone is not None or not self._gate.keeps(proxy.info)), None)
 
     def _make_room(self, origin: Hashable, now: float) -> bool:
-        """End what must go before another session is opened from there; False when nothing may."""
+        """End the session that must go before another one is opened from there; False when none may go."""
         stranger = self._budget.who_makes_room(origin)
         if stranger is not None:
             self._end_session(stranger, said("made room for a newcomer: too many clients that hold no place"))
@@ -192,7 +192,8 @@ class Handshake:
 
 
 def dead_after_s(request: CreateClient, default_s: float) -> float:
-    """The silence after which the client is probed: its `uxr_hl`, or the default when that is absent or no number."""
+    """The silence after which the client is probed: its `uxr_hl`, or the default when that is absent or not a
+    number."""
     text = dict(request.properties or ()).get(HARD_LIVELINESS, "")
     if not (text.isascii() and text.isdigit() and len(text) <= 9):
         return default_s
@@ -200,7 +201,7 @@ def dead_after_s(request: CreateClient, default_s: float) -> float:
 
 
 def wants_echo(request: CreateClient) -> bool:
-    """Whether the client wants to receive what it published itself."""
+    """Whether the client wants to receive the samples it published itself."""
     return dict(request.properties or ()).get(SHARED_MEMORY) != "1"
 
 
@@ -216,7 +217,7 @@ def _check(request: CreateClient) -> Status:
 
 
 def _come_back(header: Header, request: CreateClient, wait_s: float) -> bytes | None:
-    """Stock clients give up when they are refused, so they get no answer, and repeat their question."""
+    """Stock clients give up when they are refused. So they get no answer, and repeat the login."""
     if ASKS_AGAIN not in (request.properties or ()):
         return None
     tenths = min(255, math.ceil(wait_s * 10))

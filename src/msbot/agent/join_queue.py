@@ -1,11 +1,11 @@
-"""Who may join now when many want to at once, and when the others should ask again. Pure.
+"""Decides which clients may join now when many want to at once, and when the others should ask again. Pure.
 
-Coming in costs a client's agent as much as hundreds of its later messages. When a thousand parts are switched on in the
-same instant, or their master is restarted, all of them together would keep each from getting in, and the signs of
-life of those that are in would wait behind. So a bounded number joins at a time: a client has a place here from its
-login until the gate calls it settled, falls silent or takes too long. Who finds no place is told to come back, and
-first come is first served; each origin (a computer) has an equal share of the places while others wait. Clients that
-are settled never pass here, so an agent without a gate knows no queue.
+A client that joins costs the agent as much as hundreds of its later messages. If a thousand parts are switched on in
+the same instant, or their master restarts, together they would keep each other from getting in, and the signs of life
+of the settled ones would be delayed. So only a bounded number joins at a time: a client holds a place here from its
+login until the gate calls it settled, or until it falls silent or takes too long. A client that finds no place is told
+to come back. Places are given first come, first served, and each origin (a computer) has an equal share of them while
+others wait. Settled clients never pass through here, so an agent without a gate has no queue.
 """
 
 from __future__ import annotations
@@ -21,37 +21,37 @@ QUIET_S = 0.5
 LONGEST_S = 5.0
 """No client keeps a place for longer."""
 FORGET_S = 10.0
-"""Who has not asked again for this long has lost its turn."""
+"""A client that has not asked again for this long has lost its turn."""
 SHORTEST_WAIT_S = 0.2
 LONGEST_WAIT_S = 5.0
 FIRST_RATE = 100.0
-"""Clients a second that come in, as long as nothing is known about it."""
+"""Assumed number of clients that join in a second, until it has been measured."""
 RATE_WINDOW_S = 1.0
 MOST_ORIGINS = 256
-"""Origins that are told apart; those beyond share one turn."""
+"""Origins that are distinguished; any further ones share one turn."""
 
 Origin = Hashable
 OTHERS: Origin = "others"
 
 
 class Joiner(Protocol):
-    """A client that is on its way in; `msbot.agent.proxy.Proxy` is one."""
+    """A client that is joining; `msbot.agent.proxy.Proxy` is one."""
 
     info: ClientInfo
     is_over: bool
 
     @property
     def last_heard(self) -> float:
-        """When it spoke last."""
+        """When it was last heard."""
 
 
 class JoinQueue:
-    """The places for those who join, and those who wait for one (see the module docstring).
+    """The places for joining clients, and the clients that wait for one (see the module docstring).
 
     Args:
-        gate: who is settled.
+        gate: says which clients are settled.
         places: how many may join at a time.
-        most_waiting: how many may wait in turn; those beyond come when they come.
+        most_waiting: how many may wait in order; any further ones have no fixed turn.
     """
 
     def __init__(self, gate: Gate, *, places: int, most_waiting: int) -> None:
@@ -59,17 +59,17 @@ class JoinQueue:
         self._places = places
         self._most_waiting = most_waiting
         self._joining: dict[Joiner, tuple[Origin, float]] = {}
-        """Who has a place -> where from, since when."""
+        """Who has a place -> its origin, and since when."""
         self._held: dict[Origin, int] = {}
         self._waiting: dict[Origin, dict[Hashable, float]] = {}
-        """By origin, in the order in which they came: who waits -> when it asked last."""
+        """By origin, in the order of arrival: who waits -> when it last asked."""
         self._waiting_count = 0
         self._rate = FIRST_RATE
         self._came_in = 0
         self._counted_since: float | None = None
 
     def wait_s(self, who: Hashable, origin: Origin, now: float) -> float:
-        """0.0: it may join now, and `enter` is to be called; else the seconds after which it should ask again."""
+        """0.0: it may join now, and the caller must call `enter`; else the seconds after which it should ask again."""
         if origin not in self._waiting and len(self._waiting) >= MOST_ORIGINS:
             origin = OTHERS
         self._free_places(now)
@@ -84,7 +84,7 @@ class JoinQueue:
         return min(max(wait_s, SHORTEST_WAIT_S), LONGEST_WAIT_S)
 
     def enter(self, joiner: Joiner, origin: Origin, now: float) -> None:
-        """It has logged in."""
+        """Note that it has logged in."""
         self._joining[joiner] = (origin, now)
         self._held[origin] = self._held.get(origin, 0) + 1
         if self._counted_since is None:
@@ -96,7 +96,7 @@ class JoinQueue:
             self._came_in, self._counted_since = 0, now
 
     def leave(self, joiner: Joiner) -> None:
-        """Its session has ended."""
+        """Note that its session has ended."""
         place = self._joining.pop(joiner, None)
         if place is not None:
             origin = place[0]
@@ -111,7 +111,7 @@ class JoinQueue:
                 self.leave(joiner)
 
     def _rank(self, who: Hashable, origin: Origin, now: float) -> int:
-        """How many of its origin go before it, as far as that matters; it waits in turn from now on."""
+        """How many of its origin are before it, as far as that matters; it waits in order from now on."""
         queue = self._waiting.get(origin, {})
         while queue and now - next(iter(queue.values())) > FORGET_S:
             self._forget(next(iter(queue)), origin)

@@ -1,4 +1,4 @@
-"""From a definition to the object: what each kind of CREATE makes."""
+"""Makes objects from definitions: what each kind of CREATE results in."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from msbot.xrce.messages import ObjectKind
 from msbot.xrce.objects import Definition, ParticipantDef, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef
 
 _DOMAIN_OF_AGENT = 255
-"""Domain id by which a participant leaves the choice to the agent (seen in the genuine agent)."""
+"""Domain id by which a participant leaves the choice to the agent (as in the genuine agent)."""
 
 
 @dataclass(slots=True, eq=False)
 class Participant:
-    """A client's place in one domain, and its topics: type and number of users by name."""
+    """A client's participant in one domain, and its topics: type and number of users by name."""
 
     domain: int
     topics: dict[str, tuple[str, int]] = field(default_factory=dict)
@@ -57,7 +57,7 @@ class ClientObject:
 
     @property
     def troubles(self) -> tuple[str, ...]:
-        """Who should meet it in the space and cannot."""
+        """Which endpoints should match it in the space and cannot."""
         return () if self.endpoint is None else self.endpoint.troubles()
 
     @property
@@ -122,7 +122,7 @@ class Creator:
     def _topic_of(
         self, definition: WriterDef | ReaderDef, participant: Participant, topics: dict[int, ClientObject]
     ) -> Topic:
-        """Use the topic that an endpoint names, by id or (XML, reference) by name."""
+        """Use the topic that an endpoint refers to, by id or (XML, reference) by name."""
         if definition.topic_id is not None:
             entity = topics.get((definition.topic_id & 0xFFF0) | ObjectKind.TOPIC)
             if entity is None or entity.topic is None or entity.participant is not participant:

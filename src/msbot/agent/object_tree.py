@@ -1,10 +1,10 @@
 """The objects of one client: created by CREATE, removed by DELETE, each request answered with a status.
 
 Theory of operation: an object is known by its 16-bit id, whose low four bits are its kind. A child keeps its
-participant alive by holding it, so deleting a parent does not touch the children: they stay known and go on
-working, only new children are refused (XRCE 1.0 §8.3.5.3 asks for a cascade; the genuine agent does not cascade,
-and a client that deletes its objects in any order sees OK for each). Topics belong to the participant by name: a
-second topic object of one name is the same topic, whatever type it states (seen on the wire).
+participant alive by holding it, so deleting a parent does not touch the children: they stay known and go on working,
+and only new children are refused (XRCE 1.0 §8.3.5.3 asks for a cascade; the genuine agent does not cascade, and a
+client that deletes its objects in any order sees OK for each). Topics belong to the participant by name: a second topic
+object of one name is the same topic, whatever type it states (seen on the wire).
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ _PARENTS = {
 _KINDS = (ObjectKind.PARTICIPANT, *_PARENTS)
 
 _LAST_RESERVED_KIND = 9
-"""Kinds above (types, profiles, applications ...) are answered OK and nothing is made (seen on the wire)."""
+"""Kinds above this (types, profiles, applications ...) are answered OK, and nothing is made (seen on the wire)."""
 
 
 class ObjectBudget:
-    """How many objects all clients of an agent may still create; the last half is for settled ones alone."""
+    """How many objects all clients of an agent may still create; the last half is reserved for settled ones."""
 
     __slots__ = ("_free", "_reserved")
 

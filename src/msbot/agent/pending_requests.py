@@ -1,4 +1,4 @@
-"""Requests and replies: who asked, which request a reply answers.
+"""Requests and replies: who asked, and which request a reply answers.
 
 A requester writes its request into the request topic. The replier sees it with the request's identity in front
 (24 octets: the writer's GUID and its sequence number) and puts the same identity in front of its reply; the agent
@@ -16,7 +16,7 @@ IDENTITY_SIZE = 24
 """Octets of a sample identity: 16 GUID, int32 high and uint32 low part of the sequence number."""
 
 UNASKED = 0
-"""Sequence number of no request: a reply with it goes to the requester though it answers nothing."""
+"""Not the number of any request: a reply with it goes to the requester although it answers nothing."""
 
 _IDENTITY = Struct("<16siI")
 _GUID = Struct(">8sIHH")
@@ -26,8 +26,8 @@ _KEY = Struct(">I")
 def make_guid(agent_id: bytes, client_key: int, object_id: int, incarnation: int) -> Guid:
     """The GUID of a client's writer: 8 octets of the agent, 4 client key, 2 object id, 2 incarnation.
 
-    The incarnation tells a writer from its predecessor with the same object id, so that a late reply to a request
-    of the old one never answers a request of the new one.
+    The incarnation distinguishes a writer from its predecessor with the same object id, so that a late reply to a
+    request of the old one never answers a request of the new one.
     """
     return _GUID.pack(agent_id, client_key, object_id, incarnation & 0xFFFF)
 

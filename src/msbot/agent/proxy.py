@@ -70,7 +70,7 @@ class Surroundings:
 
 
 class Proxy:
-    """Acts for one client in the data space; fits `EndpointHost`."""
+    """Acts for one client in the data space. Satisfies `EndpointHost`."""
 
     def __init__(
         self, info: ClientInfo, open_session: OpenSession, surroundings: Surroundings, now: float, *,
@@ -86,9 +86,9 @@ class Proxy:
         self.max_requests = settings.max_requests
         self.own_filter: Shape | None = None if echo else NoEchoShape(self._is_own)
         self.place: tuple[ServedLink, Peer] | None = None
-        """Where its packets go, kept by the table of clients; None for one that has gone or was removed."""
+        """Where its packets go, kept by the table of clients; None if it has gone or was removed."""
         self.outbox: deque[bytes] = deque()
-        """Packets that were pulled out of the session and that the link had no room for."""
+        """Packets pulled out of the session for which the link had no room."""
         self.is_blocked = False
         """Whether the link has no room: samples then wait in the readers' histories."""
         self.is_marked = False
@@ -96,9 +96,9 @@ class Proxy:
         self.is_over = False
         """Whether the session has ended: deleted by the client, or given up by the agent."""
         self.gone: str | None = None
-        """Why the link says that the client has gone, while it may still come back."""
+        """Why the client has gone, in the link's words, while it may still come back."""
         self.limit: Limit | None = None
-        """Its share, when it sends more; see `msbot.agent.fair_share`."""
+        """Its limit, while it sends more than its share; see `msbot.agent.fair_share`."""
         self.bytes_in = 0
         self.bytes_out = 0
         self._surroundings = surroundings
@@ -120,7 +120,7 @@ class Proxy:
     # What the server calls.
 
     def receive(self, packet: bytes, now: float) -> None:
-        """Take one packet of the client; its answers are ready when this returns."""
+        """Take one packet from the client; the answers are ready when this returns."""
         self.bytes_in += len(packet)
         session = self.session
         try:
@@ -147,7 +147,7 @@ class Proxy:
         return when
 
     def handle_timer(self, now: float) -> None:
-        """Let the session repeat itself, and let go what a byte rate or a pace held back."""
+        """Let the session resend what is due, and release samples that a byte rate or a pace held back."""
         self.session.handle_timer(now)
         for side in [side for side, when in self._timed.items() if when <= now]:
             del self._timed[side]
@@ -168,7 +168,7 @@ class Proxy:
 
     @property
     def last_heard(self) -> float:
-        """When the client spoke last, in its session or to log in."""
+        """When the client was last heard, in its session or logging in."""
         return max(self.session.last_heard, self._opened_at)
 
     def next_life_check(self, now: float) -> float | None:
@@ -193,7 +193,7 @@ class Proxy:
         self._surroundings.mark(self)
 
     def log_in_again(self, info: ClientInfo, mtu: int, now: float) -> None:
-        """The client has lost its streams, not its objects; it may speak from another address now."""
+        """Log the client in again: it has lost its streams, not its objects, and may have another address now."""
         self.info = info
         self.gone = None
         self.session.relogin(mtu)
@@ -205,13 +205,13 @@ class Proxy:
         self._probes = 0
 
     def leave(self, reason: str, now: float) -> None:
-        """The link saw the client go: its objects are kept as long as those of a silent client."""
+        """Note that the link saw the client go: its objects are kept as long as those of a silent client."""
         self.gone = reason
         self._gone_at = now
         self.outbox.clear()
 
     def come_back(self) -> None:
-        """The link sees the client again, where it was: its session goes on."""
+        """Note that the link sees the client again at its old address: its session goes on."""
         self.gone = None
         self._probes = 0
         self._surroundings.mark(self)
@@ -225,7 +225,7 @@ class Proxy:
     def pull(self, limit: int | None = None) -> int:
         """Take samples that wait in the readers, in turns, as far as their streams have room; returns how many.
 
-        This is done for a link that has room, so it is done even while `is_blocked`.
+        The caller knows that the link has room, so this works even while `is_blocked`.
         """
         sides = [side for endpoint in self._endpoints.values() if (side := endpoint.incoming) and side.is_waiting]
         if not sides:
@@ -244,22 +244,22 @@ class Proxy:
         return taken
 
     def topic_of(self, object_id: int) -> str | None:
-        """The topic of an endpoint; None when there is no such one."""
+        """The topic of an endpoint; None when there is no such endpoint."""
         endpoint = self._endpoints.get(object_id)
         return None if endpoint is None else endpoint.topic
 
     def close(self) -> None:
-        """Leave the space with everything."""
+        """Leave the space with all objects."""
         self._tree.clear()
         self._timed.clear()
         self.session.release()
 
     def troubles(self) -> tuple[str, ...]:
-        """What keeps its endpoints apart from others in the space, each sentence once."""
+        """Why its endpoints do not match others in the space, each sentence once."""
         return tuple(dict.fromkeys(trouble for _, entity in self._tree.items() for trouble in entity.troubles))
 
     def view(self, now: float) -> ClientView:
-        """The client for people."""
+        """A view of the client, for people."""
         dropped = Tally(self.dropped, limit=256)
         dropped.count_all(self.session.dropped)
         entities = list(self._tree.items())
@@ -374,7 +374,7 @@ class Proxy:
                 self._tree.clear()
                 self.is_over = True
             case SessionReset():
-                # What the link did not take yet has numbers that the client will not expect.
+                # Packets that the link has not taken yet have numbers that the client will not expect.
                 self.outbox.clear()
                 self._pull_unless_blocked()
             case WindowOpened():

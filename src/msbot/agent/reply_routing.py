@@ -1,8 +1,8 @@
 """Hands every reply to the one requester that asked.
 
-All requesters of a service read one reply topic. If each had a reader of its own in the space, a reply would be
-offered to all of them; with a thousand parts that beat once a second this is a million calls a second. So the agent has
-one reader for each reply topic and looks up whose request is answered.
+All requesters of a service read one reply topic. If each had a reader of its own in the space, every reply would be
+offered to all of them: with a thousand parts that beat once a second, a million calls a second. So the agent has one
+reader for each reply topic, and looks up whose request a reply answers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class ReplyExchange:
         self._desks: dict[Topic, _Desk] = {}
 
     def reader(self, topic: Topic, guid: Guid, deliver: Deliver) -> Reader:
-        """A reader of the replies to the requests of one writer; what `deliver` does not take is lost."""
+        """A reader of the replies to the requests of one writer; a reply that `deliver` does not take is lost."""
         desk = self._desks.get(topic)
         if desk is None:
             desk = self._desks[topic] = _Desk(self._space, topic)
@@ -29,11 +29,11 @@ class ReplyExchange:
         return reader
 
     def troubles(self, topic: Topic) -> tuple[str, ...]:
-        """What keeps replies away from a topic."""
+        """Why replies on a topic do not arrive, one sentence each."""
         return self._desks[topic].reader.troubles()
 
     def leave(self, topic: Topic, guid: Guid) -> None:
-        """End one reader; the last one takes the reader in the space along."""
+        """End one reader; with the last one, the reader in the space ends, too."""
         desk = self._desks[topic]
         del desk.askers[guid]
         if not desk.askers:
@@ -48,7 +48,7 @@ class _Desk:
 
     def __init__(self, space: Space, topic: Topic) -> None:
         self.askers: dict[Guid, _ReplyReader] = {}
-        """Who takes the replies, by the GUID of the writer of the requests."""
+        """The readers of replies, by the GUID of the writer of the requests."""
         self.reader = space.reader(topic, _TAKE_ALL, self._take)
 
     def _take(self, sample: Sample) -> bool:
@@ -72,18 +72,18 @@ class _ReplyReader:
         self._deliver = deliver
 
     def offer(self, sample: Sample) -> None:
-        """Give a reply to the requester, which keeps it or loses it."""
+        """Offer a reply to the requester, which takes it or loses it."""
         if self._deliver(sample):
             self.delivered += 1
         else:
             self.lost += 1
 
     def take(self) -> Sample | None:
-        """Nothing: replies are kept by the requester itself."""
+        """Always None: nothing waits here."""
         return None
 
     def troubles(self) -> tuple[str, ...]:
-        """What keeps replies away: whatever troubles the one reader of the topic."""
+        """The troubles of the one reader of the topic."""
         return () if self._exchange is None else self._exchange.troubles(self.topic)
 
     def close(self) -> None:

@@ -1,10 +1,10 @@
-"""Two sessions that show one client key: a restart, or somebody who means harm.
+"""Two sessions that present one client key: a restart, or an attack.
 
-Where the gate keeps sessions, a login from another address does not end the one that is there: it opens a session
-beside it, under a key of the agent's own, and the old one is probed at its address. An old one that is silent holds
-nothing or is taken over as soon as the newcomer holds its place, which is the gate's to decide. Who holds no place
-after a while goes. So a datagram with somebody's key moves nothing, and the restart of a part that has died waits for
-nobody: it walks through both steps meanwhile.
+Where the gate keeps sessions, a login from another address does not end the existing session. It opens a second one
+beside it, under a key of the agent's own, and the old one is probed at its address. A silent old session ends if it
+holds no place, or as soon as the newcomer holds its place, which the gate decides. A second session that holds no place
+after a while ends. So a datagram with somebody else's key cannot take over a session, and a restarted part need not
+wait: it goes through both steps of joining in the meantime.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from msbot.runtime.sentence import said
 logger = logging.getLogger(__name__)
 
 PATIENCE_S = 0.12
-"""A client that does not answer three probes within that time is silent."""
+"""A client that does not answer three probes within this time is silent."""
 PATIENCE_ON_A_BUS_S = 0.5
-"""The same where others may go first."""
+"""The same on a bus, where other traffic may go first."""
 PROBES = 3
 HELD_S = 10.0
-"""A second session that holds no place by then, while another one of its key lives, ends."""
+"""A second session ends if it holds no place after this time while another one with its key is alive."""
 MOST_BESIDE = 4
-"""Sessions beside the first of one key."""
+"""How many sessions one key may have beside the first."""
 
 CallAt = Callable[[float, Callable[[], None]], object]
 
 
 class Rivals:
-    """Keeps sessions of one client key apart until one has won (see the module's docstring).
+    """Keeps sessions with one client key apart until one has won (see the module's docstring).
 
     Args:
         clients: all sessions.
-        gate: which of them hold a place.
-        call_at: calls a function at a time of the agent's clock.
-        end_session: ends one, for a reason in words.
+        gate: says which of them hold a place.
+        call_at: calls a function at a given time of the agent's clock.
+        end_session: ends a session, with a reason in words.
     """
 
     def __init__(
@@ -52,10 +52,11 @@ class Rivals:
         self._call_at = call_at
         self._end_session = end_session
         self._origins: dict[Proxy, Hashable] = {}
-        """The second sessions that hold no place yet, oldest first -> where they came from."""
+        """The second sessions that hold no place yet, oldest first -> their origins."""
 
     def make_room(self, client_key: int) -> None:
-        """Before one more session of that key: of too many, the oldest goes that comes from where most come from."""
+        """Make room before one more session with that key opens: if there are too many, the oldest of the busiest
+        origin ends."""
         beside = [proxy for proxy in self._clients.sharing(client_key) if proxy in self._origins]
         if len(beside) >= MOST_BESIDE:
             (origin, _), *_ = Counter(self._origins[proxy] for proxy in beside).most_common(1)
@@ -63,7 +64,7 @@ class Rivals:
             self._end_session(oldest, said("made room for another newcomer with its key"))
 
     def begin(self, newcomer: Proxy, others: tuple[Proxy, ...], origin: Hashable, now: float) -> None:
-        """A session was opened beside others of its key: find out which of them live."""
+        """A session was opened beside others with its key: find out which of them are alive."""
         self._origins[newcomer] = origin
         patience_s = newcomer.info.patience_s
         for other in others:
@@ -78,7 +79,7 @@ class Rivals:
         self._call_at(now + HELD_S, partial(self._give_up, newcomer))
 
     def forget(self, proxy: Proxy) -> None:
-        """A session has ended."""
+        """Forget a session that has ended."""
         self._origins.pop(proxy, None)
 
     def _probe(self, others: tuple[Proxy, ...], since: float) -> None:

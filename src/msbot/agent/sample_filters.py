@@ -1,4 +1,4 @@
-"""What of a topic's samples concerns a client, and what precedes them (eProsima's `SampleIdentity`)."""
+"""Which of a topic's samples concern a client, and what precedes them (eProsima's `SampleIdentity`)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ReplyShape:
     """For requesters: replies to own open requests only, with the client's request id in front.
 
     A replier may also speak unasked to a requester it knows (the inventory tells a part that its configuration has
-    changed); that comes with request id 0, which no request has.
+    changed); such a message has request id 0, which no request has.
     """
 
     is_filter = True
@@ -41,7 +41,7 @@ class ReplyShape:
         """GUID of the writer that carries the requests now."""
 
     def wants(self, sample: Sample) -> bool:
-        """Whether the sample answers an open request of this requester, or is said to it unasked."""
+        """Whether the sample answers an open request of this requester, or is an unsolicited message to it."""
         related = sample.related
         if related is None or related[0] != self.guid:
             return False
@@ -59,7 +59,7 @@ class ReplyShape:
 
 
 class NoEchoShape:
-    """For clients that see their own samples by other means (`uxr_sm`): everybody else's samples only."""
+    """For clients that see their own samples by other means (`uxr_sm`): only the samples of others."""
 
     is_filter = True
 

@@ -1,7 +1,7 @@
 """The agent: links, clients, and which packet belongs to whom.
 
-Theory of operation: a packet comes in by a call of its link and runs through to the booked samples of all readers
-in plain calls; every client that then has something to send is marked, and the flusher sends for it.
+Theory of operation: the link calls in with a packet, and plain calls carry it through until the samples are booked for
+all readers. Every client that then has something to send is marked, and the flusher sends for it.
 """
 
 from __future__ import annotations
@@ -52,11 +52,11 @@ class Agent:
         """Put an agent together; it serves once `run` is awaited.
 
         Args:
-            gate: who may join, write and read; everybody if absent.
+            gate: says who may join, write and read; everybody if absent.
             references: profiles that clients may name instead of describing objects.
             epoch_ns: wall clock for time synchronisation, nanoseconds since 1970.
             agent_id: 8 octets that begin the GUIDs of all writers; drawn at random if absent.
-            signal: hears every signal of every link.
+            signal: called with every signal of every link.
         """
         self._settings = settings or AgentSettings()
         self._epoch_ns = epoch_ns
@@ -110,8 +110,8 @@ class Agent:
     # Life.
 
     def add_link(self, link: Link) -> None:
-        """Serve a link, too; may be called before or during `run`."""
-        # A fast link is given all there is; a slow one takes packet by packet, so that what waits is still fresh.
+        """Serve one more link; may be called before or during `run`."""
+        # A fast link gets everything at once; a slow one takes packets one by one, so that waiting samples stay fresh.
         port = ServedLink(link, batch=None if link.info.bits_per_second is None else 1)
         self._ports.append(port)
         link.tap = self._tap
@@ -145,7 +145,7 @@ class Agent:
         if self._failure is not None:
             raise self._failure
 
-    # For those who put it to use.
+    # For the users of the agent.
 
     @property
     def tap(self) -> Tap | None:
@@ -165,7 +165,7 @@ class Agent:
             proxy.recheck()
 
     def disconnect(self, client_key: int, reason: str) -> bool:
-        """End a session; False when there is none. The client learns it from its next ping or request."""
+        """End a session; False when there is none. The client finds out with its next ping or request."""
         proxy = self._clients.by_key(client_key)
         if proxy is None:
             return False
@@ -173,7 +173,7 @@ class Agent:
         return True
 
     def last_heard(self, client_key: int) -> float | None:
-        """When that client's latest packet came, whatever was in it; None: it has no session."""
+        """When the last packet from that client came, whatever it was; None: it has no session."""
         proxy = self._clients.by_key(client_key)
         return None if proxy is None else proxy.last_heard
 
@@ -184,7 +184,7 @@ class Agent:
             proxy.probe()
 
     def troubles(self, client_key: int) -> tuple[str, ...]:
-        """Who should meet that client's writers and readers in the space now and cannot, one sentence each."""
+        """Which endpoints should match that client's writers and readers now and cannot, one sentence each."""
         proxy = self._clients.by_key(client_key)
         return () if proxy is None else proxy.troubles()
 
@@ -198,11 +198,12 @@ class Agent:
         return sorted(self.iter_clients(), key=lambda view: view.key)
 
     def iter_clients(self) -> Iterator[ClientView]:
-        """The sessions one by one, each as it is when asked for: with thousands, do something else in between."""
+        """The sessions one by one, each as it is when yielded: with thousands, do other work in between."""
         return (proxy.view(self._now()) for proxy in self._clients)
 
     def topic_at(self, node: Peer, object_id: int) -> tuple[int, str] | None:
-        """Client key and topic (of a service: its requests) of an endpoint of the client at that node of a bus."""
+        """Client key and topic (for a service, the request topic) of an endpoint of the client at that node of a
+        bus."""
         for port in self._ports:
             proxy = port.clients.get(node) if port.link.info.shared_bus else None
             topic = None if proxy is None else proxy.topic_of(object_id)
@@ -251,13 +252,13 @@ class Agent:
             self._end_session(proxy, said("session deleted"))
 
     def _compare(self, now: float) -> float:
-        """See who sends too much; gives when to look again."""
+        """Check who sends too much; returns when to check again."""
         total = sum(port.link.counters.packets_in for port in self._ports)
         self._share.compare(total, self._clients, now)
         return self._share.next_at
 
     def _keyed(self, client_key: int, port: ServedLink, peer: Peer) -> Proxy | None:
-        """The client whose key a header shows: at its own address, or from anywhere unless the gate keeps sessions."""
+        """The client whose key is in a header: at its own address, or from anywhere unless the gate keeps sessions."""
         here = self._clients.keyed(client_key, port, peer, anywhere=False)
         if here is not None:
             return here
@@ -265,7 +266,7 @@ class Agent:
         return None if proxy is None or self._gate.keeps(proxy.info) else proxy
 
     def _receive_from_elsewhere(self, proxy: Proxy, port: ServedLink, packet: bytes, peer: Peer, now: float) -> None:
-        """Answers go to where the packet came from; all else stays on the way to the address of the login."""
+        """Send the answers to where the packet came from; everything else still goes to the address of the login."""
         self._flusher.send(proxy, now)
         proxy.receive(packet, now)
         for answer in proxy.session.packets_to_send(now):
@@ -306,8 +307,8 @@ class Agent:
     def _peer_gone(self, proxy: Proxy, reason: str, now: float) -> None:
         """Tell the gate at once, and keep the objects for a while: a broken connection does not end a session.
 
-        The client finds them when it logs in again with its key and session id, from wherever (seen on the wire, TCP),
-        or when the link says that the very peer is back.
+        The client finds them again when it logs in with its key and session id, from any address (seen on the wire,
+        TCP), or when the link says that the same peer is back.
         """
         logger.info("client %08X on %s is %s", proxy.info.key, proxy.info.link, reason)
         self._clients.set_gone(proxy)
@@ -334,7 +335,7 @@ class Agent:
         self._flusher.forget(proxy)
         proxy.close()
         logger.info("client %08X on %s has left: %s", proxy.info.key, proxy.info.link, reason)
-        if proxy.gone is None:  # else the gate was told when it went
+        if proxy.gone is None:  # otherwise the gate was told when it went
             self._gate.left(proxy.info, reason)
 
     def _call_at(self, when: float, function: Callable[[], None]) -> object:
@@ -344,13 +345,14 @@ class Agent:
         return self._loop.time() if self._loop is not None else 0.0
 
     async def _serve(self, port: ServedLink) -> None:
-        """Run one link to its end; the others go on without it, unless it could not even be opened or is not ours."""
+        """Run one link to its end. The others go on without it, unless it could not be opened or another master has
+        it."""
         failure: LinkDown | None = None
         try:
             await port.link.run()
         except LinkDown as error:
             failure = error
-            # What could not be opened, or is another master's, `run` raises: who awaits that tells the user once.
+            # If it could not be opened, or is another master's, `run` raises: its caller tells the user, once.
             if port.opened and not isinstance(error, BusTaken):
                 logger.warning("link %s has ended: %s", port.link.info.name, error)
         for proxy in list(port.members):
@@ -365,7 +367,7 @@ def _session_settings(settings: AgentSettings, *, is_bus: bool) -> AgentSessionS
     return AgentSessionSettings(
         window=settings.window,
         heartbeat_s=settings.heartbeat_s,
-        # On a bus silence means that others go first, hardly ever a loss; to ask more often would make it worse.
+        # On a bus, silence means that others go first, hardly ever a loss; asking more often would make it worse.
         heartbeat_min_s=settings.heartbeat_s if is_bus else settings.heartbeat_min_s,
         max_message=settings.max_message,
         queue_limit=settings.max_burst,

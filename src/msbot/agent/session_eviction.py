@@ -1,10 +1,10 @@
-"""Who makes room when there are too many sessions.
+"""Decides which session makes room when there are too many.
 
-Clients that hold a place in the robot (the gate says which) are never put out for others, however many strangers log
-in. Strangers have a bounded share of all sessions, and each address (a computer, a port, a node) a bounded share of
-that; beyond, the oldest stranger goes, of the same address first. So a part that was restarted always gets in, claims
+Clients that hold a place in the robot (the gate says which) never have to make room, however many strangers log in.
+Strangers have a bounded share of all sessions, and each address (a computer, a port, a node) has a bounded share of
+that; beyond it, the oldest stranger goes, those of the same address first. So a restarted part always gets in, claims
 its place within milliseconds, and keeps it. An agent without a gate has no strangers: when it is full, a client that
-fell silent long ago makes room, and otherwise the newcomer is refused.
+fell silent long ago makes room, or else the newcomer is refused.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from msbot.agent.gate import Gate
 from msbot.agent.proxy import Proxy
 
 LOOK_AT = 64
-"""Of a full table only this many of the oldest clients are looked at, for each newcomer."""
+"""For each newcomer to a full table, only this many of the oldest clients are checked."""
 
 
 class SessionBudget:
@@ -33,7 +33,7 @@ class SessionBudget:
         return len(self._strangers)
 
     def add(self, proxy: Proxy, origin: Hashable) -> None:
-        """A session was opened from there; who it is will show."""
+        """A session was opened from there; it counts as a stranger until the gate settles it."""
         self._strangers[proxy] = origin
         self._by_origin.setdefault(origin, {})[proxy] = None
 

@@ -9,15 +9,15 @@ from msbot.runtime.tally import OTHERS
 
 @dataclass(slots=True)
 class TopicTraffic:
-    """What clients moved over one topic, over all domains and since the agent was made."""
+    """Traffic of clients on one topic, over all domains and since the agent was made."""
 
     name: str
     published: int = 0
     """Samples that clients wrote and the gate let through."""
     delivered: int = 0
-    """Samples handed to clients, each reader counted."""
+    """Samples handed to clients, counted once per reader."""
     refused: int = 0
-    """Samples that clients wrote while the gate said no."""
+    """Samples that clients wrote but the gate kept out."""
 
 
 class TopicTable:
@@ -52,7 +52,7 @@ class ObjectView:
     attached: bool
     """False for an endpoint that the gate keeps out of the space."""
     troubles: tuple[str, ...] = ()
-    """Who should meet it in the space now and cannot, one sentence each, with the policy's name."""
+    """Which endpoints should match it now and cannot, one sentence each, with the policy's name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class StreamView:
     unacked: int
     """Reliable and outgoing: messages on their way or missing."""
     waiting: int
-    """Reliable: what waits for the window, or came early and waits for a gap to be filled."""
+    """Reliable: messages that wait for the window, or that came early and wait for a gap to be filled."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,12 +97,12 @@ class ClientView:
     """Packets that wait for room on the link."""
     streams: tuple[StreamView, ...] = ()
     resent: int = 0
-    """Reliable messages sent to the client once more."""
+    """Reliable messages sent to the client again."""
     repeated: int = 0
-    """Messages of the client that came again or too late: no effect, no harm."""
+    """Messages of the client that came again or too late; they are harmless and ignored."""
     gone: str | None = None
-    """Why the link says that the client has gone, while its objects wait for its return; None = it is there."""
+    """Why the client has gone, in the link's words, while its objects wait for its return; None = it is there."""
     dropped: dict[str, int] = field(default_factory=dict)
     """What was not done for this client, by reason in words."""
     refused: dict[str, int] = field(default_factory=dict)
-    """Samples the client wrote while the gate said no, by topic."""
+    """Samples the client wrote but the gate kept out, by topic."""

@@ -1,7 +1,7 @@
-"""Where running agents leave word of themselves: one small file each, readable by their user alone.
+"""Where running agents announce themselves: one small file each, readable only by their user.
 
-A file says at which port of this computer the process answers, and the token that must be shown there. It is removed
-when the process ends; one that was left behind by a killed process is recognised and removed by whoever comes next.
+A file gives the port of this computer at which the process answers, and the token to present there. It is removed when
+the process ends; a file left behind by a killed process is recognised and removed by the next process that looks.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from msbot.errors import ConfigError
 from msbot.runtime.user_folders import check_owner, is_running, running_folder
 
 FORMAT = 1
-"""Version of the lines."""
+"""Version of the format of the lines."""
 DESCRIBE = "describe"
 """The request that every process answers."""
 
@@ -51,7 +51,7 @@ def leave_word(folder: Path, port: int) -> StatusFile:
     content = json.dumps({"port": file.port, "token": file.token, "pid": file.pid})
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        list(find_files(folder))  # looking for them is what removes dead ones
+        list(find_files(folder))  # finding the files also removes dead ones
         descriptor = os.open(file.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "w") as stream:
             stream.write(content)
@@ -85,4 +85,4 @@ def _written_at(path: Path) -> tuple[int, str]:
     try:
         return path.lstat().st_mtime_ns, path.name
     except FileNotFoundError:
-        return 0, path.name  # removed meanwhile
+        return 0, path.name  # removed in the meantime

@@ -1,4 +1,4 @@
-"""Reads what the agents of this user say of themselves (`status`), and asks them for things."""
+"""Reads the status of this user's agents, and sends them requests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from msbot.errors import ConfigError
 logger = logging.getLogger(__name__)
 
 ANSWER_S = 5.0
-"""Time for an answer; an agent that is stopped in a debugger does not hold up the others for longer."""
+"""Time for an answer, so that an agent stopped in a debugger does not hold up the others for longer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,23 +41,23 @@ class AgentStatus:
     what: str
     """`agent` or `master`."""
     name: str
-    """The robot of a master, the links of an agent."""
+    """The robot of a master, or the links of an agent."""
     up_s: float
     """How long it has been running."""
     links: tuple[LinkView, ...]
     topics: tuple[tuple[str, int, int], ...]
     """`(name, published, delivered)`."""
     dropped: dict[str, int]
-    """Packets of nobody, by reason in words."""
+    """Packets that belong to no client, by reason in words."""
     clients: tuple[ClientView, ...]
     """All sessions, by key."""
     details: dict[str, str] = field(default_factory=dict)
-    """What else the process says of itself: of a master, its robot and database."""
+    """Further details of the process: for a master, its robot and database."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunningProcess:
-    """A process that can be asked for things."""
+    """A process that takes requests."""
 
     file: StatusFile
     what: str
@@ -66,10 +66,10 @@ class RunningProcess:
     details: dict[str, str]
 
     def ask(self, request: Mapping[str, object]) -> dict[str, object]:
-        """Send a request and give the answer.
+        """Send a request and return the answer.
 
         Raises:
-            ConfigError: it does not answer, or not sensibly.
+            ConfigError: it does not answer, or its answer makes no sense.
         """
         try:
             return _ask(self.file, request)
@@ -78,7 +78,7 @@ class RunningProcess:
 
 
 def running_processes(folder: Path | None = None) -> Iterator[RunningProcess]:
-    """The agents and masters of this user that run; those that do not answer are left out, with a warning.
+    """The running agents and masters of this user; those that do not answer are left out, with a warning.
 
     Raises:
         ConfigError: the folder with their files is not the user's own.

@@ -1,9 +1,9 @@
-"""Lets `msbot clients` look into a running agent, and others tell a master what to do: a small server for its user.
+"""Lets `msbot clients` inspect a running agent, and other programs control a master: a small server for its user.
 
-It listens on this computer only. A client that shows the token from the process' file (`status_files`) is sent lines
-of JSON: what the process is, then one line for each client, then `{"end": number of clients}`. The agent serves its
-clients in between. A client that puts a request after the token, a JSON object with `do`, is sent the answer as one
-line; `describe` asks what the process is, everything else goes to the process' `control`.
+It listens on this computer only. A program that presents the token from the process' file (`status_files`) gets lines
+of JSON: what the process is, then one line for each client of the agent, then `{"end": number of clients}`. The agent
+serves its clients in between. A program that sends a request after the token, a JSON object with `do`, gets the answer
+as one line; `describe` asks what the process is, everything else goes to the process' `control`.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ logger = logging.getLogger(__name__)
 
 
 TOKEN_S = 2.0
-"""Time to show the token."""
+"""Time to present the token."""
 
 MAX_REQUEST = 65_536
-"""Octets of a request with its token at most."""
+"""Largest request with its token, in octets."""
 
 
 Control = Callable[[Mapping[str, object]], Awaitable[Mapping[str, object]]]
-"""Does what a request asks for and gives the answer; a mistake is `{"error": words}`."""
+"""Does what a request asks for and returns the answer; an error is `{"error": words}`."""
 
 READ_S = 5.0
-"""A reader that takes nothing for this long has gone."""
+"""A reader that takes nothing for this long counts as gone."""
 
 _MAX_STRANGERS = 32
 _MAX_READERS = 4
@@ -62,10 +62,10 @@ class StatusServer:
         Args:
             agent: whose clients are shown.
             what: the kind of process, `agent` or `master`.
-            name: what tells it from others: the robot, or the links.
+            name: what distinguishes it from others: the robot, or the links.
             folder: where its file goes; the user's folder for such files if absent.
-            details: what else there is to say about the process; asked each time.
-            control: answers requests; None: there are none.
+            details: returns further details of the process; called each time.
+            control: answers requests; None: no requests are taken.
         """
         self._agent = agent
         self._what = what
@@ -74,7 +74,7 @@ class StatusServer:
         self._details = details
         self._control = control
         self._strangers: dict[asyncio.Task[None], None] = {}
-        """Connections that have not shown the token yet, oldest first."""
+        """Connections that have not presented the token yet, oldest first."""
         self._visits: set[asyncio.Task[None]] = set()
         self._reading = asyncio.Semaphore(_MAX_READERS)
         self._dropped = Tally()
@@ -84,7 +84,7 @@ class StatusServer:
         """The file, while it serves."""
 
     async def run(self) -> None:
-        """Serve until cancelled. Where that is not possible a warning says so: an agent can do without."""
+        """Serve until cancelled. If that is not possible, there is only a warning: an agent can do without."""
         try:
             with socket.create_server(("127.0.0.1", 0)) as listening:
                 await self._serve(listening)
@@ -114,7 +114,7 @@ class StatusServer:
         self._strangers[visit] = None
         visit.add_done_callback(self._visit_ended)
         if len(self._strangers) > _MAX_STRANGERS:
-            # Whoever does not show the token makes room for whoever comes.
+            # A connection that has not presented the token makes room for a new one.
             next(iter(self._strangers)).cancel()
 
     def _visit_ended(self, visit: asyncio.Task[None]) -> None:

@@ -15,10 +15,10 @@ Owner = TypeVar("Owner", bound=Hashable)
 class TimerHeap(Generic[Owner]):
     """The next time of every owner, earliest first.
 
-    Moving an owner's time later costs nothing: the old time fires, the owner finds nothing to do and says when to
-    come again. The same goes for an owner that rests: its time stays, and counts again when it has something to do. So
-    there is one entry per owner as a rule, and a stale one more each time it is moved earlier or forgotten; when more
-    than half of the entries are stale they are thrown out.
+    Moving an owner's time later costs nothing: the old time fires, the owner finds nothing to do and says when to fire
+    next. The same goes for an owner that rests: its time stays, and counts again when it has something to do. So there
+    is normally one entry per owner, plus a stale one each time it is moved earlier or forgotten. When more than half of
+    the entries are stale, they are thrown out.
     """
 
     __slots__ = ("_due", "_heap", "_number", "_owners", "_resting")
@@ -72,7 +72,8 @@ class TimerHeap(Generic[Owner]):
         return heap[0][0] if heap else None
 
     def pop_due(self, now: float) -> Iterator[Owner]:
-        """The owners whose time has come, each once; they may be scheduled again meanwhile, but later than `now`."""
+        """The owners whose time has come, each once; they may be scheduled again during the loop, but later than
+        `now`."""
         while (when := self.next_at()) is not None and when <= now:
             owner = self._owners.pop(heappop(self._heap)[1])
             del self._due[owner]

@@ -1,8 +1,8 @@
 """The two sides an endpoint may have: one among the writers of a topic, one among its readers.
 
-The gate is asked once per side; while it says no, the side has no place in the space, so that nothing reaches the
-topic or the client. `recheck` asks again and attaches or detaches. On the way of a sample there are plain calls
-only: `WriteSide.write` of one client, the space, `ReadSide.deliver` of the others.
+The gate is asked once per side; while it says no, the side is not in the space, so that nothing reaches the topic or
+the client. `recheck` asks again and attaches or detaches. The path of a sample consists of plain calls only:
+`WriteSide.write` of one client, the space, `ReadSide.deliver` of the others.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class EndpointHost(Protocol):
     replies: ReplyExchange
     """Hands replies to the requester that asked."""
     max_requests: int
-    """Open requests that a requester may have."""
+    """How many open requests a requester may have."""
     own_filter: Shape | None
     """For data readers of a client that does not want its own samples back."""
     dropped: Tally
@@ -46,7 +46,7 @@ class EndpointHost(Protocol):
         """Whether the gate says that this client has a place of its own."""
 
     def is_latched(self, topic: str) -> bool:
-        """Whether readers get the topic's last sample at once, although they ask for no durability."""
+        """Whether readers get the topic's last sample at once, even if they ask for no durability."""
 
     def may_write(self, topic: str) -> bool:
         """The gate's verdict for this client."""
@@ -58,14 +58,14 @@ class EndpointHost(Protocol):
         """A GUID for a writer of that object, never used before."""
 
     def send_data(self, request_id: int, object_id: int, payload: bytes, stream_id: int) -> bool:
-        """Book a DATA; False = no room now, the host calls `ReadSide.pull` when there is."""
+        """Book a DATA; False = no room now: the host calls `ReadSide.pull` when there is."""
 
     def call_at(self, side: ReadSide, when: float) -> None:
         """Call `ReadSide.pull` at that time."""
 
 
 class WriteSide:
-    """The place of an endpoint among the writers of a topic; outside of the space until `recheck`."""
+    """The place of an endpoint among the writers of a topic; outside the space until `recheck`."""
 
     __slots__ = ("_host", "_object_id", "_qos", "_topic", "_traffic", "published", "writer")
 
@@ -123,15 +123,15 @@ class ReadSide:
         self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, *, shape: Shape | None = None,
         open_reader: OpenReader | None = None,
     ) -> None:  # fmt: skip
-        """Stay outside of the space until `recheck`.
+        """Stay outside the space until `recheck`.
 
         Args:
             host: the client.
             object_id: its object, for the DATA.
             topic: what to read.
             qos: how to read it.
-            shape: what of the topic is for the client, and in which form; absent: everything as it is.
-            open_reader: makes the reader; the space if absent.
+            shape: selects the samples for the client, and their form; if absent, all samples as they are.
+            open_reader: makes the reader; the space's own if absent.
         """
         self._host = host
         self._open_reader = open_reader or host.space.reader
@@ -142,9 +142,9 @@ class ReadSide:
         self._shape = shape
         self._on_hand: deque[Sample] = deque()
         self.is_waiting = False
-        """Whether samples may wait in the history or on hand."""
+        """Whether samples may be waiting, in the history or here."""
         self.read: ReadTask | None = None
-        """The running READ_DATA; it survives being detached and attached again."""
+        """The running READ_DATA; it survives detaching and attaching again."""
         self.reader: Reader | None = None
         """The reader in the space; None while the gate keeps it out."""
         self.delivered = 0
@@ -155,14 +155,15 @@ class ReadSide:
         return self._topic.name
 
     def recheck(self) -> None:
-        """Ask the gate and enter or leave the space accordingly; what waited when leaving is forgotten."""
+        """Ask the gate and enter or leave the space accordingly; samples that still waited when it leaves are
+        forgotten."""
         if self._host.may_read(self._topic.name):
             self.enter()
         else:
             self.close()
 
     def enter(self) -> None:
-        """Be in the space, without asking the gate: the caller knows that the client may read what gets through."""
+        """Enter the space without asking the gate: the caller knows that the client may read what gets through."""
         if self.reader is None:
             self.reader = self._open_reader(self._topic, self._qos, self.deliver)
 
@@ -213,14 +214,14 @@ class ReadSide:
             self.reader = None
 
     def _keep(self, sample: Sample) -> None:
-        # In the history of the space, samples for others would push out those for this client.
+        # Left in the space's history, samples for others would push out those for this client.
         if len(self._on_hand) >= self._qos.depth:
             self._on_hand.popleft()
             self._host.dropped.count("sample pushed out before the client read it")
         self._on_hand.append(sample)
 
     def _offer(self, sample: Sample) -> bool:
-        """Book the sample for the client, or drop it if it does not concern it; False = it may not go now."""
+        """Book the sample for the client, or drop it if it is not for this client; False = it may not go now."""
         payload = sample.payload
         shape = self._shape
         if shape is not None:
@@ -258,16 +259,16 @@ class ReadSide:
 
 
 class Shape(Protocol):
-    """Which samples of a topic concern a reading side, and what of them goes to the client."""
+    """Which samples of a topic concern a reading side, and in what form they go to the client."""
 
     is_filter: bool
     """Whether some samples do not concern it."""
 
     def wants(self, sample: Sample) -> bool:
-        """Whether the sample is for this client; it is consumed in silence if not."""
+        """Whether the sample is for this client; if not, it is silently consumed."""
 
     def payload(self, sample: Sample) -> bytes:
-        """The user part of the DATA."""
+        """The payload of the DATA."""
 
     def sent(self, sample: Sample) -> None:
         """The sample was booked for the client."""
