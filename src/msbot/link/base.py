@@ -17,10 +17,10 @@ from msbot.link.contract import (
 
 
 class BaseLink:
-    """Base of all links; what is left for each kind is to open, to send, and to describe a peer (see `Link`)."""
+    """Base of all links; each kind adds how to open, to send, and to describe a peer (see `Link`)."""
 
     def __init__(self, info: LinkInfo, *, remote: Peer | None = None) -> None:
-        """Make a link that nobody listens to yet; `remote` is the only peer of a client's side."""
+        """Make a link without handlers; `remote` is the only peer of a client's side."""
         self.info = info
         self.counters = LinkCounters()
         self.tap: Tap | None = None
@@ -45,13 +45,13 @@ class BaseLink:
         self._burst_end_handler = burst_end or self._burst_end_handler
 
     def origin(self, peer: Peer) -> Hashable:
-        """See `Link`; each peer stands for itself unless a link says more."""
+        """See `Link`; by default each peer is its own origin."""
         return peer
 
-    # For the links made of this.
+    # For subclasses.
 
     def _received(self, packet: bytes, peer: Peer, now: float) -> None:
-        """Count a packet that has come and hand it on."""
+        """Count a packet that has come, and pass it on."""
         counters = self.counters
         counters.packets_in += 1
         counters.bytes_in += len(packet)
@@ -60,7 +60,7 @@ class BaseLink:
         self._packet_handler(packet, peer, now)
 
     def _sent(self, packet: bytes, peer: Peer, now: float) -> None:
-        """Count a packet that was taken to be sent."""
+        """Count a packet that was accepted for sending."""
         counters = self.counters
         counters.packets_out += 1
         counters.bytes_out += len(packet)

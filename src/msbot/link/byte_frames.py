@@ -56,12 +56,12 @@ _CRC_SIZE = 2
 
 @dataclass(slots=True)
 class SerialReceiver:
-    """Takes octets as they come and gives whole packets for one address."""
+    """Takes octets as they come and returns whole packets for one address."""
 
     address: int
     """Own address; frames for others are skipped."""
     max_packet: int = MAX_PACKET
-    """Longer frames are dropped, in bytes."""
+    """Largest packet in bytes; longer frames are dropped."""
     dropped: Tally = field(default_factory=Tally)
     """Frames that were not delivered, by reason."""
     _frame: bytearray | None = None
@@ -130,7 +130,7 @@ def encode_tcp(packet: bytes) -> bytes:
 
 @dataclass(slots=True)
 class TcpReceiver:
-    """Cuts a TCP stream into packets, whatever the chunks."""
+    """Cuts a TCP stream into packets, however it is chunked."""
 
     _buffer: bytearray = field(default_factory=bytearray)
 

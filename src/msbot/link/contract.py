@@ -19,14 +19,14 @@ Peer = Hashable
 
 
 class Signal(Enum):
-    """What a link tells its owner besides packets."""
+    """What a link reports to its owner, apart from packets."""
 
     LINK_UP = "link up"
     LINK_DOWN = "link down"
     PEER_JOINED = "peer joined"
     PEER_GONE = "peer gone"
     PEER_BACK = "peer back"
-    """A peer that had gone is there again: the same one, as far as the link can tell (a serial port's name)."""
+    """A peer that had gone is back: the same one, as far as the link can tell (by a serial port's name)."""
     STOP = "stop"
 
 
@@ -34,7 +34,7 @@ PacketHandler = Callable[[bytes, Peer, float], None]
 """`(packet, peer, now)`; must not block and must not raise."""
 
 RoomHandler = Callable[[Peer | None], None]
-"""`(peer)`: there is room for packets to it again; None = to all peers."""
+"""`(peer)`: there is room again for packets to that peer; None = to all peers."""
 
 SignalHandler = Callable[[Signal, Peer | None, str, float], None]
 """`(signal, peer or None, reason in words, now)`."""
@@ -56,10 +56,10 @@ class LinkInfo:
     shared_bus: bool = False
     """True when every peer hears and delays every other (CAN)."""
     compresses: bool = False
-    """True when headers are shortened: request ids by rule, and a message for each sample, take least there."""
+    """True when headers are compressed: request ids by rule, and one message per sample, are then the shortest."""
     in_bursts: bool = False
-    """True when the link tells where a burst of packets ends, however it was received: who answers all of them at once
-    then saves a turn of the event loop for each."""
+    """True when the link signals the end of every burst of packets: an owner that answers the whole burst at once then
+    saves a turn of the event loop per packet."""
 
 
 @dataclass(slots=True)
@@ -80,7 +80,7 @@ class Link(Protocol):
     info: LinkInfo
     counters: LinkCounters
     tap: Tap | None
-    """Called with every packet when set; None costs nothing."""
+    """If set, called with every packet; None costs nothing."""
     remote: Peer | None
     """The peer of a link that has only one (the client side); None on a link that serves many."""
 
@@ -92,17 +92,17 @@ class Link(Protocol):
         room: RoomHandler | None = None,
         burst_end: Callable[[], None] | None = None,
     ) -> None:
-        """Set the owner's handlers, those that are given; each takes the place of the one before.
+        """Set those of the owner's handlers that are given; each replaces the previous one.
 
         Args:
-            packet: takes the packets that come in.
-            signal: hears what happens to the link and its peers.
-            room: is called when `has_room` turns true again.
-            burst_end: is called after the last packet of every burst, where `info.in_bursts` says so.
+            packet: is called with each packet that comes in.
+            signal: is called when something happens to the link or its peers.
+            room: is called when `has_room` becomes true again.
+            burst_end: is called after the last packet of every burst, if `info.in_bursts`.
         """
 
     def has_room(self, peer: Peer) -> bool:
-        """Whether `send` to that peer would be taken now."""
+        """Whether `send` to that peer would succeed now."""
 
     def send(self, packet: bytes, peer: Peer) -> None:
         """Hand over one packet; never blocks.
@@ -113,7 +113,7 @@ class Link(Protocol):
         """
 
     def origin(self, peer: Peer) -> Hashable:
-        """What peers have in common that are one machine's or one wire's: a computer's address, a port, a node."""
+        """A value shared by all peers on one machine or wire: a computer's address, a port, a node."""
 
     def describe(self, peer: Peer) -> str:
         """The peer in words, for example `127.0.0.1:40123` or `CAN node 7`."""

@@ -15,7 +15,7 @@ from msbot.link.contract import LinkInfo, Peer, Signal
 
 INPROC_MTU = 65535
 QUEUE_PACKETS = 256
-"""Packets that may wait from one end to another; with more, `send` raises LinkFull."""
+"""Packets that may wait from one end to another; beyond, `send` raises LinkFull."""
 
 SERVER = 0
 """The server as its clients see it; the server sees them as 1, 2, 3, ..."""
@@ -36,17 +36,17 @@ class InprocHub:
         return InprocEnd(self, self._clients)
 
     def opened(self, end: InprocEnd) -> None:
-        """An end has begun to run: its partners hear PEER_JOINED."""
+        """Note that an end has started to run: its partners get PEER_JOINED."""
         self._open[end.number] = end
         self._tell_partners(end, Signal.PEER_JOINED, "opened")
 
     def closed(self, end: InprocEnd) -> None:
-        """An end has ceased to run: its partners hear PEER_GONE."""
+        """Note that an end has stopped running: its partners get PEER_GONE."""
         self._open.pop(end.number, None)
         self._tell_partners(end, Signal.PEER_GONE, "closed")
 
     def partner(self, end: InprocEnd, peer: Peer) -> InprocEnd | None:
-        """The running end that `end` knows as `peer`; clients see the server only."""
+        """The running end that `end` knows as `peer`; clients only see the server."""
         return self._open.get(peer) if SERVER in (end.number, peer) and end.number != peer else None
 
     def _tell_partners(self, end: InprocEnd, signal: Signal, words: str) -> None:
@@ -70,15 +70,15 @@ class InprocEnd(BaseLink):
         self._queues: dict[Peer, deque[bytes]] = {}
 
     def has_room(self, peer: Peer) -> bool:
-        """Whether `send` to that peer would be taken now."""
+        """Whether `send` to that peer would succeed now."""
         return self._loop is not None and len(self._queues.get(peer, ())) < QUEUE_PACKETS
 
     def send(self, packet: bytes, peer: Peer) -> None:
-        """Hand over one packet for the next turn of the loop; to an absent peer it is dropped and counted.
+        """Hand over one packet for the next turn of the loop; a packet to an absent peer is dropped and counted.
 
         Raises:
             LinkFull: the peer's queue is full.
-            LinkDown: this end does not run.
+            LinkDown: this end is not running.
         """
         if self._loop is None:
             raise LinkDown("the in-process link is not open: start its run() first")
@@ -121,7 +121,7 @@ class InprocEnd(BaseLink):
             self._received(packet, peer, self._loop.time())
 
     def _deliver(self, peer: Peer) -> None:
-        # Taken out as a whole: what the handlers send in the meantime belongs to the next turn.
+        # All taken out at once: packets that the handlers send in the meantime belong to the next turn.
         queue = self._queues.pop(peer, None)
         partner = self._hub.partner(self, peer)
         if queue is None:

@@ -1,4 +1,4 @@
-"""A link that loses, doubles, reorders and delays packets, the same way every time for the same random seed."""
+"""A link that loses, duplicates, reorders and delays packets, the same way every time for the same random seed."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ OVERTAKEN_S = 0.01
 
 
 class LossyLink:
-    """Wraps any link and spoils packets in both directions; satisfies `Link`.
+    """Wraps any link and disturbs its packets in both directions; satisfies `Link`.
 
     Args:
-        link: the link that carries what is left; counters and tap are its own.
-        random: where chance comes from; give it a seed.
+        link: the link that carries the remaining packets; counters and tap are those of this link.
+        random: source of randomness; give it a seed.
         drop: probability from 0 to 1 that a packet is lost.
-        duplicate: probability that a packet comes twice.
+        duplicate: probability that a packet arrives twice.
         reorder: probability that a packet is held back for 10 ms, so that later ones overtake it.
-        delay: seconds that every packet takes longer.
+        delay: extra seconds that every packet takes.
 
     All four may be changed while the link runs.
     """
@@ -55,7 +55,7 @@ class LossyLink:
 
     @property
     def tap(self) -> Tap | None:
-        """The wrapped link's tap: what really is on the wire."""
+        """The wrapped link's tap: the packets really on the wire."""
         return self._link.tap
 
     @tap.setter
@@ -70,16 +70,16 @@ class LossyLink:
         room: RoomHandler | None = None,
         burst_end: Callable[[], None] | None = None,
     ) -> None:
-        """See `Link`; only packets are spoiled."""
+        """See `Link`; only packets are disturbed."""
         self._packet_handler = packet or self._packet_handler
         self._link.attach(signal=signal, room=room, burst_end=burst_end)
 
     def has_room(self, peer: Peer) -> bool:
-        """Whether `send` to that peer would be taken now."""
+        """Whether `send` to that peer would succeed now."""
         return self._link.has_room(peer)
 
     def send(self, packet: bytes, peer: Peer) -> None:
-        """Send, lose, double or hold back one packet; a late one that finds no room is dropped and counted.
+        """Send, lose, duplicate or hold back one packet; a late one that finds no room is dropped and counted.
 
         Raises:
             LinkFull: the peer's queue is full.
@@ -96,7 +96,7 @@ class LossyLink:
         return self._link.describe(peer)
 
     async def run(self) -> None:
-        """Serve the wrapped link until cancelled; what is still held back then is lost.
+        """Serve the wrapped link until cancelled; packets still held back then are lost.
 
         Raises:
             LinkDown: the wrapped link cannot be opened or has gone for good.
@@ -126,7 +126,7 @@ class LossyLink:
                 carry()
 
     def _hold(self, carry: Callable[[], None], wait: float) -> None:
-        # Timers of one moment fire in any order; the numbers keep packets of one moment in theirs.
+        # Timers due at the same moment fire in any order; the numbers keep their packets in order.
         loop = asyncio.get_running_loop()
         due = loop.time() + wait
         heapq.heappush(self._held, (due, next(self._order), carry))

@@ -1,8 +1,8 @@
 """What links over byte streams have in common: TCP connections, serial lines, pseudo terminals.
 
-A stream (one connection, one port) cuts what comes in into packets and frames what goes out; one stream may carry
-several peers. The link knows which peer is on which stream and has the verbs of `Link`. There is no task for a stream:
-its transport calls it.
+A stream (one connection, one port) cuts incoming data into packets and frames outgoing ones; one stream may carry
+several peers. The link knows which peer is on which stream, and has the methods of `Link`. A stream has no task of its
+own: its transport calls it.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ class Stream(ABC):
     def __init__(self, link: StreamLink) -> None:
         self.link = link
         self.full = False
-        """Whether the other side does not take its data now."""
+        """Whether the other side is not taking data now."""
         self.transport: asyncio.Transport | None = None
         self.closed: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-        """Why it has closed, in words."""
+        """Done when it has closed; the reason in words."""
 
     @abstractmethod
     def decode(self, data: bytes) -> Iterable[tuple[Peer, bytes]]:
@@ -36,7 +36,7 @@ class Stream(ABC):
 
     @abstractmethod
     def encode(self, packet: bytes, peer: Peer) -> bytes:
-        """One packet for a peer as it goes over the stream."""
+        """One packet for a peer, as sent over the stream."""
 
     @abstractmethod
     def opened(self) -> None:
@@ -44,14 +44,14 @@ class Stream(ABC):
 
     @abstractmethod
     def peers(self) -> Iterable[Peer]:
-        """Who is on the stream."""
+        """The peers on the stream."""
 
     def abort(self) -> None:
-        """Close at once; what waits is lost."""
+        """Close at once; waiting data is lost."""
         if self.transport is not None:
             self.transport.abort()
 
-    # What the transport calls (`asyncio.BaseProtocol`).
+    # Called by the transport (`asyncio.BaseProtocol`).
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The stream is open."""
@@ -76,7 +76,7 @@ class Stream(ABC):
             self.link.room_again(peer)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The stream is closed, by whomever."""
+        """The stream is closed, by either side."""
         self.transport = None
         if not self.closed.done():
             words = "closed" if exc is None else f"broken: {getattr(exc, 'strerror', None) or exc}"
@@ -100,7 +100,7 @@ class StreamLink(BaseLink, ABC):
         """Hand over one packet; never blocks.
 
         Raises:
-            LinkFull: too much waits for the peer already.
+            LinkFull: too much is waiting for the peer already.
             LinkDown: the peer has no connection.
         """
         stream = self._streams.get(peer)
@@ -119,7 +119,7 @@ class StreamLink(BaseLink, ABC):
     async def run(self) -> None:
         """See `Link`."""
 
-    # What streams call.
+    # Called by streams.
 
     def received(self, packet: bytes, peer: Peer) -> None:
         """A whole packet has come."""
@@ -133,13 +133,13 @@ class StreamLink(BaseLink, ABC):
     def stream_closed(self, stream: Stream, words: str) -> None:
         """A stream has ended; `words` say why."""
 
-    # For the links made of this.
+    # For subclasses.
 
     def _tell(self, signal: Signal, peer: Peer | None, words: str) -> None:
         self._signal_handler(signal, peer, words, asyncio.get_running_loop().time())
 
     async def _close(self, streams: Iterable[Stream]) -> None:
-        """Close streams, and wait until their transports have let go; their peers are not said to be gone."""
+        """Close streams, and wait until their transports are done; their peers are not reported as gone."""
         closing = set(streams)
         self._streams.clear()
         for stream in closing:

@@ -1,7 +1,7 @@
 """CAN buses as people write them: `can:can0?bitrate=500000&fd=1`, `can:slcan:/dev/ttyACM0?bitrate=500000`.
 
-What follows `can:` is an interface of Linux (SocketCAN), or an interface of python-can and its channel.
-`canfd:` and `can-legacy:` take the same, and speak as eProsima's CAN FD and as the firmware of the thesis.
+What follows `can:` is an interface of Linux (SocketCAN), or an interface of python-can and its channel. `canfd:` and
+`can-legacy:` take the same, and use the framing of eProsima's CAN FD and of the thesis' firmware.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ _TRUE_WORDS: Final = {"true": True, "false": False}
 
 @dataclass(frozen=True, slots=True)
 class CanSettings:
-    """What a link on a CAN bus has to know from the rooms above; other kinds of link need nothing of it."""
+    """What a link on a CAN bus needs from the rooms above; other kinds of link need none of it."""
 
     codec: Codec | None = None
     """Header compression, used unless the address says `compression=0`; None = none."""
     is_whole: Callable[[bytes], bool] | None = None
     """Whether octets are one whole message; the legacy framing cannot tell."""
     uid: bytes | None = None
-    """Who a part is, 8 bytes; None = somebody new each time."""
+    """Identity of a part, 8 bytes; None = a new one each time."""
     profile_hash: int = 0
     """CRC-32 of the robot's name, version and serial number, for the beacon of a master."""
     node_ids: Callable[[str], NodeIds] | None = None
@@ -69,7 +69,7 @@ class CanTarget:
     fd: bool | None = None
     """None: the address does not say."""
     others: dict[str, str] = field(default_factory=dict)
-    """Further options as they are in the address."""
+    """Further options, as written in the address."""
 
 
 def open_can_bus(address: str, *, filters: Sequence[IdFilter] | None = None, error_frames: bool = False) -> CanDriver:
@@ -77,7 +77,7 @@ def open_can_bus(address: str, *, filters: Sequence[IdFilter] | None = None, err
 
     Args:
         address: as for `open_link`.
-        filters: what should be heard; None = everything.
+        filters: which frames to receive; None = all.
         error_frames: hand the controller's reports over as frames, too.
 
     Raises:
@@ -151,7 +151,7 @@ def open_can_legacy(rest: str, serve: bool, settings: CanSettings) -> Link:
     """The framing of the thesis' firmware (`can-legacy:`).
 
     Raises:
-        ConfigError: the address makes no sense, or nobody can tell where a message ends.
+        ConfigError: the address makes no sense, or there is no way to tell where a message ends.
     """
     if settings.is_whole is None:
         raise ConfigError("this framing does not tell where a message ends: give `is_whole` in CanSettings")
@@ -231,7 +231,7 @@ def _look(name: str) -> CanInterface | None:
 
 
 def flag(options: dict[str, str], name: str, *, default: bool) -> bool:
-    """Take an option that is 0 or 1.
+    """Remove and return an option that is 0 or 1.
 
     Raises:
         ConfigError: it is something else.
@@ -245,10 +245,10 @@ def flag(options: dict[str, str], name: str, *, default: bool) -> bool:
 
 
 def rate(options: dict[str, str], name: str, most: int) -> int | None:
-    """A bit rate among the options; None = it is not there.
+    """Remove and return a bit rate from the options; None = it is not there.
 
     Raises:
-        ConfigError: it is none that CAN has.
+        ConfigError: it is not a bit rate that CAN allows.
     """
     value = options.get(name)
     if value is None:
@@ -268,7 +268,7 @@ def _identifier(value: str | None, settings: CanSettings) -> int:
 
 
 def _value(text: str) -> Value:
-    """A value for python-can: numbers and truth values as such, everything else as text."""
+    """A value for python-can: numbers and booleans as such, everything else as text."""
     if text.lower() in _TRUE_WORDS:
         return _TRUE_WORDS[text.lower()]
     for kind in (lambda: int(text, 0), lambda: float(text)):

@@ -1,4 +1,4 @@
-"""What every link on a CAN bus has in common, in the native mode and in those of others: its port and its events."""
+"""What every link on a CAN bus has in common, in the native mode and in foreign ones: its port and its events."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class CanEnd(BaseLink, ABC):
             LinkInfo(bus.info.name, mtu, bits_per_second, shared_bus=True, compresses=compresses), remote=remote
         )
         self.foreign = 0
-        """Frames of other equipment on the bus, which are none of our business."""
+        """Frames of other equipment on the bus, which are ignored."""
         self._ids = ids
         self._port = CanPort(bus, self, ids=ids, queue_frames=queue_frames)
 
@@ -69,7 +69,7 @@ class CanEnd(BaseLink, ABC):
         if frames:
             self.counters.dropped.count(reason, frames)
 
-    # What the port tells (`PortOwner`), as far as most ends do the same
+    # What the port calls (`PortOwner`), where most ends do the same
 
     @abstractmethod
     def frame_received(self, frame: Frame, now: float) -> None:
@@ -84,7 +84,7 @@ class CanEnd(BaseLink, ABC):
         self._room_handler(peer)
 
     def drained(self, now: float) -> None:
-        """See `PortOwner`; most wait for nothing."""
+        """See `PortOwner`; by default it does nothing."""
 
     def bus_up(self, now: float) -> None:
         """See `PortOwner`."""
@@ -96,7 +96,7 @@ class CanEnd(BaseLink, ABC):
         self._signal_handler(Signal.LINK_DOWN, self.remote, reason, now)
 
     def timer(self) -> float | None:
-        """See `PortOwner`; most wait for no time."""
+        """See `PortOwner`; by default there is no timer."""
         return None
 
     def handle_timer(self, now: float) -> None:

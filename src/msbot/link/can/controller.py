@@ -1,7 +1,7 @@
-"""The seam to a CAN controller: real, foreign or simulated, the link sees only this.
+"""The interface to a CAN controller, real or simulated: a link sees only this.
 
-A controller takes a few frames at a time (real ones have about three mailboxes), so that what waits stays in the
-link, where it can be interleaved, overtaken by STOP, and counted.
+A controller takes a few frames at a time (real ones have about three mailboxes), so that waiting frames stay in the
+link, where they can be interleaved, overtaken by STOP, and counted.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class CanBusInfo:
     name: str
     """Address in words, for example `can:can0` or `sim:500000`."""
     bits_per_second: int | None
-    """Nominal bit rate; None when the adapter does not tell (virtual buses)."""
+    """Nominal bit rate; None when the adapter does not report it (virtual buses)."""
     data_bits_per_second: int | None = None
-    """Bit rate of the FD data phase; None without bit-rate switch."""
+    """Bit rate of the FD data phase; None without a bit-rate switch."""
     fd: bool = False
     """The controller sends and receives CAN FD frames."""
 
@@ -41,7 +41,7 @@ FrameHandler = Callable[[Frame, float], None]
 """`(frame, now)`; must not block and must not raise."""
 
 FrameTap = Callable[[float, str, Frame], None]
-"""`(at, sender, frame)` for each frame that went well; the sender: its name on a simulated bus, or `here`, or `bus`."""
+"""`(at, sender, frame)` for each frame that was transmitted; sender: a name on a simulated bus, `here`, or `bus`."""
 StateHandler = Callable[[BusState, str, float], None]
 """`(state, reason in words, now)`."""
 
@@ -61,16 +61,16 @@ class CanBus(Protocol):
         room: RoomHandler | None = None,
         state: StateHandler | None = None,
     ) -> None:
-        """Set the owner's handlers, those that are given; each takes the place of the one before.
+        """Set those of the owner's handlers that are given; each replaces the previous one.
 
         Args:
             frame: takes the frames of other nodes (own frames are not heard).
             room: is called each time a frame has left the controller.
-            state: hears the changes of the controller's state.
+            state: is called when the controller's state changes.
         """
 
     def has_room(self) -> bool:
-        """Whether the controller takes another frame now."""
+        """Whether the controller accepts another frame now."""
 
     def pending(self) -> int:
         """Frames handed over that have not left yet; 0 where the adapter cannot tell."""

@@ -15,11 +15,11 @@ from msbot.link.can.protocol.ids import CanIds, read_stop, stop_frame
 from msbot.link.can.protocol.queue import QUEUE_FRAMES, FrameQueue
 
 PACKET_FRAMES: Final = 2
-"""Frames of packets handed to the controller at a time; what is left of its three mailboxes is for urgent frames."""
+"""Frames of packets handed to the controller at a time; the rest of its three mailboxes is for urgent frames."""
 STOP_TIMES: Final = 3
 """A STOP frame is sent this often, so that one lost frame does not matter."""
 STOP_QUIET_S: Final = 0.1
-"""STOP frames of one reason that follow each other this quickly are one STOP."""
+"""STOP frames with one reason that follow each other within this time count as one STOP."""
 FIRST_RESTART_S: Final = 0.1
 LONGEST_RESTART_S: Final = 5.0
 """Pause before a return from bus-off; it doubles up to the longest until a frame gets through."""
@@ -30,13 +30,13 @@ class PortOwner(Protocol):
     """One end of a CAN link, as its port sees it."""
 
     def stopped(self, reason: int, now: float) -> None:
-        """Somebody said STOP."""
+        """A STOP frame came."""
 
     def frame_received(self, frame: Frame, now: float) -> None:
-        """A frame came that is no STOP."""
+        """A frame came that is not a STOP."""
 
     def room_again(self, peer: int) -> None:
-        """The queue takes packets for that peer again."""
+        """The queue accepts packets for that peer again."""
 
     def drained(self, now: float) -> None:
         """All frames have left the controller."""
@@ -45,13 +45,13 @@ class PortOwner(Protocol):
         """The controller takes part in the bus: after opening, and after each bus-off."""
 
     def bus_down(self, reason: str, lost_frames: int, now: float) -> None:
-        """The controller has left the bus; this many frames that waited are lost."""
+        """The controller has left the bus; this many waiting frames are lost."""
 
     def timer(self) -> float | None:
         """When `handle_timer` wants to be called."""
 
     def handle_timer(self, now: float) -> None:
-        """Its time has come."""
+        """The timer is due."""
 
 
 class CanPort:
@@ -64,9 +64,9 @@ class CanPort:
         self.is_up = False
         """The port runs and the controller takes part in the bus."""
         self.state = BusState.ACTIVE
-        """Of the controller, as it told last."""
+        """State of the controller, as last reported."""
         self.frame_tap: FrameTap | None = None
-        """Called with every frame that is handed over or comes in when set; None costs nothing."""
+        """If set, called with every frame that is handed over or comes in; None costs nothing."""
         self._owner = owner
         self._ids = ids
         self._stop_id = ids.stop
@@ -103,17 +103,17 @@ class CanPort:
         return refused
 
     def send_stop(self, reason: int) -> None:
-        """Say STOP to everybody on the bus.
+        """Send STOP to every node on the bus.
 
         Raises:
-            LinkDown: the link does not run.
+            LinkDown: the link is not running.
         """
         self.check_up()
         self.queue.put_stop(stop_frame(reason, self._ids), STOP_TIMES)
         self.pump(self.now())
 
     def check_up(self) -> None:
-        """Make sure that something can be sent.
+        """Make sure that the link can send.
 
         Raises:
             LinkDown: it cannot.
@@ -123,7 +123,7 @@ class CanPort:
             raise LinkDown(f"link {self.bus.info.name} {state}: nothing can be sent")
 
     def check_room(self, peer: int, words: str) -> None:
-        """Make sure that a packet for that peer is taken.
+        """Make sure that there is room for a packet to that peer.
 
         Raises:
             LinkFull: it is not.
@@ -141,7 +141,7 @@ class CanPort:
         return asyncio.get_running_loop().time()
 
     def arm(self) -> None:
-        """Set the timer to what the owner asks for."""
+        """Set the timer to the time that the owner asks for."""
         at = self._owner.timer() if self.is_up else None
         if at == self._timer_at:
             return
@@ -161,7 +161,7 @@ class CanPort:
         self.state = BusState.ACTIVE
         serving = loop.create_task(self.bus.run())
         try:
-            await asyncio.sleep(0)  # the controller opens before anything is sent, or says that it needs longer
+            await asyncio.sleep(0)  # let the controller open, or report that it needs longer, before anything is sent
             if not serving.done() and self.state not in OFF_THE_BUS:
                 self._go_up(loop.time())
             await asyncio.wait((serving, self._ended), return_when=asyncio.FIRST_COMPLETED)

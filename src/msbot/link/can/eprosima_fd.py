@@ -1,14 +1,14 @@
 """CAN FD as eProsima's agent and clients use it (their transport `canfd`): one frame is one packet.
 
-A client chooses a 29-bit identifier, sends with it and listens to it; the agent hears every frame, takes the
-identifier for the client, and answers with the same one. Byte 0 of a frame is the length of the packet, 1 to 63; what
-follows the packet is padding. There are no segments: longer messages are fragmented by DDS-XRCE itself.
+A client chooses a 29-bit identifier, sends with it and listens to it; the agent hears every frame, identifies the
+client by the identifier, and answers with the same one. Byte 0 of a frame is the length of the packet, 1 to 63; padding
+follows the packet. There are no segments: DDS-XRCE itself fragments longer messages.
 
-Agent and client may both send with one identifier, which CAN does not allow: when they begin in the same bit, the
-frames destroy each other, both are repeated at once and may end in bus-off, from which the port returns. Two with
-something to say begin together whenever a frame ends, so nobody here answers before the other has been silent for the
-time of a frame. The native mode (`native_link.py`) has no such weakness; this one is for boards whose firmware cannot
-be changed.
+Agent and client may both send with the same identifier, which CAN does not allow: when they start in the same bit, the
+frames destroy each other, and both are repeated at once. This may end in bus-off, from which the port returns. Two
+nodes with something to send start together whenever a frame ends, so this end answers only after the other has been
+silent for the time of a frame. The native mode (`native_link.py`) has no such weakness; this one is for boards whose
+firmware cannot be changed.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ MTU: Final = 63
 IDENTIFIERS: Final = 1 << 29
 
 MAX_PEERS: Final = 1024
-"""Identifiers with a queue of their own; the one served first gives way, and what waits for it is counted."""
+"""Identifiers with a queue of their own; beyond, the one first used is dropped, and its waiting frames are counted."""
 
 SILENCE_BITS: Final = 750
-"""Silence after a frame of the other side, in nominal bits: the longest FD frame without bit-rate switch has 704."""
+"""Silence after a frame of the other side, in nominal bits: the longest FD frame without a bit-rate switch has 704."""
 
 SILENCE_S: Final = 0.0015
-"""The same where the bit rate is not known: that of 500 kbit/s."""
+"""The same where the bit rate is not known: the time at 500 kbit/s."""
 
 WRONG_LENGTH: Final = "length byte does not fit the frame"
 GAVE_WAY: Final = "too many identifiers: the oldest one's packets gave way"
@@ -47,7 +47,7 @@ class CanFdEprosimaLink(CanEnd):
         Args:
             bus: a controller that can send CAN FD frames.
             can_id: the client's identifier; None = the agent, which hears all of them.
-            queue_frames: packets that may wait for one client.
+            queue_frames: how many packets may wait for one client.
 
         Raises:
             ConfigError: the controller is a classic one, or there is no such identifier.
@@ -62,9 +62,9 @@ class CanFdEprosimaLink(CanEnd):
         self._silence_s = SILENCE_BITS / rate if rate else SILENCE_S
         self._peers: dict[int, None] = {}
         self._speaking: dict[int, float] = {}
-        """Who has just said something -> until when nothing is sent with that identifier."""
+        """Identifiers just heard -> until when nothing is sent with them."""
         self._held: dict[int, list[Frame]] = {}
-        """What waits for that."""
+        """Frames that wait for this silence."""
 
     def has_room(self, peer: Peer) -> bool:
         """See `Link`."""
@@ -100,7 +100,7 @@ class CanFdEprosimaLink(CanEnd):
         """See `Link`."""
         return f"CAN identifier {peer:#x}" if isinstance(peer, int) else str(peer)
 
-    # What the port tells (`PortOwner`).
+    # What the port calls (`PortOwner`).
 
     def frame_received(self, frame: Frame, now: float) -> None:
         """See `PortOwner`."""

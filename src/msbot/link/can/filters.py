@@ -1,4 +1,4 @@
-"""Which identifiers a link wants to hear: the kernel drops all others before they cost anything."""
+"""Which identifiers a link wants to receive: the kernel drops all others before they cost anything."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EXTENDED_BITS: Final = 0x1FFFFFFF
 
 @dataclass(frozen=True, slots=True)
 class IdFilter:
-    """Data frames whose identifier equals `can_id` in the bits of `mask` (and is of that length) are heard."""
+    """Data frames whose identifier equals `can_id` in the bits of `mask` (and is of that length) are received."""
 
     can_id: int
     mask: int
@@ -26,7 +26,7 @@ def one_id(can_id: int, *, extended: bool = False) -> IdFilter:
 
 
 def id_range(first: int, last: int) -> list[IdFilter]:
-    """The fewest filters for all 11-bit identifiers from `first` to `last`, and no other."""
+    """The fewest filters for all 11-bit identifiers from `first` to `last`, and no others."""
     filters = []
     while first <= last:
         size = first & -first or STANDARD_BITS + 1

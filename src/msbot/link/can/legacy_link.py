@@ -1,8 +1,8 @@
 """The CAN link of the thesis' firmware (R29): one component on a bus, identifiers 0x123 up and 0x120 down.
 
-For boards whose firmware cannot be changed. What it cannot do is the reason for the native mode (`native_link.py`):
-more than one component, addresses, messages beyond 1792 bytes, and the certainty that a message is the one that was
-sent.
+For boards whose firmware cannot be changed. It cannot do the following, which is why there is a native mode
+(`native_link.py`): more than one component, addresses, messages beyond 1792 bytes, and the certainty that a message
+arrives as it was sent.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from msbot.link.can.protocol.queue import QUEUE_FRAMES
 from msbot.link.contract import Peer
 
 MASTER: Final = 0
-"""The peer of a component."""
+"""The peer that a component sees."""
 COMPONENT: Final = 1
-"""The peer of a master."""
+"""The peer that a master sees."""
 
 _WORDS: Final = {MASTER: "the master", COMPONENT: "the CAN component"}
 
@@ -43,7 +43,7 @@ class CanLegacyLink(CanEnd):
         """Make the link; `run` opens it.
 
         Args:
-            bus: the controller; frames are classic ones.
+            bus: the controller; only classic frames are used.
             is_whole: whether octets are one message from its beginning to its end, which this format cannot tell.
             component: the component's end.
             up: identifier from the component to the master, 11 bits.
@@ -89,7 +89,7 @@ class CanLegacyLink(CanEnd):
         """See `Link`."""
         return _WORDS[self._peer] if peer == self._peer else f"nobody ({peer})"
 
-    # What the port tells (`PortOwner`).
+    # What the port calls (`PortOwner`).
 
     def frame_received(self, frame: Frame, now: float) -> None:
         """See `PortOwner`."""

@@ -1,7 +1,7 @@
 """The two ends of the CAN link: `CanMasterLink` serves up to 120 parts, `CanPartLink` is one part.
 
 Both carry whole, opaque packets. A packet is cut into frames when it is sent and put together in the call-back of its
-last frame (`protocol/frames.py`); nothing stands between the controller and the packet handler. Addresses come from
+last frame (`protocol/frames.py`); there is no queue between the controller and the packet handler. Addresses come from
 joining (`protocol/join_part.py`, `protocol/join_master.py`). A master's peer is the node id, 1 to 120; a part's only
 peer, the master, is 0.
 """
@@ -36,7 +36,7 @@ MASTER: Final = 0
 NO_ADDRESS: Final = "data from a node without an address"
 TOO_MANY: Final = "no room for another joining frame"
 MASTERS_TOLD: Final = 8
-"""Other masters that are warned about; whoever invents more of them is not believed."""
+"""Other masters that are warned about; any beyond are assumed to be invented."""
 
 _log = logging.getLogger(__name__)
 
@@ -64,8 +64,8 @@ class CanMasterLink(NativeEnd):
             profile_hash: CRC-32 of the robot's name, version and serial number, for the beacon.
             random: source of the epoch.
             node_ids: where addresses are remembered; None = in memory.
-            fd: send CAN FD frames to parts that can. Every node on the bus must tolerate them.
-            codec: header compression for parts that know it.
+            fd: send CAN FD frames to parts that support them. Every node on the bus must tolerate them.
+            codec: header compression, for parts that support it.
             mtu: largest packet in bytes.
             ids: identifier bases, when the bus is shared with other equipment.
             queue_frames: frames that may wait for one part.
@@ -93,11 +93,11 @@ class CanMasterLink(NativeEnd):
 
     @property
     def epoch(self) -> int:
-        """The number of this start, as the beacon says it."""
+        """The number of this start, as announced in the beacon."""
         return self._join.epoch
 
     def uid_of(self, peer: Peer) -> bytes | None:
-        """The UID of the part at that address, or None when nobody has it."""
+        """The UID of the part at that address, or None when no part has it."""
         member = self._join.members.get(peer) if isinstance(peer, int) else None
         return None if member is None else member.uid
 
@@ -224,7 +224,7 @@ class CanPartLink(NativeEnd):
 
         Args:
             bus: the controller.
-            uid: 8 bytes, the same for the life of the part, different from those of all others.
+            uid: 8 bytes, constant for the life of the part, different from those of all others.
             random: source of the jitter between attempts to join.
             profile_hash: the robot the part is made for; None = any.
             codec: header compression, offered to the master.
@@ -262,7 +262,7 @@ class CanPartLink(NativeEnd):
                     self._deliver(message, MASTER, wire, now)
                 return
             if frame.can_id in self._other_ids:
-                return  # the master and another part
+                return  # between the master and another part
         if is_joining(frame, self._ids):
             self._handle(self._join.receive(frame, now), now)
         else:

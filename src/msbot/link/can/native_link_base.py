@@ -1,4 +1,5 @@
-"""What the two ends of the native CAN link have in common: sending packets over the wires of their peers, and STOP."""
+"""What the two ends of the native CAN link have in common: sending packets through the `CanWire` of each peer, and
+STOP."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ class NativeEnd(CanEnd):
         self._codec = codec
 
     def has_room(self, peer: Peer) -> bool:
-        """See `Link`; False as well while the peer has no address."""
+        """See `Link`; also False while the peer has no address."""
         return isinstance(peer, int) and self._wire(peer) is not None and self._port.queue.has_room(peer)
 
     def send(self, packet: bytes, peer: Peer) -> None:
@@ -51,7 +52,7 @@ class NativeEnd(CanEnd):
         self._port.pump(now)
 
     def send_stop(self, reason: int = 0) -> None:
-        """Say STOP to everybody on the bus, before all other frames; the reason is a byte (`STOP_REASONS`).
+        """Send STOP to every node on the bus, before all other frames; the reason is a byte (`STOP_REASONS`).
 
         Raises:
             LinkDown: the link is not on the bus.

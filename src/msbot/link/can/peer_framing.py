@@ -1,4 +1,4 @@
-"""One peer on a CAN bus: its packets cut into frames, and its frames joined to packets."""
+"""The framing for one peer on a CAN bus: cuts its packets into frames, and joins its frames into packets."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from msbot.link.contract import LinkCounters
 
 @dataclass(frozen=True, slots=True)
 class Codec:
-    """A pair of exact inverses that shortens packets; used with peers that know it (`COMPRESSION`)."""
+    """Shortens packets and restores them exactly; used with peers that support it (`COMPRESSION`)."""
 
     compress: Callable[[bytes], bytes]
     decompress: Callable[[bytes], bytes]
-    """Raises RemoteProtocolError on bytes that no packet gives."""
+    """Raises RemoteProtocolError for bytes that are not the short form of a packet."""
 
 
 class CanWire:
-    """One peer: its packets cut into frames, and its frames joined to packets."""
+    """One peer: cuts its packets into frames, and joins its frames into packets."""
 
     __slots__ = ("_codec", "_counters", "_fast", "_fd", "_next", "_send_id", "joiner")
 
@@ -45,7 +45,7 @@ class CanWire:
         self._codec = codec if use & COMPRESSION else None
         self._counters = counters
         self._next = 0
-        # A counter cannot come round sooner than 64 full frames, which are longer than 100 bits (but for FD).
+        # The counter cannot wrap within 64 full frames, each longer than 100 bits (except with FD).
         rate = None if self._fd else info.bits_per_second
         repeat_s = 6400 / rate if rate else REPEAT_S
         longest = mtu if self._codec is None else mtu + 1  # a packet that has no short form gets one octet longer
@@ -61,7 +61,7 @@ class CanWire:
         return [Frame(send_id, part, False, fd, fast) for part in parts]
 
     def unpack(self, message: bytes) -> bytes | None:
-        """The packet in a whole message; None (and counted) when it is none."""
+        """The packet in a whole message; None (and counted) when it holds none."""
         if self._codec is None:
             return message
         try:

@@ -1,4 +1,4 @@
-"""Quick checks of a CAN bus with two controllers on it, as the thesis made them first (4.2.1 to 4.2.3; T1 to T4)."""
+"""Quick checks of a CAN bus with two controllers on it, as the thesis first did them (4.2.1 to 4.2.3; T1 to T4)."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from msbot.link.can.protocol.frames import Frame
 
 CAN_ID: Final = 0x321
 A: Final = b"\xa5"
-"""What the first controller says (thesis 4.2.2)."""
+"""What the first controller sends (thesis 4.2.2)."""
 B: Final = b"\x5a"
-"""What the second one says."""
+"""What the second one sends."""
 PATIENCE_S: Final = 1.0
-"""A frame that has not come after this time is lost."""
+"""A frame that has not come within this time is lost."""
 POLL_S: Final = 0.001
 OTHER_ID: Final = 0x322
-"""Where both send at once, each needs an identifier of its own."""
+"""The other controller's identifier when both send at once: each needs its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """How one check went."""
+    """The result of one check."""
 
     name: str
     passed: bool
@@ -35,7 +35,7 @@ class CheckResult:
 
 
 async def selftest(one: CanBus, other: CanBus, *, frames: int = 1000) -> list[CheckResult]:
-    """Make all checks with two controllers on one bus, `frames` frames each; nobody else may use CAN_ID and OTHER_ID.
+    """Run all checks with two controllers on one bus, `frames` frames each; nobody else may use CAN_ID and OTHER_ID.
 
     Raises:
         LinkDown: a controller cannot be opened.
@@ -58,7 +58,7 @@ async def selftest(one: CanBus, other: CanBus, *, frames: int = 1000) -> list[Ch
                 results.append(CheckResult(name, True, await check(*ends, frames)))
             except _Failed as failure:
                 results.append(CheckResult(name, False, str(failure)))
-            await asyncio.sleep(PATIENCE_S / 10)  # what is still on its way belongs to this check
+            await asyncio.sleep(PATIENCE_S / 10)  # frames still on their way belong to this check
         for task in running:
             task.cancel()
     return results
@@ -69,7 +69,7 @@ class _Failed(Exception):
 
 
 class _End:
-    """One controller with what it heard and what waits for it."""
+    """One controller, with the frames it heard and those it has still to send."""
 
     def __init__(self, bus: CanBus) -> None:
         self.bus = bus
@@ -81,7 +81,7 @@ class _End:
         bus.attach(frame=self._frame, room=lambda _now: self._pump())
 
     def clear(self) -> None:
-        """Begin another check."""
+        """Prepare for another check."""
         self.heard.clear()
         self.answer = None
         self._waiting.clear()

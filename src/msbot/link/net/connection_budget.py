@@ -1,4 +1,4 @@
-"""Which connection goes when there are too many: one that never said anything first, then one that is idle."""
+"""Decides which connection to close when there are too many: first one that never sent anything, then an idle one."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Hashable, Iterable, Iterator
 from typing import Generic, Protocol, TypeVar
 
 MAX_CONNECTIONS = 1024
-"""Connections a server keeps."""
+"""Most connections of a server."""
 
 MAX_OF_ADDRESS = 512
-"""Connections of one address."""
+"""Most connections from one address."""
 
 IDLE_S = 10.0
 """A connection that was silent for this long may make room for a newcomer."""
@@ -40,29 +40,29 @@ class ConnectionBudget(Generic[C]):
         return self._count
 
     def add(self, connection: C, address: Hashable) -> None:
-        """It is open, and has not said anything yet."""
+        """Add an open connection, which has not sent anything yet."""
         self._silent.setdefault(address, {})[connection] = None
         self._count += 1
 
     def spoke(self, connection: C, address: Hashable) -> None:
-        """Its first packet has come."""
+        """Note that its first packet has come."""
         if _discard(self._silent, address, connection):
             self._speaking.setdefault(address, {})[connection] = None
 
     def remove(self, connection: C, address: Hashable) -> None:
-        """It has ended."""
+        """Remove a connection that has ended."""
         if _discard(self._silent, address, connection) or _discard(self._speaking, address, connection):
             self._count -= 1
 
     def is_full(self, address: Hashable) -> bool:
-        """Whether one from there can only be taken in place of another."""
+        """Whether a connection from there can only be accepted in place of another."""
         return self._count >= self._most or self._of(address) >= self._of_address
 
     def who_makes_room(self, address: Hashable, now: float) -> C | None:
         """The connection that gives way to another one from that address; None = the newcomer must go."""
         if self._of(address) >= self._of_address:
             return self._first(self._silent.get(address, ())) or self._idle(self._speaking.get(address, ()), now)
-        # The address with most silent connections pays first: it is the likeliest to mean no good.
+        # The address with most silent connections pays first: it is the most likely attacker.
         silent = max(self._silent.values(), key=len, default={})
         return self._first(silent) or self._idle(self._all_speaking(), now)
 
@@ -78,7 +78,7 @@ class ConnectionBudget(Generic[C]):
         return next(iter(group), None)
 
     def _idle(self, group: Iterable[C], now: float) -> C | None:
-        """The one that is idle for longest, if for long enough; looked for once a second at most."""
+        """The one that has been idle longest, if for long enough; searched for at most once a second."""
         if now - self._looked_at < 1.0:
             return None
         self._looked_at = now

@@ -25,7 +25,7 @@ def joined(host: str, port: int) -> str:
 
 
 def serve_both_kinds(server: socket.socket, host: str) -> None:
-    """Have a server at `::` serve IPv4, too, whatever the system's setting is."""
+    """Make a server at `::` serve IPv4, too, whatever the system's setting."""
     if server.family == socket.AF_INET6 and host == "::":
         server.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
 

@@ -1,15 +1,15 @@
-"""How much one connection may bring: so many packets and octets a second, with some in hand. Pure: time is handed in.
+"""Limits the packets and octets a second from one connection, with a reserve for bursts. Pure: time is handed in.
 
-Nothing is thrown away: whoever brings more is read later, and its own network feels it.
+Nothing is thrown away: a connection that sends more is read later, so that its own network slows it down.
 """
 
 from __future__ import annotations
 
 PACKETS_S = 500.0
-"""A part of a lesson sends 10 to 100 messages a second, and several fit into a packet."""
+"""A part in a lesson sends 10 to 100 messages a second, and several fit into a packet."""
 OCTETS_S = 256 * 1024.0
 BURST_S = 1.0
-"""So much of both is in hand at first, and again after a rest."""
+"""The reserve, in seconds of both rates: there at first, and again after a rest."""
 
 
 class RateBudget:
@@ -23,7 +23,7 @@ class RateBudget:
         self._at = now
 
     def spend(self, octets: int, now: float) -> float:
-        """A packet has come; returns for how many seconds nothing more may be read, 0 = go on."""
+        """Count a packet; returns for how many seconds nothing more may be read, 0 = go on."""
         passed, self._at = max(0.0, now - self._at), now
         self._packets = min(self._packets_s * BURST_S, self._packets + passed * self._packets_s) - 1
         self._octets = min(self._octets_s * BURST_S, self._octets + passed * self._octets_s) - octets

@@ -1,7 +1,8 @@
 """TCP links: a 16-bit length in front of every packet (`byte_frames`), one connection for each peer.
 
-DDS-XRCE clients of eProsima speak this on IPv4 and IPv6 (seen on the wire). Whether a peer that closes its connection
-is gone for good is the business of the owner: the link tells it (PEER_GONE), and every connection is a new peer.
+eProsima's DDS-XRCE clients use this over IPv4 and IPv6 (seen on the wire). The link reports a closed connection
+(PEER_GONE), and every connection is a new peer; the owner decides whether a peer that closed its connection is gone for
+good.
 """
 
 from __future__ import annotations
@@ -22,22 +23,22 @@ from msbot.runtime.accept_connections import Acceptor
 logger = logging.getLogger(__name__)
 
 FIRST_PACKET_S = 10.0
-"""A connection that has not brought a whole packet by then is closed."""
+"""A connection without a whole packet by then is closed."""
 
 WRITE_LIMIT = 64 * 1024
-"""Octets that may wait for one peer, besides what the kernel holds."""
+"""Octets that may wait for one peer, in addition to those in the kernel."""
 
 READ_OCTETS = 16 * 1024
-"""Taken from one connection before the others have their turn."""
+"""Octets read from one connection before the others get their turn."""
 
 RECONNECT_S = 0.5
-"""Between two attempts of a client to reach its server."""
+"""Pause between two attempts of a client to reach its server."""
 
 CONNECT_S = 3.0
-"""Time for one attempt; a network that swallows packets keeps the system waiting for minutes."""
+"""Time for one attempt; in a network that swallows packets, the system would wait for minutes."""
 
 KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}
-"""Socket options: a peer without power or cable is noticed after 25 s at the latest, although it says nothing."""
+"""Socket options: the silent loss of a peer (power, cable) is noticed after 25 s at the latest."""
 
 BROKEN_AT_ONCE = "connection broke as soon as it was made"
 TOO_MANY = "connection refused: too many are open"
@@ -51,7 +52,7 @@ class TcpStream(Stream, asyncio.BufferedProtocol):
     write_limit = WRITE_LIMIT
 
     def __init__(self, link: TcpServerLink | TcpClientLink, peer: Peer = None) -> None:
-        """`peer` is what the other side is called; None = by its address."""
+        """`peer` is the other side as the link knows it; None = known by its address."""
         super().__init__(link)
         self.peer = peer
         self.heard_at: float | None = None
@@ -108,7 +109,7 @@ class TcpServerLink(StreamLink):
     Args:
         host: address or name to listen at; `0.0.0.0` for every IPv4 interface, `::` for IPv6 too.
         port: 1 to 65535, or 0 for any free one (see `port`).
-        max_connections: with more, one that never said anything goes first, then one that is idle, then the newcomer.
+        max_connections: beyond, one that never sent anything is closed, else an idle one, else the newcomer.
     """
 
     def __init__(self, host: str, port: int, *, max_connections: int = MAX_CONNECTIONS) -> None:
@@ -141,7 +142,7 @@ class TcpServerLink(StreamLink):
         """Listen until cancelled; it may run again afterwards.
 
         Raises:
-            LinkDown: the address cannot be listened at; the text names the remedy.
+            LinkDown: it cannot listen at the address; the text names the remedy.
         """
         loop = asyncio.get_running_loop()
         self._listening = await self._listen(loop)
@@ -232,9 +233,9 @@ class TcpServerLink(StreamLink):
 
 
 class TcpClientLink(StreamLink):
-    """Keeps one connection with a server, its `remote`, and makes it again whenever it breaks. Satisfies `Link`.
+    """Keeps one connection to a server, its `remote`, and reopens it whenever it breaks. Satisfies `Link`.
 
-    LINK_UP and LINK_DOWN tell when the connection opens and breaks. A server that is not there is tried again.
+    LINK_UP and LINK_DOWN say when the connection opens and breaks. A server that is not there is tried again.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -254,7 +255,7 @@ class TcpClientLink(StreamLink):
             LinkDown: there is no such host.
         """
         loop = asyncio.get_running_loop()
-        # The name is looked up again for each attempt; only before the first one a failure is the user's mistake.
+        # The name is looked up again for each attempt; only before the first one is a failure the user's mistake.
         await addresses_of(loop, self.info.name, self._host, self._port, kind=socket.SOCK_STREAM)
         try:
             while True:
@@ -269,9 +270,9 @@ class TcpClientLink(StreamLink):
                 self._tell(Signal.LINK_DOWN, self.remote, "closed")
 
     def stream_opened(self, stream: TcpStream, address: Address) -> None:
-        """The connection is open, unless it is with itself.
+        """The connection is open, unless it is connected to itself.
 
-        That happens (RFC 9293 3.5, figure 7) when the system gives an attempt the very port that it asks for.
+        That happens (RFC 9293 3.5, figure 7) when the system gives the attempt the same port that it connects to.
         """
         assert stream.transport is not None
         if stream.transport.get_extra_info("sockname") == address:
@@ -289,7 +290,7 @@ class TcpClientLink(StreamLink):
             self._tell(Signal.LINK_DOWN, self.remote, f"connection {words}")
 
     async def _connect(self, loop: asyncio.AbstractEventLoop) -> TcpStream | None:
-        """One attempt; None when there was nobody."""
+        """Make one attempt; None if it failed."""
         try:
             async with asyncio.timeout(CONNECT_S):
                 _, stream = await loop.create_connection(lambda: TcpStream(self, self.remote), self._host, self._port)

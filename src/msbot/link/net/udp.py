@@ -22,13 +22,13 @@ UDP_MTU = 65507
 """Largest payload of a datagram over IPv4; DDS-XRCE clients announce much less."""
 
 QUEUE_PACKETS = 512
-"""Packets that may wait for the kernel; with more, `send` raises LinkFull."""
+"""Packets that may wait for the kernel; beyond, `send` raises LinkFull."""
 
 DRAIN_PACKETS = 256
-"""Datagrams taken in one call-back before timers and other links have their turn."""
+"""Datagrams read in one call-back before timers and other links get their turn."""
 
 RECEIVE_BUFFER_BYTES = 1 << 20
-"""Asked of the kernel for bursts; it gives less where `net.core.rmem_max` is smaller."""
+"""Requested from the kernel, for bursts; it gives less where `net.core.rmem_max` is smaller."""
 
 NOBODY_LISTENS = "nobody listens at the peer's port"
 
@@ -42,11 +42,11 @@ _PASSING = {
     errno.EACCES: "forbidden: a broadcast address",
     errno.ENOBUFS: "the network interface's queue is full",
 }
-"""Errors of one datagram or one peer, in words; they say nothing about the socket."""
+"""Errors of one datagram or one peer, in words; the socket itself is fine."""
 
 
 class _UdpLink(BaseLink, ABC):
-    """What server and client have in common; their signals are LINK_UP and LINK_DOWN only."""
+    """What server and client have in common; their only signals are LINK_UP and LINK_DOWN."""
 
     def __init__(self, host: str, port: int, *, remote: Peer | None = None) -> None:
         super().__init__(LinkInfo(f"udp:{joined(host, port)}", UDP_MTU, in_bursts=True), remote=remote)
@@ -65,11 +65,11 @@ class _UdpLink(BaseLink, ABC):
         return int(self._socket.getsockname()[1]) if self._socket is not None else 0
 
     def has_room(self, peer: Peer) -> bool:  # noqa: ARG002 - one queue serves all peers
-        """Whether `send` would be taken now."""
+        """Whether `send` would succeed now."""
         return self._socket is not None and len(self._queue) < QUEUE_PACKETS
 
     def send(self, packet: bytes, peer: Peer) -> None:
-        """Send at once if the kernel takes it, else queue.
+        """Send at once if the kernel accepts the packet, else queue it.
 
         Raises:
             LinkFull: the queue is full.
@@ -143,7 +143,7 @@ class _UdpLink(BaseLink, ABC):
 
     @abstractmethod
     def _transmitter(self, opened: socket.socket) -> Callable[[bytes, Peer], object]:
-        """What gives one packet to the kernel: the socket's own method where that is possible."""
+        """The function that gives one packet to the kernel: the socket's own method where possible."""
 
     @abstractmethod
     def _why_not(self, error: OSError) -> LinkDown:
@@ -166,7 +166,7 @@ class _UdpLink(BaseLink, ABC):
             self._burst_end_handler()
 
     def _tolerate(self, error: OSError) -> bool:
-        """Count an error that passes; end `run` on any other."""
+        """Count an error that is transient; end `run` on any other."""
         if reason := _PASSING.get(error.errno or 0):
             self.counters.dropped.count(reason)
             return True
@@ -175,7 +175,7 @@ class _UdpLink(BaseLink, ABC):
         return False
 
     def _hand_over(self, packet: bytes, peer: Peer) -> bool:
-        """Whether the packet is off our hands: the kernel took it, or refused it for good."""
+        """Whether the packet is done with: the kernel accepted it, or refused it for good."""
         try:
             self._transmit(packet, peer)
         except BlockingIOError:
@@ -218,7 +218,7 @@ class UdpServerLink(_UdpLink):
 
 
 class UdpClientLink(_UdpLink):
-    """A socket that speaks with one server, its `remote`. Satisfies `Link`."""
+    """A socket that talks to one server, its `remote`. Satisfies `Link`."""
 
     def __init__(self, host: str, port: int) -> None:
         super().__init__(host, port, remote=(host, port))

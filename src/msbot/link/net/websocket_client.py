@@ -1,7 +1,7 @@
 """`ws:` and `wss:`: a part's way to its master through the page's server, where nothing but HTTP gets through.
 
-One WebSocket, made again whenever it breaks; one binary message for each packet. It shows an API token, as programs do.
-What the server says in text is a sentence for a person.
+One WebSocket, reopened whenever it breaks, with one binary message per packet. It presents an API token, as programs
+do. A text message from the server is a sentence for a person.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 PART_PATH = "/api/link"
-"""Where the page's server takes parts in."""
+"""Path at which the page's server accepts parts."""
 TOKEN_VARIABLE = "MSBOT_TOKEN"
 WRITE_LIMIT = 64 * 1024
-"""Octets that may wait here, besides what the system holds."""
+"""Octets that may wait here, in addition to those in the system."""
 RECONNECT_S = 0.5
 CONNECT_S = 5.0
 CLOSE_S = 1.0
 REFUSED = 4400
 """Codes from here to 4499: the server does not want this part, and says why."""
 _SHOWN = 300
-"""Characters of a sentence from the server."""
+"""How many characters of a sentence from the server are shown."""
 
 
 class WebSocketClientLink(BaseLink):
-    """Keeps one connection with a page's server, its `remote`. Satisfies `Link`.
+    """Keeps one connection to a page's server, its `remote`. Satisfies `Link`.
 
-    LINK_UP and LINK_DOWN tell when the connection opens and breaks. A server that is not there is tried again; one
-    that refuses the part ends the link with its reason.
+    LINK_UP and LINK_DOWN say when the connection opens and breaks. A server that is not there is tried again; one that
+    refuses the part ends the link with its reason.
 
     Args:
         address: `ws://HOST:PORT` or `wss://HOST:PORT`, with another path where a proxy wants one.
@@ -91,7 +91,7 @@ class WebSocketClientLink(BaseLink):
         """Keep the connection until cancelled; it may run again afterwards.
 
         Raises:
-            LinkDown: the server refuses this part, or is none of MsBOT's; or the library is not installed.
+            LinkDown: the server refuses this part, or is not a server of MsBOT; or the library is not installed.
         """
         try:
             from websockets.asyncio.client import connect
@@ -120,7 +120,7 @@ class WebSocketClientLink(BaseLink):
             await asyncio.sleep(RECONNECT_S)
 
     def _judge(self, status: int) -> None:
-        """What the server has answered instead of a WebSocket; what may pass is tried again."""
+        """Handle a refusal to open a WebSocket; errors that may be transient are retried."""
         if status in (401, 403):
             raise LinkDown(
                 f"{self.info.name}: the page does not let this part in: ${TOKEN_VARIABLE} has to hold an API token of "
@@ -145,7 +145,7 @@ class WebSocketClientLink(BaseLink):
                 else:
                     _log.warning("the page says: %s", " ".join(message[:_SHOWN].split()))
         except ConnectionClosed:
-            pass  # its code and reason are looked at below
+            pass  # its code and reason are examined below
         finally:
             writing.cancel()
             with contextlib.suppress(asyncio.CancelledError):
@@ -161,7 +161,7 @@ class WebSocketClientLink(BaseLink):
     async def _write(self, connection: ClientConnection) -> None:
         from websockets.exceptions import ConnectionClosed
 
-        with contextlib.suppress(ConnectionClosed):  # whoever reads tells
+        with contextlib.suppress(ConnectionClosed):  # the reader reports it
             while True:
                 while not self._waiting:
                     self._more.clear()

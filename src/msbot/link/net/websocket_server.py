@@ -1,8 +1,9 @@
-"""Parts that come in by the page: one WebSocket each, one binary message for each packet.
+"""Parts that connect through the page: one WebSocket each, with one binary message per packet.
 
-The page's server owns the connections and knows who is behind them; this link knows neither HTTP nor sessions. Whoever
-serves a connection asks `join`, hands packets to `SocketPeer.took`, sends what `SocketPeer.next_packet` gives, and says
-`SocketPeer.gone`. A text message of the server is a sentence for the person; a part sends none.
+The page's server owns the connections and knows which person each belongs to; this link knows neither HTTP nor
+sessions. For each connection the server calls `join`, passes packets to `SocketPeer.took`, sends the packets from
+`SocketPeer.next_packet`, and finally calls `SocketPeer.gone`. A text message from the server is a sentence for the
+person; a part sends none.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ MOST = 256
 """Connections in all."""
 MOST_OF_PERSON = 32
 MOST_OF_ADDRESS = 128
-"""A class behind one router has one address."""
+"""Most connections from one address: a class behind one router shares one."""
 WRITE_LIMIT = 64 * 1024
-"""Octets that may wait for one peer, besides what the system holds."""
+"""Octets that may wait for one peer, in addition to those in the system."""
 FIRST_PACKET_S = 10.0
-"""A connection that has not brought a packet by then is closed."""
+"""A connection without a packet by then is closed."""
 SLOW_DOWN_AGAIN_S = 30.0
-"""A part that is too fast is told, but not all the time."""
+"""Time before a part that is too fast is told so again."""
 
 TOO_MANY = "connection refused: too many are open"
 NO_PACKET = "no packet, but text or more octets than a packet has"
@@ -38,11 +39,11 @@ SILENT = "connection closed: no packet came"
 
 @dataclass(frozen=True, slots=True)
 class Visitor:
-    """Who is behind a connection."""
+    """The person behind a connection."""
 
     person: str
     address: str
-    """The computer's, without the port."""
+    """The computer's address, without the port."""
 
 
 class SocketPeer:
@@ -62,17 +63,17 @@ class SocketPeer:
 
     @property
     def has_room(self) -> bool:
-        """Whether `put` would be taken."""
+        """Whether `put` would succeed."""
         return self._octets < WRITE_LIMIT
 
     def took(self, packet: bytes, now: float) -> tuple[float, str]:
         """A binary message has come.
 
         Returns:
-            for how many seconds nothing more may be read, and a sentence for the person or "".
+            For how many seconds nothing more may be read, and a sentence for the person or "".
 
         Raises:
-            ValueError: it is not a packet; the connection has to be closed with that sentence.
+            ValueError: it is not a packet; close the connection with that sentence.
         """
         if not 0 < len(packet) <= MAX_PACKET:
             self._link.counters.dropped.count(NO_PACKET)
@@ -86,26 +87,26 @@ class SocketPeer:
         return pause_s, said("this part sends more than the robot takes from one part: send less often")
 
     def took_text(self) -> str:
-        """A text message has come; returns the sentence with which the connection has to be closed."""
+        """A text message has come; returns the sentence with which to close the connection."""
         self._link.counters.dropped.count(NO_PACKET)
         return said("a part sends packets of DDS-XRCE in binary messages, and no text")
 
     def is_silent(self, now: float) -> bool:
-        """Whether it has not brought a packet in time and has to be closed."""
+        """Whether no packet came in time, so that it must be closed."""
         if self._heard or now - self._began_at < FIRST_PACKET_S:
             return False
         self._link.counters.dropped.count(SILENT)
         return True
 
     def put(self, packet: bytes) -> None:
-        """Have a packet sent; there must be room."""
+        """Queue a packet for sending; there must be room."""
         self._waiting.append(packet)
         self._octets += len(packet)
         self._is_full = not self.has_room
         self._more.set()
 
     async def next_packet(self) -> bytes:
-        """The next packet to send; the one before has been taken by the network."""
+        """The next packet to send; a call also says that the network has taken the previous one."""
         while not self._waiting:
             self._more.clear()
             await self._more.wait()
@@ -117,7 +118,7 @@ class SocketPeer:
         return packet
 
     def gone(self, words: str) -> None:
-        """The connection has ended, by whomever."""
+        """The connection has ended, on either side."""
         self._link.peer_gone(self, words)
 
 
@@ -137,7 +138,7 @@ class WebSocketServerLink(BaseLink):
         """A connection is open.
 
         Raises:
-            LinkFull: there are too many, as the text says.
+            LinkFull: there are too many; the text says which limit.
             LinkDown: the robot does not serve parts now.
         """
         if not self._is_open:
@@ -168,7 +169,7 @@ class WebSocketServerLink(BaseLink):
         """Hand over one packet; never blocks.
 
         Raises:
-            LinkFull: too much waits for the peer already.
+            LinkFull: too much is waiting for the peer already.
             LinkDown: the peer has gone.
         """
         if peer not in self._peers or not isinstance(peer, SocketPeer):
@@ -187,7 +188,7 @@ class WebSocketServerLink(BaseLink):
         return f"{peer.visitor.person} at {peer.visitor.address}" if isinstance(peer, SocketPeer) else str(peer)
 
     async def run(self) -> None:
-        """Serve until cancelled; it may run again afterwards. The connections are their server's to close."""
+        """Serve until cancelled; it may run again afterwards. The page's server closes the connections."""
         self._is_open = True
         self._signal_handler(Signal.LINK_UP, None, "opened", self._now())
         try:
@@ -197,7 +198,7 @@ class WebSocketServerLink(BaseLink):
             self._peers.clear()
             self._signal_handler(Signal.LINK_DOWN, None, "closed", self._now())
 
-    # What peers call.
+    # Called by peers.
 
     def peer_brought(self, packet: bytes, peer: SocketPeer, now: float) -> None:
         """A packet has come."""

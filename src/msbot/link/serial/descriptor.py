@@ -6,11 +6,11 @@ import asyncio
 import os
 
 READ_OCTETS = 16 * 1024
-"""Read before others have their turn."""
+"""Octets read before others get their turn."""
 
 
 class DescriptorTransport(asyncio.Transport):
-    """Reads and writes a descriptor without blocking; the descriptor stays the owner's, who closes it afterwards."""
+    """Reads and writes a descriptor without blocking; the owner keeps the descriptor, and closes it afterwards."""
 
     def __init__(self, descriptor: int, protocol: asyncio.Protocol) -> None:
         """Serve from now on; must be made in a running loop. The owner calls `protocol.connection_made`."""
@@ -36,7 +36,7 @@ class DescriptorTransport(asyncio.Transport):
         return len(self._waiting)
 
     def write(self, data: bytes | bytearray | memoryview) -> None:
-        """Write at once as much as goes, and the rest later."""
+        """Write as much as possible at once, and the rest later."""
         if self._is_closing:
             return
         if not self._waiting:
@@ -56,15 +56,15 @@ class DescriptorTransport(asyncio.Transport):
             self._protocol.pause_writing()
 
     def is_closing(self) -> bool:
-        """Whether it carries nothing any more."""
+        """Whether it has been closed."""
         return self._is_closing
 
     def close(self) -> None:
-        """The same as `abort`: what waits is lost."""
+        """The same as `abort`: waiting octets are lost."""
         self._end(None)
 
     def abort(self) -> None:
-        """Carry nothing any more."""
+        """Stop at once; waiting octets are lost."""
         self._end(None)
 
     def _read(self) -> None:

@@ -1,8 +1,8 @@
 """Serial lines: frames with addresses (`byte_frames`), so that one line may carry several clients.
 
 What serial ports and pseudo terminals have in common. A peer is `(port, address)`: the port's name and the address
-octet that is the source in its frames. A line that breaks takes its peers along (PEER_GONE); when the port is
-there again they are taken to be, too (PEER_BACK): a robot whose cable was pulled goes on where it was.
+octet that is the source in its frames. When a line breaks, its peers are gone (PEER_GONE). When the port is back, they
+are assumed to be back, too (PEER_BACK): a robot whose cable was pulled goes on where it was.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CLIENT_ADDRESS = 1
 """The usual address of a client."""
 
 WRITE_LIMIT = 1024
-"""Octets that may wait besides what the kernel holds: a slow line is kept fresh by keeping little."""
+"""Octets that may wait in addition to those in the kernel: few, so that data on a slow line stays fresh."""
 
 
 class Line(Stream, asyncio.Protocol):
@@ -34,7 +34,7 @@ class Line(Stream, asyncio.Protocol):
         super().__init__(link)
         self.port = port
         self.known: set[Peer] = set()
-        """Who is on the line."""
+        """The peers on the line."""
         self._owner = link
         self._address = link.address
         self._receiver = SerialReceiver(link.address, dropped=link.counters.dropped)
@@ -80,7 +80,7 @@ class LineLink(StreamLink):
                 return f"{port} address {address}"
         return str(peer)
 
-    # What lines call.
+    # Called by lines.
 
     def line_opened(self, line: Line) -> None:
         """A port is open."""
@@ -88,7 +88,7 @@ class LineLink(StreamLink):
 
     @abstractmethod
     def newcomer(self, line: Line, source: int) -> bool:
-        """A frame came from an address not heard before on this line; whether it may."""
+        """A frame came from a new address on this line; returns whether to accept it."""
 
     async def _close_lines(self) -> None:
         lines = list(self._lines.values())
@@ -97,12 +97,12 @@ class LineLink(StreamLink):
 
 
 class LineServer(LineLink):
-    """The agent's side of serial lines: any address may come in."""
+    """The agent's side of serial lines: any address is accepted."""
 
     def __init__(self, name: str, *, bits_per_second: int | None = None) -> None:
         super().__init__(name, address=AGENT_ADDRESS, bits_per_second=bits_per_second)
         self._gone: dict[str, set[Peer]] = {}
-        """Ports that have vanished -> who was on them."""
+        """Ports that have vanished -> the peers that were on them."""
 
     def line_opened(self, line: Line) -> None:
         """See `LineLink`."""

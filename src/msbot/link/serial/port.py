@@ -1,6 +1,6 @@
 """Serial ports, with the library serialx (`pip install 'msbot[serial]'`): several at once, plugged in at any time.
 
-A port that is not there yet, or has vanished, is looked for twice a second and opened when it is there (again).
+A port that is not there yet, or has vanished, is looked for twice a second and opened once it is there.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 
 DEFAULT_BAUDRATE = 115_200
 RESCAN_S = 0.5
-"""Between two looks for ports that are not open."""
+"""Pause between two searches for ports that are not open."""
 
 AUTO = "auto"
 """In place of port names: every USB serial port."""
@@ -32,7 +32,7 @@ _ABSENT = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
 
 
 def check_baudrate(baudrate: int) -> int:
-    """The baud rate, if a port may have it.
+    """Check a baud rate and return it.
 
     Raises:
         ConfigError: it is not from 50 to 20,000,000.
@@ -46,7 +46,7 @@ class Opener:
     """Opens ports, and says in words why one cannot be opened."""
 
     def __init__(self, baudrate: int, *, flow_control: bool) -> None:
-        """Lines of 8 bits, no parity, one stop bit; `flow_control` uses the wires RTS and CTS.
+        """Open ports with 8 data bits, no parity, one stop bit; `flow_control` uses the wires RTS and CTS.
 
         Raises:
             ConfigError: there is no such baud rate.
@@ -56,15 +56,15 @@ class Opener:
         self._said: dict[str, str] = {}
 
     async def open(self, port: str, make: Callable[[], Line], *, must: bool) -> bool:
-        """Try to open a port; whether it is open.
+        """Try to open a port; returns whether it is open.
 
         Args:
             port: its name.
             make: makes the line for it.
-            must: what only the user can mend is an error; otherwise it is tried again later.
+            must: raise a problem that only the user can solve; otherwise it is tried again later.
 
         Raises:
-            LinkDown: the port is there and cannot be used, and `must`.
+            LinkDown: `must`, and the port is there but cannot be used.
         """
         from serialx import create_serial_connection
 
@@ -112,7 +112,7 @@ def need_library(name: str) -> None:
 
 
 async def usb_ports() -> list[str]:
-    """The names of all USB serial ports that are plugged in, the lasting ones where the system has them."""
+    """The names of all USB serial ports that are plugged in, the persistent names where the system has them."""
     from serialx import async_list_serial_ports
 
     return sorted(port.device for port in await async_list_serial_ports() if port.vid is not None)
@@ -125,7 +125,7 @@ class SerialServerLink(LineServer):
         ports: their names, for example `/dev/ttyUSB0`; none = every USB serial port, whenever it is plugged in.
         baudrate: bits per second.
         flow_control: use the wires RTS and CTS.
-        rescan_s: between two looks for ports that are not open.
+        rescan_s: seconds between two searches for ports that are not open.
 
     Raises:
         ConfigError: there is no such baud rate.
@@ -149,7 +149,7 @@ class SerialServerLink(LineServer):
         """Serve until cancelled; it may run again afterwards.
 
         Raises:
-            LinkDown: the library is missing, or a port that was named is there and cannot be used.
+            LinkDown: the library is missing, or a named port is there but cannot be used.
         """
         need_library(self.info.name)
         try:
@@ -171,7 +171,7 @@ class SerialServerLink(LineServer):
 class SerialClientLink(LineLink):
     """A client's side of one serial port; its `remote` is the agent. Satisfies `Link`.
 
-    LINK_UP and LINK_DOWN tell when the port opens and vanishes; it is opened again by itself.
+    LINK_UP and LINK_DOWN say when the port opens and vanishes; it is reopened automatically.
 
     Args:
         port: its name, for example `/dev/ttyUSB0` or `COM3`.
@@ -179,7 +179,7 @@ class SerialClientLink(LineLink):
         address: own address octet; clients that share a line need different ones.
         remote: the agent's address octet.
         flow_control: use the wires RTS and CTS.
-        rescan_s: between two looks for the port while it is not open.
+        rescan_s: seconds between two searches for the port while it is not open.
 
     Raises:
         ConfigError: there is no such baud rate or address.
@@ -202,7 +202,7 @@ class SerialClientLink(LineLink):
         """Serve until cancelled; it may run again afterwards.
 
         Raises:
-            LinkDown: the library is missing, or the port is there and cannot be used.
+            LinkDown: the library is missing, or the port is there but cannot be used.
         """
         need_library(self.info.name)
         must = True

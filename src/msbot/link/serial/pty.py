@@ -16,10 +16,10 @@ from msbot.link.serial.lines import Line, LineServer
 class PtyServerLink(LineServer):
     """The agent's side of a new pseudo terminal; a client opens its other end, `path`, as a serial port.
 
-    The terminal stays while clients come and go; that one has closed it cannot be seen. Satisfies `Link`.
+    The terminal stays while clients come and go; the link cannot tell when a client has closed it. Satisfies `Link`.
 
     Args:
-        path: a symbolic link with this name leads to the terminal while the link is open; None = only the name that
+        path: a symbolic link with this name points to the terminal while the link is open; None = only the name that
             the system gives, see `path`.
     """
 
@@ -27,7 +27,7 @@ class PtyServerLink(LineServer):
         super().__init__(f"pty:{path or ''}")
         self._wanted = path
         self.path: str | None = None
-        """What a client opens, while the link is open."""
+        """The path for a client to open, while the link is open."""
 
     async def run(self) -> None:
         """Serve until cancelled; it may run again afterwards.
@@ -40,7 +40,7 @@ class PtyServerLink(LineServer):
         import tty
 
         ours, other_end = os.openpty()
-        # The other end stays open here, too: otherwise the terminal would break whenever a client closes it.
+        # This side keeps the other end open, too: otherwise the terminal would break whenever a client closes it.
         try:
             tty.setraw(other_end)
             name = os.ttyname(other_end)

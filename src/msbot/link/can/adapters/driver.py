@@ -1,9 +1,9 @@
 """A `CanBus` over any real adapter: what all adapters have in common.
 
-Theory of operation. An adapter (`socketcan`, `python_can`) opens a `Channel` and tells its owner, this driver, what
-comes. The driver keeps a bounded ring between the reader and the protocol, holds back the one frame for which a
-channel had no room, and looks after the adapter: one that has gone, or whose interface is down, is opened again when
-it is back, with a back-off. Its states go to the port as those of the simulated bus do.
+Theory of operation. An adapter (`socketcan`, `python_can`) opens a `Channel` and reports everything to its owner, this
+driver. The driver keeps a bounded ring between the reader and the protocol, holds back the one frame for which a
+channel had no room, and looks after the adapter: one that has gone, or whose interface is down, is opened again when it
+is back, with a back-off. It reports its states to the port as the simulated bus does.
 
 ==============  ===========================  ======================================================
 state           goes to                      when
@@ -36,11 +36,11 @@ FIRST_LOOK_S: Final = 0.1
 LONGEST_LOOK_S: Final = 1.0
 """Pause between two attempts to open an adapter that has gone; it doubles up to the longest."""
 STEADY_S: Final = 5.0
-"""An adapter that was open for this long begins again with the first pause."""
+"""After an adapter was open for this long, the pauses begin with the shortest again."""
 SAY_AGAIN_S: Final = 60.0
-"""The same words about the bus are said again after this time at the earliest."""
+"""The same message about the bus is repeated after this time at the earliest."""
 MOST_WORDS: Final = 256
-""".. as far as they are remembered."""
+"""How many such messages are remembered."""
 
 RING_FULL: Final = "the computer is too slow for this bus: the receive ring was full"
 NOT_OPEN: Final = "opening"
@@ -49,29 +49,29 @@ _log = logging.getLogger(__name__)
 
 
 class Channel(Protocol):
-    """An adapter that is open."""
+    """An open adapter."""
 
     def send(self, frame: Frame) -> bool:
-        """Hand over a frame; False = no room: the owner is told when there is. Never blocks, never raises."""
+        """Hand over a frame; False = no room; the owner is told when there is room. Never blocks, never raises."""
 
     def pending(self) -> int:
         """Frames handed over that have not left yet; 0 where the adapter cannot tell."""
 
     def restart(self) -> None:
-        """Return to the bus after bus-off; the owner is told the state that comes of it, in every case."""
+        """Return to the bus after bus-off; the owner is always told the resulting state."""
 
     async def close(self) -> None:
-        """Let go of the adapter; the owner is told nothing any more."""
+        """Release the adapter; the owner gets no further calls."""
 
 
 class ChannelOwner(Protocol):
-    """What a channel tells; always in the event loop's thread."""
+    """What a channel reports to; always called in the event loop's thread."""
 
     def free(self) -> int:
-        """Frames that can be taken now; a channel may leave the rest where they are."""
+        """How many frames can be taken now; a channel may leave the rest where they are."""
 
     def take(self, frames: list[Frame], now: float) -> None:
-        """These frames came in."""
+        """Take frames that came in."""
 
     def room(self, channel: Channel, now: float) -> None:
         """A frame has left, or there is room again after `send` said no."""
@@ -95,7 +95,7 @@ class Adapter(Protocol):
         """Open it.
 
         Raises:
-            LinkDown: it cannot be opened; the text says why, and the remedy.
+            LinkDown: it cannot be opened; the text says why, and gives the remedy.
         """
 
 
@@ -185,7 +185,7 @@ class CanDriver:
             await self._close()
 
     async def _reopen(self, pause: float) -> float:
-        """Wait until the adapter is back; the pause for the next time."""
+        """Wait until the adapter is back; returns the pause for the next time."""
         while True:
             await asyncio.sleep(pause)
             pause = min(2 * pause, LONGEST_LOOK_S)
@@ -213,7 +213,7 @@ class CanDriver:
     def _tell(self, state: BusState, words: str, now: float) -> None:
         former, self._bus_state = self._bus_state, state
         if BusState.GONE in (former, state):
-            self._said.pop(f"{self.info.name}: {words}", None)  # whoever pulls a plug twice is told twice
+            self._said.pop(f"{self.info.name}: {words}", None)  # a plug pulled twice is reported twice
         fine = state is BusState.ACTIVE and not self._was_open
         self._was_open = True
         named = f"{state.value}: {words}" if state in (BusState.PASSIVE, BusState.OFF) else words
@@ -228,17 +228,17 @@ class CanDriver:
             self._said[words] = now
             _log.log(level, "%s", words)
 
-    # What the channel tells (`ChannelOwner`).
+    # What the channel calls (`ChannelOwner`).
 
     def free(self) -> int:
         """See `ChannelOwner`."""
         return self._ring_frames - len(self._ring)
 
     def take(self, frames: list[Frame], now: float) -> None:
-        """See `ChannelOwner`; what does not fit the ring is counted."""
+        """See `ChannelOwner`; frames that do not fit into the ring are counted."""
         if self._hear_again:
             self._hear_again = False
-            self._room_handler(now)  # the bus works again: so the next pause of the port is a short one
+            self._room_handler(now)  # the bus works again, so the port's next pause is a short one
         if not self._ring and len(frames) <= FRAMES_PER_TURN:
             handler = self._frame_handler
             for frame in frames:
@@ -297,12 +297,12 @@ class CanDriver:
 
 
 def _ignore_frame(frame: Frame, now: float) -> None:
-    """Nobody listens to frames."""
+    """Default handler: frames are ignored."""
 
 
 def _ignore_room(now: float) -> None:
-    """Nobody waits for room."""
+    """Default handler: nobody waits for room."""
 
 
 def _ignore_state(state: BusState, words: str, now: float) -> None:
-    """Nobody watches the state."""
+    """Default handler: the state is ignored."""

@@ -68,17 +68,17 @@ _CAN_H: Final = {0x4: "no wire", 0x5: "short circuit to the battery", 0x6: "shor
 
 @dataclass(frozen=True, slots=True)
 class BusReport:
-    """What an error frame says."""
+    """The meaning of an error frame."""
 
     state: BusState | None
     """The state the controller is in now; None = unchanged."""
     words: str
-    """The state and its remedy when `state` is given, or a warning; empty when the frame tells of single events."""
+    """The state and its remedy if `state` is given, or a warning; empty if the frame only reports single events."""
     events: tuple[str, ...]
-    """Single events, each in words; to be counted."""
+    """Single events in words, for counting."""
     transmit_errors: int | None = None
     receive_errors: int | None = None
-    """Error counters of the controller, 0 to 255; None when the driver does not tell."""
+    """Error counters of the controller, 0 to 255; None when the driver does not report them."""
 
 
 def read_report(classes: int, data: bytes) -> BusReport:

@@ -1,7 +1,7 @@
-"""What Linux knows of a CAN interface, and the commands that make it usable.
+"""What Linux knows about a CAN interface, and how to restart its controller.
 
-One question to the kernel (rtnetlink, RTM_GETLINK) tells whether the interface is there and up, its bit rates, its
-state and whether it supports CAN FD. Nobody needs rights for that; a restart after bus-off needs CAP_NET_ADMIN.
+One question to the kernel (rtnetlink, RTM_GETLINK) tells whether the interface exists and is up, its bit rates, its
+state and whether it supports CAN FD. That needs no privileges; a restart after bus-off needs CAP_NET_ADMIN.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class CanInterface:
     data_bitrate: int | None = None
     """Bits per second; None = not set, or virtual."""
     state: BusState | None = None
-    """None: the driver does not tell."""
+    """None: the driver does not report it."""
     restart_ms: int = 0
     """The kernel's pause before a restart from bus-off; 0 = it never restarts by itself."""
     listen_only: bool = False
@@ -67,7 +67,7 @@ class CanInterface:
 
 
 def find_interface(name: str) -> CanInterface | None:
-    """What the kernel says of an interface; None when there is none of that name.
+    """What the kernel says about an interface; None when there is none of that name.
 
     Raises:
         OSError: this is not Linux, or the kernel refuses the question.
@@ -96,14 +96,14 @@ def restart_controller(index: int) -> None:
     """Return to the bus after bus-off, as `ip link set can0 type can restart` does.
 
     Raises:
-        OSError: no rights (EPERM), the driver cannot (EOPNOTSUPP), or the controller is not bus-off (EBUSY).
+        OSError: no permission (EPERM), the driver cannot do it (EOPNOTSUPP), or the controller is not bus-off (EBUSY).
     """
     data = _attribute(_DATA, _attribute(_RESTART, _WORD.pack(1)))
     _ask(_NEWLINK, _REQUEST | _ACKNOWLEDGE, index, _attribute(_LINKINFO, _attribute(_KIND, b"can") + data))
 
 
 def parse_interface(answer: bytes) -> CanInterface | None:
-    """The interface in an RTM_NEWLINK message; None when it is none."""
+    """The interface in an RTM_NEWLINK message; None when it is not one."""
     try:
         _, kind, _, _, _ = _HEADER.unpack_from(answer)
         if kind != _NEWLINK:

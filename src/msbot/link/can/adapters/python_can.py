@@ -1,9 +1,9 @@
 """Every adapter that the library python-can knows: slcan, gs_usb, PCAN, Kvaser, Vector, socketcand, ...
 
-Theory of operation. A bus that can be waited for (`fileno`) is read in the event loop. All others have one thread that
-reads and hands over through a bounded ring. Sending may block in an adapter's library, so it has a thread, too, which
-takes three frames at a time as a controller does. python-can is imported when a bus is opened (`pip install
-'msbot[can]'`).
+Theory of operation. A bus that can be waited for (`fileno`) is read in the event loop. Any other has a thread that
+reads and passes frames on through a bounded ring. Sending may block in an adapter's library, so it has a thread of its
+own, too, which takes three frames at a time, as a controller does. python-can is imported when a bus is opened (`pip
+install 'msbot[can]'`).
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     import can
 
 Value = str | int | float | bool
-"""Of an option for python-can."""
+"""Value of an option for python-can."""
 
 MAILBOXES: Final = 3
-"""Frames that an adapter is given at a time; what waits behind them can be overtaken by STOP."""
+"""Frames that an adapter is given at a time; STOP can overtake those that wait behind them."""
 WAIT_S: Final = 0.1
-"""Longest time that a thread waits in the library before it looks whether it should end."""
+"""Longest time that a thread waits in the library before it checks whether it should end."""
 AGAIN_S: Final = 0.005
 END_S: Final = 2.0
-"""A thread that an adapter's library does not let go is left to itself after this time."""
+"""A thread that hangs in an adapter's library is abandoned after this time."""
 GIVE_UP_S: Final = 5.0
-"""An adapter that has not taken a frame after this time is reopened."""
+"""An adapter that has not accepted a frame after this time is reopened."""
 FRAMES_AT_ONCE: Final = 256
 
 _LIBRARIES: Final = {
@@ -75,8 +75,8 @@ class PythonCanAdapter:
 
         Args:
             interface: as python-can calls it.
-            channel: what the interface calls its bus: a serial port, a number, a name.
-            info: what the driver tells of it.
+            channel: the interface's name for its bus: a serial port, a number, a name.
+            info: what the driver says about it.
             settings: further arguments for the interface.
             error_frames: hand the adapter's reports over as frames, too (for tools that show them).
         """
@@ -97,7 +97,7 @@ class PythonCanAdapter:
         except asyncio.CancelledError:
             opening.add_done_callback(_shut_down)
             raise
-        except Exception as error:  # what a manufacturer's library raises is known to nobody
+        except Exception as error:  # a manufacturer's library may raise anything
             raise LinkDown(f"{name}: {self._why_not(error)}") from error
         return PythonCanChannel(bus, owner, error_frames=self.error_frames)
 
@@ -283,7 +283,7 @@ class PythonCanChannel:
             self._call(self._sent)
 
     def _send_one(self, message: can.Message) -> Exception | None:
-        """Send, again and again for a while; why it could not be done."""
+        """Try to send for a while; returns why it could not be done, or None."""
         import can
 
         give_up_at = time.monotonic() + GIVE_UP_S
@@ -301,7 +301,7 @@ class PythonCanChannel:
         return None
 
     def _call(self, function: Callable[..., None], *arguments: object) -> None:
-        with suppress(RuntimeError):  # the loop has been closed meanwhile
+        with suppress(RuntimeError):  # the loop has been closed in the meantime
             self._loop.call_soon_threadsafe(function, *arguments)
 
 
@@ -343,7 +343,7 @@ def message_of(frame: Frame) -> can.Message:
 
 
 def _fileno(bus: can.BusABC) -> int | None:
-    """What can be waited for; None = nothing."""
+    """The descriptor that can be waited for; None = there is none."""
     try:
         number = bus.fileno()
     except Exception:  # python-can: NotImplementedError, or whatever the adapter's library says

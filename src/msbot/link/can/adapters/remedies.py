@@ -28,16 +28,16 @@ class Wanted:
     fd: bool = False
     bitrate: int | None = None
     data_bitrate: int | None = None
-    """Bits per second as the user gave them; None = whatever it runs at."""
+    """Bits per second as the user gave them; None = accept any."""
 
 
 def why_not(wanted: Wanted, found: CanInterface | None, others: list[CanInterface]) -> str:
-    """Why an interface cannot be used as wanted, with the remedy; empty when it can.
+    """Why an interface cannot be used as wanted, with the remedy; empty if it can.
 
     Args:
         wanted: what the user asked for.
-        found: what the kernel says of it; None = there is no such interface.
-        others: the CAN interfaces there are.
+        found: what the kernel says about it; None = there is no such interface.
+        others: all CAN interfaces of this machine.
     """
     name = wanted.name
     if found is None:

@@ -1,10 +1,11 @@
 """SocketCAN: the CAN interfaces of Linux, by raw sockets of the standard library.
 
-Theory of operation. The event loop's reader call-back reads frames until the kernel has no more and hands them over
-in one go. Frames are sent at once; the socket's send buffer is kept as small as the kernel allows, so that few frames
-wait behind it where nothing can overtake them. A full buffer (EAGAIN) ends when the socket can be written again; a
-full queue of the interface (ENOBUFS, several programs send) never shows there, so it is tried again after a moment.
-The kernel tells of a lost interface once, by ENETDOWN or ENODEV; the driver then reopens it when it is up again.
+Theory of operation. The event loop's reader call-back reads frames until the kernel has no more, and hands them over in
+one go. Frames are sent at once; the socket's send buffer is kept as small as the kernel allows, so that few frames wait
+behind it where nothing can overtake them. After EAGAIN (the buffer is full), the socket reports when it can be written
+again. After ENOBUFS (the interface's queue is full because several programs send), it does not, so sending is retried
+after a moment. The kernel reports a lost interface once, with ENETDOWN or ENODEV; the driver then reopens it when it is
+up again.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ RECEIVE_BUFFER: Final = 4 << 20
 SEND_BUFFER: Final = 1
 """Octets asked for: the kernel takes its smallest, about six frames."""
 AGAIN_S: Final = 0.002
-"""After ENOBUFS it is tried again: eight frames at 500 kbit/s."""
+"""Pause before a retry after ENOBUFS: eight frames at 500 kbit/s."""
 
 KERNEL_FULL: Final = "the computer is too slow for this bus: the kernel's receive buffer was full"
 NO_FRAME: Final = "the kernel gave something that is not a frame"
@@ -64,11 +65,11 @@ class SocketCanAdapter:
 
         Args:
             wanted: the interface, and how it is to be used.
-            info: what the driver tells of it.
-            filters: what should be heard; None = everything.
+            info: what the driver says about it.
+            filters: which frames to receive; None = all.
             error_frames: hand the controller's reports over as frames, too (for tools that show them).
             find: asks the kernel for an interface.
-            connect: opens a socket; the kernel's if absent.
+            connect: opens a socket; a kernel socket if absent.
             restart: asks the kernel to restart the controller of that index.
         """
         self.info = info
@@ -83,7 +84,7 @@ class SocketCanAdapter:
         """See `Adapter`."""
         wanted, name = self.wanted, self.info.name
         if not hasattr(socket, "AF_CAN"):
-            # Before anything else is looked at: commands of Linux are of no use there.
+            # Checked first: on other systems, advice to run Linux commands would be of no use.
             raise LinkDown(f"{name}: {ELSEWHERE}")
         try:
             found = self.find(wanted.name)
@@ -136,7 +137,7 @@ class SocketCanChannel:
         return True
 
     def pending(self) -> int:
-        """See `Channel`: the kernel does not tell."""
+        """See `Channel`: the kernel does not say."""
         return 0
 
     def restart(self) -> None:
@@ -191,7 +192,7 @@ class SocketCanChannel:
         if report.events:
             self._owner.events(report.events, now)
         if report.state is not None:
-            if frames:  # what came before the change
+            if frames:  # frames that came before the change
                 self._owner.take(frames.copy(), now)
                 frames.clear()
             self._owner.state(self, report.state, report.words, now)
@@ -218,7 +219,7 @@ class SocketCanChannel:
         self._owner.room(self, self._loop.time())
 
     def _restart(self) -> None:
-        """Have the kernel restart the controller, and tell the state that comes of it."""
+        """Have the kernel restart the controller, and report the resulting state."""
         if self._closed:
             return
         wanted, off = self._adapter.wanted, STATE_WORDS[BusState.OFF]
@@ -253,7 +254,7 @@ class SocketCanChannel:
 
 
 def open_socket(wanted: Wanted, filters: Sequence[IdFilter] | None) -> socket.socket:
-    """A CAN_RAW socket on an interface, non-blocking, that hears no frames of its own.
+    """A CAN_RAW socket on an interface, non-blocking, that does not receive its own frames.
 
     Raises:
         OSError: it cannot be opened.

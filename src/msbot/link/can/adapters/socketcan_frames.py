@@ -41,7 +41,7 @@ def pack_frame(frame: Frame) -> bytes:
 
 
 def unpack_frame(raw: bytes) -> Frame | None:
-    """The frame in what one read of a CAN_RAW socket gave; None when it is none (CAN XL, or cut short)."""
+    """The frame in what one read of a CAN_RAW socket gave; None when it holds none we know (CAN XL, or cut short)."""
     size = len(raw)
     if size == CLASSIC_SIZE:
         can_id, length, dlc = _CLASSIC_HEAD.unpack_from(raw)

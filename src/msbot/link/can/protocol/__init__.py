@@ -1,4 +1,4 @@
-"""What goes over a CAN bus, without I/O: frames, addresses, costs, and what they look like to people."""
+"""The protocol on a CAN bus, without I/O: frames, addresses, costs, and their form for people."""
 
 from msbot.link.can.protocol.bits import FrameBits, frame_bits, phase_bits, wire_bits
 from msbot.link.can.protocol.cost import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost

@@ -1,11 +1,11 @@
 """The bits of a CAN frame on the wire: their number, exactly, and the bits themselves (ISO 11898-1:2015).
 
-Theory of operation. Classic frames are stuffed from SOF to the last bit of the CRC-15: after five equal bits comes
-one of the other level, which counts for the next run; a stuff bit may so follow the last CRC bit. CAN FD frames are
-stuffed like this only to the end of the data field. Then follow the stuff count (number of stuff bits modulo 8, Gray
-coded, with a parity bit) and the CRC, with a fixed stuff bit before the stuff count and after every fourth bit. Where
-a dynamic stuff bit would meet the first fixed one, there is only the fixed one (ISO 11898-1:2015 10.5), and it is not
-counted. The FD CRC covers the dynamic stuff bits and the stuff count, the classic one no stuff bits.
+Theory of operation. Classic frames are stuffed from SOF to the last bit of the CRC-15: after five equal bits comes one
+of the other level, which counts for the next run; so a stuff bit may follow the last CRC bit. CAN FD frames are stuffed
+like this only to the end of the data field. Then follow the stuff count (number of stuff bits modulo 8, Gray coded,
+with a parity bit) and the CRC, with a fixed stuff bit before the stuff count and after every fourth bit. Where a
+dynamic stuff bit would directly precede the first fixed one, there is only the fixed one (ISO 11898-1:2015 10.5), and
+it is not counted. The FD CRC covers the dynamic stuff bits and the stuff count, the classic one no stuff bits.
 
 A bit-rate switch happens at the sample point of BRS, and back at the sample point of the CRC delimiter (ISO
 11898-1:2015 11.3.2). Whatever the sample points are, these two bits together take one nominal and one data bit time;
@@ -39,7 +39,7 @@ class FrameBits(NamedTuple):
     """Length of a frame in bits, stuff bits and the 3 bits of intermission included."""
 
     nominal_bits: int
-    """Bits at the nominal bit rate; with a bit-rate switch: up to and including BRS, and from the ACK slot."""
+    """Bits at the nominal bit rate; with a bit-rate switch: up to and including BRS, and from the ACK slot on."""
     data_bits: int
     """Bits at the data bit rate: from ESI to the CRC delimiter; 0 without a bit-rate switch."""
 
@@ -77,7 +77,7 @@ def frame_bits(frame: Frame) -> FrameBits:
 
 
 def phase_bits(frame: Frame) -> FrameBits:
-    """As `frame_bits`, with the phases of a CAN FD frame told apart also when it has no bit-rate switch.
+    """As `frame_bits`, but with the phases of a CAN FD frame separate even if it has no bit-rate switch.
 
     Raises:
         LocalProtocolError: no controller could send this frame.
@@ -178,7 +178,7 @@ class _Writer:
     def close_fd(self) -> None:
         """Stuff count and CRC of an FD frame, with their fixed stuff bits."""
         if self.bits[-1].stuff:
-            # There should not be two stuff bits in a row: the fixed one, of the same level, takes the place.
+            # There must not be two stuff bits in a row: the fixed one, of the same level, takes its place.
             self.bits.pop()
             self._stuffed -= 1
         width, polynomial = (17, CRC17_POLYNOMIAL) if self._size <= 16 else (21, CRC21_POLYNOMIAL)
@@ -245,7 +245,7 @@ class _Header(NamedTuple):
     bits: int
     """SOF to DLC, without stuff bits."""
     nominal_stuffed: int
-    """Stuff bits to BRS; in a classic frame all."""
+    """Stuff bits up to BRS; in a classic frame, all of them."""
     data_stuffed: int
     """Stuff bits of ESI and DLC."""
     state: int

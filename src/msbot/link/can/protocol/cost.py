@@ -1,4 +1,4 @@
-"""What messages cost on a CAN bus on average: the same message written many times, each frame counted. Pure."""
+"""The average cost of messages on a CAN bus: encodes the same message many times and counts every frame. Pure."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ class Framing:
     fd: bool = False
     """CAN FD data frames."""
     bit_rate_switch: bool = False
-    """These are sent with the data bit rate."""
+    """They switch to the data bit rate."""
     compress: Callable[[bytes], bytes] | None = None
     """Header compression; None = messages as they are."""
 
     @property
     def caps(self) -> int:
-        """The capability bits of a master that does so."""
+        """The capability bits of a master with this framing."""
         return (CAN_FD if self.fd else 0) | (COMPRESSION if self.compress is not None else 0)
 
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Means of one message."""
+    """Mean cost of one message."""
 
     frames: float
     nominal_bits: float
@@ -58,7 +58,7 @@ def message_cost(packets: Sequence[bytes], node: int, framing: Framing, *, up: b
         packets: what is sent; at least one.
         node: address of the part.
         framing: how packets become frames.
-        up: from the part to the master, or the other way.
+        up: from the part to the master; else the other way.
         ids: identifier bases.
     """
     ids = ids or CanIds()

@@ -1,9 +1,9 @@
-"""Frames of a CAN bus in words, for people who watch it: who says what to whom, down to the DDS-XRCE message.
+"""Frames of a CAN bus in words, for people who watch it: who sends what to whom, down to the DDS-XRCE message.
 
-Theory of operation. A decoder is fed with every frame of a bus, in order, and keeps for each node and direction what
-the receiver keeps: a `FrameJoiner`. What a whole packet means is for somebody else to say (`Explain`), because a link
-does not know DDS-XRCE. A decoder that starts in the middle has not seen the ASSIGN that says whether headers are
-compressed, so it tries (the first octet tells a short form from a message). Nothing here raises, whatever is fed.
+Theory of operation. A decoder is fed every frame of a bus, in order, and keeps for each node and direction what the
+receiver keeps: a `FrameJoiner`. The caller supplies the meaning of a whole packet (`Explain`), because a link does not
+know DDS-XRCE. A decoder that starts in the middle has not seen the ASSIGN that says whether headers are compressed, so
+it tries both (the first octet distinguishes a short form from a message). Nothing here raises, whatever the input.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ ERROR_CLASSES: Final = {
 
 FOREIGN: Final = "foreign"
 _SESSION_ID: Final = 0x80
-"""What our parts send begins with at least this when it is not compressed."""
+"""Uncompressed messages of our parts begin with at least this value."""
 _CAPS = {CAN_FD: "CAN FD", COMPRESSION: "header compression"}
 
 
@@ -54,7 +54,7 @@ class Explain(Protocol):
     """Says what a packet means."""
 
     def __call__(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
-        """Lines of words for a packet from that peer to the master (`up`) or the other way."""
+        """Lines of text for a packet from that peer to the master (`up`) or the other way."""
 
 
 class CanDecoder:
@@ -67,7 +67,7 @@ class CanDecoder:
 
         Args:
             explain: says what a packet means.
-            decompress: undoes header compression; raises RemoteProtocolError on octets that are not a short form.
+            decompress: undoes header compression; raises RemoteProtocolError for octets that are not a short form.
             ids: identifier bases, when the bus is shared with other equipment.
         """
         self._explain = explain
@@ -77,7 +77,7 @@ class CanDecoder:
         self._use: dict[int, int] = {}
 
     def decode(self, frame: Frame, now: float) -> list[str]:
-        """What a frame says: a line for itself, and more when it completes a packet."""
+        """The meaning of a frame: a line for itself, and more if it completes a packet."""
         if words := report_words(frame):
             return [words]
         if not frame.extended:
@@ -103,7 +103,7 @@ class CanDecoder:
         return [first, *self._explain(packet, node, up=up)] if packet else [first]
 
     def _unpack(self, message: bytes, node: int) -> tuple[bytes, str]:
-        """The packet in a message, and what is to be said about its compression."""
+        """The packet in a message, and words about its compression."""
         use = self._use.get(node)
         compressed = message[0] < _SESSION_ID if use is None else bool(use & COMPRESSION)
         if self._decompress is None or not compressed:
@@ -159,7 +159,7 @@ class LegacyDecoder:
         self._up = up
 
     def decode(self, frame: Frame, now: float) -> list[str]:
-        """What a frame says: a line for itself, and more when it completes a packet."""
+        """The meaning of a frame: a line for itself, and more if it completes a packet."""
         if words := report_words(frame):
             return [words]
         way = self._ways.get(frame.can_id)
@@ -205,7 +205,7 @@ class _Lane:
 
 
 def report_words(frame: Frame) -> str:
-    """What is no data frame: an error report of the controller, or a remote frame; empty for data frames."""
+    """Describes an error report of the controller, or a remote frame; empty for data frames."""
     if frame.error:
         classes = [words for bit, words in ERROR_CLASSES.items() if frame.can_id & bit]
         return f"error report: {', '.join(classes) or 'unknown'}"

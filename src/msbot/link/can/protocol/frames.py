@@ -1,13 +1,14 @@
 """CAN frames, and how a whole packet travels in them: cut by `split`, put together by `FrameJoiner`.
 
 Theory of operation. Byte 0 of every data frame is the segment header: S (first frame), E (last frame) and a 6-bit
-counter `q` that runs on across messages, per node and direction. A message of several frames ends with one check
-byte over the whole message. CAN delivers the frames of one sender in order and acknowledges each, so nothing is
-repeated here: a gap makes the receiver forget the message, count why, and start afresh at the next S. Loss is mended
-above, by the reliable streams of DDS-XRCE, which is why this is not ISO-TP and needs no flow-control frame.
+counter `q` that continues across messages, per node and direction. A message of several frames ends with one check byte
+over the whole message. CAN delivers the frames of one sender in order and acknowledges each, so nothing is repeated
+here: a gap makes the receiver forget the message, count why, and start again at the next S. The reliable streams of
+DDS-XRCE above repair losses, which is why this is not ISO-TP and needs no flow-control frame.
 
-Classic CAN carries 7 data bytes a frame and no padding. CAN FD carries up to 63; since an FD frame has only some
-lengths, a last frame longer than 8 bytes says after the header how many data bytes it holds (docs/reference/can.md).
+Classic CAN carries 7 data bytes a frame and no padding. CAN FD carries up to 63; since an FD frame can only have
+certain lengths, a last frame longer than 8 bytes says after the header how many data bytes it holds
+(docs/reference/can.md).
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ COUNTER = 0x3F
 """Segment header bits of the frame counter."""
 
 MTU = 4096
-"""Largest packet in bytes that both ends take unless told otherwise."""
+"""Largest packet in bytes that both ends accept by default."""
 TIMEOUT_S = 0.25
 """Longest pause between two frames of one message."""
 REPEAT_S = 0.005
-"""A frame equal to one heard within this time, fewer than 64 frames ago, is CAN's own repetition. Shorter than 64
-full frames on any real bus (7.1 ms at 1 Mbit/s classic), so it cannot be a new frame whose counter has come round."""
+"""A frame equal to one heard within this time, fewer than 64 frames ago, is CAN's own repetition. Shorter than 64 full
+frames on any real bus (7.1 ms at 1 Mbit/s classic), so it cannot be a new frame whose counter has wrapped."""
 
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Data lengths a CAN FD frame can have, by data length code (ISO 11898-1:2015 table 5)."""
@@ -66,13 +67,13 @@ class Frame:
     remote: bool = False
     """Remote transmission request; carries no data."""
     error: bool = False
-    """Report of the controller about a bus error, not a frame that was on the bus."""
+    """A report of the controller about a bus error, not a frame from the bus."""
     esi: bool = False
     """Error state indicator: the transmitter was error-passive (FD only)."""
     remote_length: int = 0
     """Bytes that a remote frame asks for, 0 to 8."""
     long_dlc: int = 0
-    """Data length code 9 to 15 of a classic frame, which means 8 bytes all the same; 0 = the length itself."""
+    """Data length code 9 to 15 of a classic frame, which still means 8 bytes; 0 = the length itself."""
 
 
 def check_frame(frame: Frame) -> None:
@@ -102,7 +103,7 @@ def check_frame(frame: Frame) -> None:
 
 
 def pad_fd(data: bytes, fill: bytes = b"\0") -> bytes:
-    """Lengthen data to the next length a CAN FD frame can have.
+    """Pad data to the next length that a CAN FD frame can have.
 
     Raises:
         LocalProtocolError: more than 64 bytes.
@@ -115,8 +116,8 @@ def pad_fd(data: bytes, fill: bytes = b"\0") -> bytes:
 def check_byte(message: bytes) -> int:
     """CRC-8/AUTOSAR of the message: polynomial 0x2F, initial and final 0xFF (check value 0xDF).
 
-    The polynomial is (x + 1) times a primitive one of degree 7, so x^127 = 1 and blocks of 127 bytes may be added
-    up (XOR) before the division: that keeps the loop below at 127 steps.
+    The polynomial is (x + 1) times a primitive one of degree 7, so x^127 = 1 and blocks of 127 bytes may be added (XOR)
+    before the division: that limits the loop below to 127 steps.
     """
     crc = 0xFF
     if len(message) > 127:
@@ -155,7 +156,7 @@ def split(packet: bytes, q: int, fd: bool) -> list[bytes]:
 
 
 class FrameJoiner:
-    """Puts the frames of one node in one direction together again; never gives a message in part or altered."""
+    """Reassembles the frames of one node in one direction; never returns a partial or altered message."""
 
     __slots__ = (
         "_at",
@@ -279,7 +280,7 @@ class FrameJoiner:
         return packet
 
     def _ignore_stray(self, header: int) -> None:
-        # The rest of a dropped message was counted with it; only a message whose start was never seen counts here.
+        # The rest of a dropped message was counted with it; here only a message whose start was never seen is counted.
         if not self._stray:
             self._dropped.count(NO_FIRST_FRAME)
         self._stray = not header & LAST

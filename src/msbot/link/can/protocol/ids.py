@@ -1,8 +1,8 @@
-"""Who may say what on the bus: the CAN identifiers, and the layouts of JOIN, ASSIGN, BEACON and STOP.
+"""Who may send what on the bus: the CAN identifiers, and the layouts of JOIN, ASSIGN, BEACON and STOP.
 
-Data frames have 11-bit identifiers (20 bits cheaper). Only joining uses 29 bits: 22 bits of a hash of the UID stand in
-the identifier, so that two fresh parts that ask in the same bit differ there, and arbitration puts them in a row.
-Reading is tolerant: what does not look exactly like one of ours is None, that is foreign traffic.
+Data frames have 11-bit identifiers (20 bits cheaper). Only joining uses 29 bits: the identifier contains 22 bits of a
+hash of the UID, so that two new parts that ask in the same bit have different identifiers, and arbitration orders them.
+Readers are tolerant: a frame that does not look exactly like one of ours gives None, which means foreign traffic.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ COMPRESSION: Final = 2
 """Capability bit: header compression."""
 
 STARTING: Final = 4
-"""Flag of a BEACON: this master has only begun, and gives way to one that was there before. Parts ignore it."""
+"""Flag of a BEACON: this master has just started, and gives way to one that was there before. Parts ignore it."""
 
 NOBODY: Final = bytes(UID_SIZE)
-"""An ASSIGN with this UID takes an address back: whoever uses it must join again."""
+"""An ASSIGN with this UID takes an address back: the part that uses it must join again."""
 
 STOP_REASONS: Final = {0: "no reason given", 1: "STOP was pressed", 2: "a program called for it"}
 """Reason byte of a STOP frame in words; other numbers are free for applications."""
@@ -53,9 +53,9 @@ class CanIds:
     """Master to part n: `down + n`."""
     beacon: int = 0x700
     join: int = 0x1E000000
-    """29 bits, the low 24 are 0; goes after everything else, so that newcomers wait while the bus is busy."""
+    """29 bits, the low 24 are 0; lowest priority of all, so that newcomers wait while the bus is busy."""
     assign: int = 0x02000000
-    """29 bits, the low 24 are 0; goes before all messages: who was heard has its answer before it asks again."""
+    """29 bits, the low 24 are 0; before all messages, so that a part gets its answer before it asks again."""
 
     def __post_init__(self) -> None:
         """Make sure that no two kinds of frame can have one identifier.
@@ -85,7 +85,7 @@ class Beacon:
     flags: int
     """Capabilities the master offers (`CAN_FD`, `COMPRESSION`), and whether it is `STARTING`."""
     epoch: int
-    """Drawn afresh at every start of the master; 14 bits."""
+    """Drawn at random at every start of the master; 14 bits."""
     profile_hash: int
     """CRC-32 of robot name, version and serial number."""
 
@@ -103,10 +103,10 @@ class Assign:
 
 
 def check_uid(uid: bytes) -> bytes:
-    """The UID itself when a part may have it.
+    """Check a UID and return it.
 
     Raises:
-        LocalProtocolError: not 8 bytes, or all zero.
+        LocalProtocolError: it is not 8 bytes, or all zero.
     """
     if len(uid) != UID_SIZE or uid == NOBODY:
         raise LocalProtocolError(f"a part's UID has {UID_SIZE} bytes that are not all zero, not {uid.hex() or 'none'}")
@@ -131,7 +131,7 @@ def join_frame(uid: bytes, caps: int, ids: CanIds) -> Frame:
 
 
 def read_join(frame: Frame, ids: CanIds) -> tuple[bytes, int] | None:
-    """UID and capabilities of a JOIN; None when it is none, or its identifier does not fit its UID."""
+    """UID and capabilities of a JOIN; None when it is not one, or its identifier does not match its UID."""
     if not _is_classic_data(frame, 8, extended=True) or frame.can_id & ~0xFFFFFF != ids.join:
         return None
     if frame.can_id & _HASH_MASK != uid_hash(frame.data) or frame.data == NOBODY:
@@ -169,12 +169,12 @@ def read_beacon(frame: Frame, ids: CanIds) -> Beacon | None:
 
 
 def stop_frame(reason: int, ids: CanIds) -> Frame:
-    """STOP: everybody goes to the safe state; wins every arbitration among our frames."""
+    """STOP: every part goes to its safe state; wins every arbitration among our frames."""
     return Frame(ids.stop, bytes((reason & 0xFF,)))
 
 
 def read_stop(frame: Frame, ids: CanIds) -> int | None:
-    """The reason byte of a STOP (0 when it carries none), or None when it is no STOP."""
+    """The reason byte of a STOP (0 when it carries none), or None when it is not a STOP."""
     if frame.can_id != ids.stop or frame.extended or frame.remote or frame.error or frame.fd:
         return None
     return frame.data[0] if frame.data else 0

@@ -1,14 +1,15 @@
 """The master's side of joining: who gets which address, and the beacon.
 
-Theory of operation. A JOIN is answered at once: a known UID gets the address it had, a new one an address that nobody
-ever had, else that of the part that was silent for longest. An address is remembered for a part when the part has sent
-data: who only asks for addresses, however often, never takes the one that a known part comes back to. The beacon tells
-each second that the master is there, in which epoch and of which robot. Pure: frames and times in, frames and events
-out.
+Theory of operation. A JOIN is answered at once: a known UID gets the address it had; a new one gets an address that was
+never used, or else that of the part that was silent for longest. An address is remembered for a part once the part has
+sent data, so asking for addresses, however often, never uses up the one that a known part will come back to. The beacon
+says each second that the master is there, in which epoch and for which robot. Pure: frames and times in, frames and
+events out.
 
-A bus has one master. Whoever has only begun says so in its beacons, and ends when it hears one that was there before;
-of two that begin at once the one with the smaller (epoch, profile hash) stays. Whoever stays answers at once, so that
-the other one hears it. A master that runs never ends because of another one's frames: anybody can send those.
+A bus has one master. A master that has just started says so in its beacons, and ends when it hears one that was there
+before; of two that start at once, the one with the smaller (epoch, profile hash) stays. The one that stays answers at
+once, so that the other one hears it. A master past its start never ends because of another one's frames: any node can
+send those.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ from msbot.link.can.protocol.node_ids import NodeIds
 
 BEACON_PERIOD_S: Final = 1.0
 STARTING_S: Final = 1.5
-"""How long after its first beacon has left the controller a master counts as starting: another one's beacon stops it.
-The other answers ours at once, so this is ample."""
+"""How long a master counts as starting after its first beacon has left the controller; until then another one's beacon
+ends it. A running master answers ours at once, so this is ample."""
 HEARD_S: Final = 0.3
-"""Whoever was on the bus for this long was there before a master that says that it starts: that one heard nothing."""
+"""A master that was on the bus for this long was there before one that says it is starting."""
 SILENT_S: Final = 10.0
-"""A node that was not heard for this long may lose its address to a newcomer. Longer than `BEACON_TIMEOUT_S`: a part
-that cannot hear the master has given up its address by then."""
+"""A node that was silent for this long may lose its address to a newcomer. Longer than `BEACON_TIMEOUT_S`: a part that
+cannot hear the master has given up its address by then."""
 UNPROVEN_S: Final = 1.0
 """A newcomer that has not sent any data for this long may lose its address to the next one."""
 REPEAT_S: Final = 0.1
@@ -74,12 +75,12 @@ class NodeRefused:
 
 @dataclass(frozen=True, slots=True)
 class OtherMaster:
-    """A second master is on this bus; `fatal` when this one was only starting and must give way."""
+    """A second master is on this bus; `fatal` if this one was still starting and must give way."""
 
     profile_hash: int
     fatal: bool
     at_once: bool = False
-    """Both were starting."""
+    """Whether both were starting."""
 
 
 MasterEvent = NodeJoined | NodeEvicted | NodeRefused | OtherMaster
@@ -92,9 +93,9 @@ class JoinedPart:
     uid: bytes
     use: int
     heard_at: float
-    """When the last frame of it came; set by the link, which sees the data frames."""
+    """When its last frame came; set by the link, which sees the data frames."""
     spoke: bool = False
-    """It has sent data since it joined: another JOIN means that it has restarted."""
+    """Whether it has sent data since it joined: another JOIN then means that it has restarted."""
 
 
 @dataclass(slots=True)
@@ -104,7 +105,7 @@ class MasterJoin:
     node_ids: NodeIds
     profile_hash: int
     random: Random
-    """The epoch is drawn from it."""
+    """Source of the epoch."""
     caps: int = 0
     ids: CanIds = field(default_factory=CanIds)
     members: dict[int, JoinedPart] = field(default_factory=dict, init=False)
@@ -112,13 +113,13 @@ class MasterJoin:
     epoch: int = field(default=0, init=False)
     _outbox: list[Frame] = field(default_factory=list, init=False)
     _first_sent_at: float | None = field(default=None, init=False)
-    """When the first beacon was on the bus: with nobody else there it waits in the controller."""
+    """When the first beacon was on the bus; while nobody else is there, it waits in the controller."""
     _answered_at: float = field(default=-REPEAT_S, init=False)
     _beacon_due: float | None = field(default=None, init=False)
     _taken_back_at: dict[int, float] = field(default_factory=dict, init=False)
 
     def start(self, now: float) -> None:
-        """Begin a new epoch: nobody has an address, BEACON at once."""
+        """Begin a new epoch: no part has an address; send a BEACON at once."""
         self.epoch = self.random.randrange(EPOCHS)
         self.members.clear()
         self._taken_back_at.clear()
@@ -130,7 +131,7 @@ class MasterJoin:
         self._send_beacon(now)
 
     def receive(self, frame: Frame, now: float) -> list[MasterEvent]:
-        """Take a frame that is not a data frame; anything else than JOIN and BEACON is ignored."""
+        """Take a frame that is not a data frame; anything but JOIN and BEACON is ignored."""
         join = read_join(frame, self.ids)
         if join is not None:
             return self._admit(*join, now)
@@ -140,25 +141,25 @@ class MasterJoin:
         return [self._meet(beacon, now)]
 
     def sent(self, now: float) -> None:
-        """Everything that was to be sent has left the controller."""
+        """Note that all frames have left the controller."""
         if self._first_sent_at is None:
             self._first_sent_at = now
 
     def stranger(self, node_id: int, now: float) -> None:
-        """Data came from an address that nobody has in this epoch: take it back, so that the part joins again."""
+        """Data came from an address that was not given in this epoch: take it back, so that the part joins again."""
         if now - self._taken_back_at.get(node_id, -REPEAT_S) >= REPEAT_S:
             self._taken_back_at[node_id] = now
             self._outbox.append(assign_frame(Assign(NOBODY, node_id, self.epoch, 0), self.ids))
 
     def spoke(self, node_id: int) -> None:
-        """The first data came from a part since it joined: the address is its own from now on."""
+        """A part has sent its first data since it joined: it owns the address from now on."""
         member = self.members[node_id]
         member.spoke = True
         if self.node_ids.find(member.uid) != node_id:
             self.node_ids.keep(node_id, member.uid)
 
     def take_frames(self) -> list[Frame]:
-        """What is to be sent now."""
+        """The frames to be sent now."""
         frames, self._outbox = self._outbox, []
         return frames
 
@@ -175,9 +176,9 @@ class MasterJoin:
         return self._first_sent_at is None or now - self._first_sent_at < STARTING_S
 
     def _meet(self, beacon: Beacon, now: float) -> OtherMaster:
-        """Another master is on the bus: end, or stay and tell it."""
+        """Another master is on the bus: end, or stay and answer it."""
         if not self._is_starting(now):
-            # Not counted from the last beacon: when both were said at once, the other one may not have heard ours.
+            # Not counted from the last beacon: if both were sent at once, the other one may not have heard ours.
             if now - self._answered_at >= REPEAT_S:
                 self._answered_at = now
                 self._send_beacon(now)
@@ -186,7 +187,7 @@ class MasterJoin:
             return OtherMaster(beacon.profile_hash, fatal=True)
         was_first = self._first_sent_at is not None and now - self._first_sent_at >= HEARD_S
         if was_first:
-            self._first_sent_at = now - STARTING_S  # that one hears nobody who is only starting
+            self._first_sent_at = now - STARTING_S  # that one does not hear a master that is only starting
         elif (beacon.epoch, beacon.profile_hash) <= (self.epoch, self.profile_hash):
             return OtherMaster(beacon.profile_hash, fatal=True, at_once=True)
         self._send_beacon(now)
@@ -207,7 +208,7 @@ class MasterJoin:
         member = self.members.get(node_id)
         if member is not None and member.uid == uid and member.use == use and not member.spoke:
             member.heard_at = now
-            return events  # the same JOIN once more: our answer was still on its way
+            return events  # the same JOIN again: our answer was still on its way
         if member is not None and member.uid != uid:
             events.append(NodeEvicted(node_id, member.uid))
         if self.node_ids.find(uid) is not None:
@@ -216,9 +217,10 @@ class MasterJoin:
         return [*events, NodeJoined(node_id, uid, use)]
 
     def _address(self, uid: bytes, now: float) -> int | None:
-        """The address for a part: its own, a fresh one, that of an unproven newcomer, the one unused for longest.
+        """The address for a part: its own, else a fresh one, that of an unproven newcomer, or the one unused for
+        longest.
 
-        None = all are held by live parts, or by newcomers of this second.
+        None = all are held by live parts, or by newcomers of the last second.
         """
         own = self.node_ids.find(uid)
         if own is not None:

@@ -1,8 +1,8 @@
-"""Addresses that nobody types: how a part gets its node id. The master's side is `join_master.py`.
+"""Automatic addresses: how a part gets its node id. The master's side is `join_master.py`.
 
-Theory of operation. A part says JOIN with its UID, again after 10, 20, 40, ... ms (at most 1 s, +-25 % at random)
-until an ASSIGN with its UID comes. The master says BEACON each second; it carries the `epoch`, drawn afresh whenever
-a master starts, so that a part notices a restart and joins again at once.
+Theory of operation. A part sends JOIN with its UID, and repeats it after 10, 20, 40, ... ms (at most 1 s, +-25 % at
+random) until an ASSIGN with its UID comes. The master sends BEACON each second; it carries the `epoch`, drawn at random
+whenever a master starts, so that a part notices a restart and joins again at once.
 
 ====================  =======================================  ======================================================
 part's state          goes to                                  when
@@ -13,10 +13,10 @@ JOINING, JOINED       FOREIGN (says nothing)                   beacon of another
 FOREIGN               JOINING                                  beacon of its own robot; no beacon for 3.5 s
 ====================  =======================================  ======================================================
 
-Pure: frames and times in, frames and events out. `take_frames` gives what is to be sent. The back-off starts when a
-JOIN has really left (`sent`). JOIN goes after everything else on the bus and its answer before all messages, so parts
-that are switched on together come in one after the other, as quickly as the bus can carry what follows, and a busy bus
-is not loaded further by repetitions (docs/decisions/0005).
+Pure: frames and times in, frames and events out. `take_frames` returns the frames to be sent. The back-off starts when
+a JOIN has really left (`sent`). JOIN has the lowest priority on the bus, and its answer comes before all messages. So
+parts that are switched on together join one after the other, as quickly as the bus can carry their messages, and
+repetitions do not add to the load of a busy bus (docs/decisions/0005).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ BEACON_TIMEOUT_S: Final = 3.5
 FIRST_PAUSE_S: Final = 0.010
 JITTER: Final = 0.25
 LONGEST_PAUSE_S: Final = 1.0 / (1 + JITTER)
-"""So that no pause is longer than 1 s, and the jitter still spreads the parts of a bus without a master."""
+"""Chosen so that no pause is longer than 1 s, and the jitter still spreads the parts of a bus without a master."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Joined:
 
 @dataclass(frozen=True, slots=True)
 class AddressLost:
-    """The part has no address any more, or gets none; `reason` in words."""
+    """The part has lost its address, or gets none; `reason` in words."""
 
     reason: str
 
@@ -56,7 +56,7 @@ ComponentEvent = Joined | AddressLost
 
 
 class ComponentState(Enum):
-    """See the table of the module."""
+    """See the table in the module docstring."""
 
     OFF = "off"
     JOINING = "joining"
@@ -73,7 +73,7 @@ class ComponentJoin:
         """Make a part that is still silent.
 
         Args:
-            uid: 8 bytes, the same for the life of the part.
+            uid: 8 bytes, constant for the life of the part.
             random: source of the jitter.
             caps: capability bits the part can use.
             profile_hash: the robot the part is made for; None = any.
@@ -112,7 +112,7 @@ class ComponentJoin:
         self._deadline = None
 
     def receive(self, frame: Frame, now: float) -> ComponentEvent | None:
-        """Take a frame that is not a data frame; anything else than BEACON and ASSIGN is ignored."""
+        """Take a frame that is not a data frame; anything but BEACON and ASSIGN is ignored."""
         beacon = read_beacon(frame, self._ids)
         if beacon is not None:
             return self._hear_beacon(beacon, now)
@@ -127,7 +127,7 @@ class ComponentJoin:
         return frames
 
     def sent(self, now: float) -> bool:
-        """All frames have left the controller: the back-off begins when a JOIN was among them (True)."""
+        """Note that all frames have left the controller; True, and the back-off begins, if a JOIN was among them."""
         if not self._awaiting_departure or self._outbox:
             return False
         self._awaiting_departure = False
@@ -168,9 +168,9 @@ class ComponentJoin:
         return None
 
     def _asks_soon(self, now: float) -> bool:
-        """Whether a JOIN still waits for the bus, or the next one is hardly further away than the answer to the last.
+        """Whether a JOIN still waits for the bus, or the next one is due about as soon as the answer to the last.
 
-        A second one would be answered, too, when the part has begun to speak, and be taken for its restart.
+        A second JOIN would be answered, too, after the part has begun to send, and be mistaken for its restart.
         """
         return self._awaiting_departure or (self._due is not None and self._due - now <= FIRST_PAUSE_S * (1 + JITTER))
 
@@ -183,7 +183,7 @@ class ComponentJoin:
 
     def _hear_foreign(self, beacon: Beacon, now: float) -> ComponentEvent | None:
         if self.state is ComponentState.JOINED and beacon.epoch != self._epoch:
-            return None  # our own master is here as well; it deals with the other
+            return None  # our own master is on the bus, too; it deals with the other
         known = self.state is ComponentState.FOREIGN
         self.state = ComponentState.FOREIGN
         self._be_silent()

@@ -1,14 +1,14 @@
-"""The CAN framing of the thesis' firmware, bit by bit as it was, with a receiver that does not believe everything.
+"""The CAN framing of the thesis' firmware, bit by bit as it was, with a receiver that is more careful.
 
 Theory of operation (thesis 4.2.5). A message is cut into pieces of 7 bytes; byte 0 of a frame counts down from the
-number of pieces less one to 0, which marks the last. 24 bytes are 4 frames with 3, 2, 1, 0 and DLC 8, 8, 8, 4. There
+number of pieces minus one to 0, which marks the last. 24 bytes are 4 frames with 3, 2, 1, 0 and DLC 8, 8, 8, 4. There
 is no mark for the first frame, no length, no checksum, and one pair of identifiers for all.
 
 The original receiver did not even compare the count: a lost frame gave a wrong message, a lost last frame glued two
-together. This one follows it. After anything that does not fit it waits for the end of the message, and what is then
-complete must be a whole message to somebody who knows what messages look like (`is_whole`), because a message without
-its first frames counts down like a shorter one. The weakness of the format that remains: when exactly as many frames
-in a row are lost as the next message has, the head of one and the tail of the other fit together.
+together. This one does. After a frame that does not fit, it skips to the end of the message. A complete message must
+then also pass `is_whole`, because a message without its first frames counts down like a shorter one. One weakness of
+the format remains: if exactly as many frames in a row are lost as the next message has, the head of one and the tail of
+the other fit together.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class LegacyJoiner:
         Args:
             is_whole: whether octets are one message from its beginning to its end.
             dropped: where drops are counted; shared with the link's counters.
-            repeat_s: a frame equal to the one before within this time is CAN's own repetition.
+            repeat_s: a frame equal to the previous one within this time is CAN's own repetition.
         """
         self._is_whole = is_whole
         self._dropped = dropped
@@ -68,7 +68,7 @@ class LegacyJoiner:
         self._expected: int | None = None
         """Count of the next frame of the message in progress."""
         self._skipping = False
-        """The rest of a message is waited for that was dropped."""
+        """Whether the rest of a dropped message is being skipped."""
         self._last = b""
         self._at = float("-inf")
 

@@ -6,7 +6,7 @@ from collections import deque
 from typing import Final
 
 WINDOW_S: Final = 1.0
-"""The load is that of the last second."""
+"""Time over which the load is averaged."""
 
 
 class LoadMeter:

@@ -1,4 +1,4 @@
-"""Which part had which CAN address: the memory a master gives addresses from."""
+"""Which part had which CAN address: the memory from which a master gives addresses."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Protocol
 
 
 class NodeIds(Protocol):
-    """Where a master remembers which part had which address; it outlives the master when the registry keeps it."""
+    """Where a master remembers which part had which address; in the registry, it outlives the master."""
 
     def find(self, uid: bytes) -> int | None:
         """The address of that part, or None when it has none (any more)."""
 
     def oldest_first(self) -> Sequence[int]:
-        """The addresses that belong to somebody, the one given or confirmed longest ago first."""
+        """The addresses that belong to a part, the one given or confirmed longest ago first."""
 
     def keep(self, node_id: int, uid: bytes) -> None:
-        """The address belongs to that part from now on; whoever had it before has none."""
+        """Give the address to that part from now on; a part that had it before has none."""
 
 
 class MemoryNodeIds:

@@ -2,12 +2,11 @@
 
 ::
 
-    123#DEADBEEF             standard frame, identifier 3 hexadecimal digits; bytes may be parted by dots
-    1ABCDEF0#11.22           extended frame, 8 digits
-    123#R4                   remote frame that asks for 4 bytes
-    123#0011223344556677_F   data length code 15 (9 to 15 mean 8 bytes in a classic frame); also 123#R8_F
-    123##1DEADBEEF           CAN FD; digit of flags: 1 = bit-rate switch (BRS), 2 = error state indicator (ESI)
-    20000004#0008000000000000   report of the controller about a bus error
+    123#DEADBEEF             standard frame, identifier 3 hexadecimal digits; dots between bytes are allowed
+    1ABCDEF0#11.22           extended frame, 8 digits 123#R4                   remote frame that asks for 4 bytes
+    123#0011223344556677_F   data length code 15 (9 to 15 mean 8 bytes in a classic frame); also 123#R8_F 123##1DEADBEEF
+    CAN FD; digit of flags: 1 = bit-rate switch (BRS), 2 = error state indicator (ESI) 20000004#0008000000000000
+    report of the controller about a bus error
 
     (1700000000.123456) can0 123#DEADBEEF                    a line of `candump -l`
      (1700000000.123456)  can0  123   [4]  DE AD BE EF       the same as `candump` shows it; with [04] it is CAN FD;
@@ -24,7 +23,7 @@ from msbot.errors import ConfigError, LocalProtocolError
 from msbot.link.can.protocol.frames import Frame, check_frame, pad_fd
 
 PADDING: Final = b"\xcc"
-"""CAN FD data of a length that no frame has is padded with this (and not with zeros, which cost stuff bits)."""
+"""Padding for CAN FD data of a length that no frame has (zeros would cost stuff bits)."""
 
 HOW: Final = (
     "write 123#DEADBEEF, with 8 digits before the # for an extended frame (0000007F#01), 123#R4 for a remote frame, "
@@ -34,7 +33,7 @@ HOW: Final = (
 
 _ERROR_REPORT = 0x20000000
 _FLAGS = 7
-"""BRS, ESI, and 4, with which newer programs say once more that the frame is CAN FD."""
+"""BRS, ESI, and 4, with which newer programs mark the frame as CAN FD once more."""
 
 _FRAME = re.compile(
     r"([0-9A-F]+)#(?:(#)([0-9A-F])|(R)([0-9A-F]?)(?=$|_))?((?:\.?[0-9A-F]{2})*)\.?(?:_([9A-F]))?", re.IGNORECASE
@@ -51,17 +50,17 @@ class LogLine:
     """One frame of a log."""
 
     at: float | None
-    """Seconds, since 1970 or whatever the log counts from; None = the log does not tell."""
+    """Seconds, since 1970 or whatever the log counts from; None = the log does not say."""
     channel: str
     """The bus, for example `can0`."""
     frame: Frame
 
 
 def parse_frame(text: str) -> Frame:
-    """The frame that the notation of can-utils describes; CAN FD data is padded with 0xCC to a length there is.
+    """The frame that the notation of can-utils describes; CAN FD data is padded with 0xCC to the next valid length.
 
     Raises:
-        ConfigError: it describes none; the text says what would be right.
+        ConfigError: it does not describe one; the text says what would be right.
     """
     match = _FRAME.fullmatch(text)
     if match is None or len(match[1]) not in (3, 8):

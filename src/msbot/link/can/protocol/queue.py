@@ -1,7 +1,7 @@
-"""What waits for the bus: frames per peer, taken in turn, so that a long packet delays other peers by one frame.
+"""The queue before the bus: frames per peer, taken in turn, so that a long packet delays other peers by one frame.
 
-Bounded: a peer takes packets until `limit` frames wait for it, so at most `limit - 1` frames and one more packet.
-Urgent frames (STOP, BEACON, JOIN, ASSIGN) go before all others.
+It is bounded: packets for a peer are accepted until `limit` frames wait, so at most `limit - 1` frames and one more
+packet wait. Urgent frames (STOP, BEACON, JOIN, ASSIGN) go before all others.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from collections import deque
 from msbot.link.can.protocol.frames import Frame
 
 QUEUE_FRAMES = 32
-"""Frames that may wait for one peer before it has no room: 7 ms of a 500 kbit/s bus. More would only make the
-streams above repeat what is still on its way."""
+"""Frames that may wait for one peer before there is no room: 7 ms of a 500 kbit/s bus. With more, the streams above
+would repeat messages that are still on their way."""
 URGENT_FRAMES = 256
 """Urgent frames that may wait: two for each node of a full bus."""
 
@@ -30,12 +30,12 @@ class FrameQueue:
         self._urgent: deque[Frame] = deque()
 
     def has_room(self, peer: int) -> bool:
-        """Whether another packet for that peer is taken now."""
+        """Whether another packet for that peer is accepted now."""
         lane = self._lanes.get(peer)
         return lane is None or len(lane) < self._limit
 
     def put(self, peer: int, frames: list[Frame]) -> None:
-        """Queue the frames of one packet; the caller has asked `has_room`."""
+        """Queue the frames of one packet; the caller has checked `has_room`."""
         lane = self._lanes.get(peer)
         if lane is None:
             lane = self._lanes[peer] = deque()
@@ -53,7 +53,7 @@ class FrameQueue:
         return True
 
     def put_stop(self, frame: Frame, times: int) -> None:
-        """Queue a frame several times before everything else, unless it waits already."""
+        """Queue a frame several times before everything else, unless it is waiting already."""
         if frame not in self._urgent:
             self._urgent.extendleft([frame] * times)
 
@@ -73,7 +73,7 @@ class FrameQueue:
         return frame
 
     def clear(self, peer: int) -> int:
-        """Forget what waits for a peer; returns how many frames that were."""
+        """Forget the frames for a peer; returns how many there were."""
         lane = self._lanes.pop(peer, None)
         if not lane:
             return 0
@@ -81,7 +81,7 @@ class FrameQueue:
         return len(lane)
 
     def clear_all(self) -> int:
-        """Forget everything; returns how many frames that were."""
+        """Forget everything; returns how many frames there were."""
         waiting = len(self)
         self._lanes.clear()
         self._turns.clear()

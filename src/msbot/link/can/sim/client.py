@@ -1,9 +1,9 @@
-"""A controller on a simulated bus that another program serves, or, when there is none yet, this one.
+"""A controller on a simulated bus that another program serves, or, if none does yet, this one.
 
 Theory of operation. `SimAdapter` is an `Adapter`, so `CanDriver` looks after it: when the program that serves the bus
-ends, the bus is gone, and it is looked for again. A master serves the bus itself when nobody does (`serve`); a part
-waits for it; a tool is told that there is none. Frames carry the times of the bus, which all programs on this
-computer read off the same monotonic clock.
+ends, the bus is gone, and the driver looks for it again. If no program serves the bus, a master serves it itself, a
+part waits for it, and a tool gets an error. Frames carry the times of the bus, which all programs on this computer read
+from the same monotonic clock.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from msbot.link.can.sim.server import SimBusServer
 
 BITRATE: Final = 500_000
 DATA_BITRATE: Final = 2_000_000
-"""Bit rates of a bus for which none were asked."""
+"""Bit rates of a bus if none are requested."""
 CONNECT_S: Final = 2.0
 """Time to connect and be welcomed."""
 LOOK_S: Final = 0.25
-"""How often a part looks whether its bus is there."""
+"""How often a part checks whether its bus is there."""
 LOST_WORDS: Final = "the computer was too slow for the simulated bus: frames were lost"
 
 _log = logging.getLogger(__name__)
@@ -60,27 +60,27 @@ class WhenAbsent(Enum):
 
 @dataclass(frozen=True, slots=True)
 class SimBusWish:
-    """The bus that is wanted."""
+    """The bus that is requested."""
 
     name: str
     bitrate: int | None = None
-    """Nominal bit rate; None = whatever the bus has, `BITRATE` when it is served here."""
+    """Nominal bit rate; None = any; `BITRATE` if the bus is served here."""
     data_bitrate: int | None = None
-    """Bit rate of the data phase; None = whatever it has, `DATA_BITRATE` when an FD bus is served here."""
+    """Bit rate of the data phase; None = any; `DATA_BITRATE` if an FD bus is served here."""
     fd: bool | None = None
-    """A CAN FD bus; None = whatever it is, classic when it is served here."""
+    """Whether it is a CAN FD bus; None = either; classic if it is served here."""
 
     def make(self) -> SimBus:
-        """The bus, when it is served here.
+        """Make the bus, to serve it here.
 
         Raises:
-            LocalProtocolError: impossible bit rates.
+            LocalProtocolError: the bit rates are impossible.
         """
         data_bitrate = (self.data_bitrate or max(DATA_BITRATE, self.bitrate or 0)) if self.fd else None
         return SimBus(self.bitrate or BITRATE, data_bitrate, fd=bool(self.fd))
 
     def check(self, bus: NamedBus) -> None:
-        """Make sure that a bus is what is wanted.
+        """Make sure that a bus is as requested.
 
         Raises:
             LinkDown: it is not.
@@ -96,7 +96,7 @@ class SimBusWish:
 
 
 class SimAdapter:
-    """A controller on the simulated bus of a name. Satisfies `Adapter`."""
+    """A controller on a simulated bus, found by its name. Satisfies `Adapter`."""
 
     def __init__(
         self,
@@ -112,12 +112,12 @@ class SimAdapter:
         Args:
             wish: the bus.
             node: what the controller is called, for people who watch the bus.
-            absent: what to do when nobody serves it.
+            absent: what to do when no program serves it.
             listen_only: neither send nor acknowledge.
             folder: where the names of buses are; the user's folder for such files if absent.
 
         Raises:
-            ConfigError: it is not a name.
+            ConfigError: the name is not valid.
         """
         check_name(wish.name)
         self._wish = wish
@@ -149,7 +149,7 @@ class SimAdapter:
             await asyncio.sleep(LOOK_S)
 
     async def _connect(self, owner: ChannelOwner, bus: NamedBus) -> SimBusClient | None:
-        """Join a bus; None when its file was left behind by a program that has gone."""
+        """Join a bus; None if its file was left behind by a program that has gone."""
         hello = Hello(bytes.fromhex(bus.key), self._node, listen_only=self._listen_only)
         client = SimBusClient(owner, hello, bus.name)
         try:
@@ -161,7 +161,7 @@ class SimAdapter:
             withdraw(bus, self._folder)  # its process number belongs to another process by now
             return None
         except LinkDown:
-            client.leave()  # the server has said why
+            client.leave()  # the server has given the reason
             raise
         except (OSError, TimeoutError) as error:
             client.leave()
@@ -175,19 +175,19 @@ class SimAdapter:
         return client
 
     async def _serve(self, owner: ChannelOwner) -> Host | None:
-        """Serve the bus here; None when another program was quicker."""
+        """Serve the bus here; None if another program was faster."""
         host = Host(owner, self._wish, self._node, self._folder)
         if await host.start():
             return host
         return None
 
     def _look(self) -> CanBusInfo:
-        """What is known of the bus before it is joined: what it is, or what it will be."""
+        """What is known of the bus before it is joined: its properties now, or those it will have."""
         wish = self._wish
         try:
             bus = find_bus(wish.name, self._folder)
         except ConfigError:
-            bus = None  # said when it is opened
+            bus = None  # reported when it is opened
         fd = bus.fd if bus is not None else bool(wish.fd)
         bitrate = bus.bitrate if bus is not None else wish.bitrate or BITRATE
         data_bitrate = bus.data_bitrate if bus is not None else wish.data_bitrate or DATA_BITRATE
@@ -241,7 +241,7 @@ class SimBusClient(asyncio.Protocol):
         if not self.welcomed.done():
             self.welcomed.cancel()
         elif not self.welcomed.cancelled():
-            self.welcomed.exception()  # whoever closes knows
+            self.welcomed.exception()  # the caller that closes it knows
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """See `asyncio.Protocol`."""
@@ -317,7 +317,7 @@ class Host:
         self._serving: asyncio.Task[None] | None = None
 
     async def start(self) -> bool:
-        """Serve from now on; False when another program was quicker.
+        """Serve from now on; False if another program was faster.
 
         Raises:
             LinkDown: it cannot be served.

@@ -2,7 +2,7 @@
 
 Theory of operation. One timer waits for the bus' next event. When it fires, everything due by now happens in order,
 each with its own logical time: a node that answers inside its handler answers at that logical time, so a timer that
-comes 2 ms late delays nobody on the bus. What is submitted outside of a handler carries the time of the clock.
+fires 2 ms late delays no node on the bus. A frame submitted outside a handler carries the time of the clock.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ _STATE_WORDS: Final = {
 
 
 class SimBusDriver:
-    """Clockwork of a `SimBus`; the bus is for this event loop alone from now on."""
+    """Runs a `SimBus`, which from now on belongs to this event loop alone."""
 
     def __init__(self, bus: SimBus) -> None:
         """Take over a bus; the loop is the one that runs when something is first sent."""
         self.bus = bus
         self.tap: FrameTap | None = None
-        """Called with every frame when set; None costs nothing."""
+        """If set, called with every frame; None costs nothing."""
         self.listeners: list[FrameTap] = []
-        """Called with every frame, too: whoever only listens to the bus, and comes and goes."""
+        """Also called with every frame: for listeners that come and go."""
         self._ports: dict[int, SimCanBus] = {}
         self._by_name: dict[str, SimCanBus] = {}
         self._timer: asyncio.TimerHandle | None = None
@@ -65,16 +65,16 @@ class SimBusDriver:
         return port
 
     def detach(self, name: str) -> None:
-        """Remove a controller, and what it still had to send, without a word; no effect when there is none.
+        """Silently remove a controller, and its unsent frames; no effect if there is none.
 
-        Its owner can send nothing any more and hears nothing; the name is free for another controller.
+        Its owner can no longer send or hear anything; the name is free for another controller.
         """
         port = self._by_name.get(name)
         if port is not None:
             self.remove(port)
 
     def remove(self, port: SimCanBus) -> None:
-        """Remove this very controller; no effect when it was removed before."""
+        """Remove this particular controller; no effect if it was removed before."""
         if self._ports.pop(port.node, None) is not None:
             del self._by_name[port.name]
             port.is_attached = False
@@ -117,7 +117,7 @@ class SimBusDriver:
         return self.bus.load(self.now())
 
     def short_circuit(self) -> None:
-        """Let nobody see a dominant bit from now on."""
+        """Let no node see a dominant bit from now on."""
         self.bus.short_circuit(self.now())
         self.arm()
 
@@ -162,7 +162,7 @@ class SimBusDriver:
         ports = self._ports
         if isinstance(event, Delivered):
             for node in event.nodes:
-                if node in ports:  # else it was removed by the handler of another node
+                if node in ports:  # otherwise the handler of another node has removed it
                     ports[node].frame_handler(event.frame, event.at)
             return
         port = ports.get(event.node)
@@ -202,7 +202,7 @@ class SimCanBus:
         state: StateHandler | None = None,
         sent: FrameHandler | None = None,
     ) -> None:
-        """See `CanBus`; `sent` takes each own frame that has left the controller, before `room` is called."""
+        """See `CanBus`; `sent` gets each of its frames that has left the controller, before `room` is called."""
         self.frame_handler = frame or self.frame_handler
         self.room_handler = room or self.room_handler
         self.state_handler = state or self.state_handler
@@ -245,12 +245,12 @@ class SimCanBus:
 
 
 def _ignore_frame(frame: Frame, now: float) -> None:
-    """Nobody listens to frames."""
+    """Default handler: frames are ignored."""
 
 
 def _ignore_room(now: float) -> None:
-    """Nobody waits for room."""
+    """Default handler: nobody waits for room."""
 
 
 def _ignore_state(state: BusState, words: str, now: float) -> None:
-    """Nobody watches the state."""
+    """Default handler: the state is ignored."""

@@ -1,8 +1,8 @@
-"""Names of simulated buses that other programs of this user can join: one small file for each, in the user's folder.
+"""Names of simulated buses that this user's other programs can join: one small file for each, in the user's folder.
 
-The file says at which port of this computer the bus is served, the key that must be shown there, and the bit rates.
-Whoever serves a bus writes it, so a name stands for one bus; what a killed process left behind is recognised and
-removed by whoever comes next.
+The file gives the port of this computer at which the bus is served, the key to present there, and the bit rates. The
+process that serves a bus writes it, so a name stands for one bus. A file left behind by a killed process is recognised
+and removed by the next process that looks.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from msbot.errors import ConfigError, LinkDown
 from msbot.runtime.user_folders import check_owner, is_running, running_folder
 
 DEFAULT_NAME: Final = "classroom"
-"""The bus that is meant when none is named."""
+"""The bus to use when none is named."""
 PREFIX: Final = "bus-"
 KEY_OCTETS: Final = 16
 
@@ -32,9 +32,9 @@ class NamedBus:
 
     name: str
     port: int
-    """On 127.0.0.1."""
+    """TCP port on 127.0.0.1."""
     key: str
-    """Hexadecimal; must be shown by who wants to join."""
+    """Hexadecimal; a program must present it to join."""
     pid: int
     bitrate: int
     data_bitrate: int | None
@@ -52,10 +52,10 @@ def rates_words(bitrate: int, data_bitrate: int | None, *, fd: bool) -> str:
 
 
 def check_name(name: str) -> str:
-    """The name, if it can be one.
+    """Check a name and return it.
 
     Raises:
-        ConfigError: it cannot.
+        ConfigError: it is not a valid name.
     """
     if not _NAME.fullmatch(name):
         raise ConfigError(f"{name!r} is not a name for a simulated bus: 1 to 32 letters, digits, - and _")
@@ -63,7 +63,7 @@ def check_name(name: str) -> str:
 
 
 def publish(bus: NamedBus, folder: Path | None = None) -> Path:
-    """Write the file of a bus that is served by this process; whoever serves removes it with `withdraw`.
+    """Write the file of a bus that is served by this process; the process that serves it removes it with `withdraw`.
 
     Raises:
         LinkDown: a running process serves a bus of that name already.
@@ -83,14 +83,14 @@ def publish(bus: NamedBus, folder: Path | None = None) -> Path:
         finally:
             draft.unlink(missing_ok=True)
     except LinkDown:
-        raise  # somebody else serves the name
+        raise  # another process serves the name
     except OSError as error:
         raise ConfigError(f"cannot write {path} ({error.strerror})") from error
     return path
 
 
 def withdraw(bus: NamedBus, folder: Path | None = None) -> None:
-    """Remove the file of a bus, if it is still that of this one."""
+    """Remove the file of a bus, if it still belongs to this bus."""
     folder = folder or running_folder()
     path = _path(bus.name, folder)
     if _read(path) == bus:
@@ -98,10 +98,10 @@ def withdraw(bus: NamedBus, folder: Path | None = None) -> None:
 
 
 def find_bus(name: str, folder: Path | None = None) -> NamedBus | None:
-    """The bus of that name, when a running process serves one.
+    """The bus of that name, if a running process serves it.
 
     Raises:
-        ConfigError: it is not a name, or the folder is not the user's own.
+        ConfigError: it is not a valid name, or the folder is not the user's own.
     """
     folder = folder or running_folder()
     path = _path(check_name(name), folder)
@@ -116,11 +116,11 @@ def find_bus(name: str, folder: Path | None = None) -> NamedBus | None:
 
 
 def check_free(name: str, folder: Path | None = None) -> None:
-    """Make sure that a bus of that name can be served, before anything else is begun.
+    """Make sure that a bus of that name can be served, before anything else is started.
 
     Raises:
-        LinkDown: a running process serves one.
-        ConfigError: it is not a name, or the folder is not the user's own.
+        LinkDown: a running process already serves it.
+        ConfigError: it is not a valid name, or the folder is not the user's own.
     """
     other = find_bus(name, folder)
     if other is not None:
@@ -134,8 +134,8 @@ def existing_bus(name: str, folder: Path | None = None) -> NamedBus:
     """The bus of that name.
 
     Raises:
-        LinkDown: there is none; the text says how to start it, and which there are.
-        ConfigError: it is not a name, or the folder is not the user's own.
+        LinkDown: there is none; the text says how to start it, and which buses there are.
+        ConfigError: it is not a valid name, or the folder is not the user's own.
     """
     bus = find_bus(name, folder)
     if bus is None:
@@ -161,7 +161,7 @@ def list_buses(folder: Path | None = None) -> list[NamedBus]:
 
 
 def _link(draft: Path, path: Path, name: str) -> None:
-    """Give the file its name: whole or not at all, and never over another's."""
+    """Give the file its name, atomically, and never overwrite another's."""
     try:
         os.link(draft, path)
     except FileExistsError:

@@ -1,10 +1,10 @@
 """The simulated bus as an interface of python-can: `can.Bus(interface="msbot", channel="classroom")`.
 
-Theory of operation. A bus object is one controller, connected with the process that serves the bus (`server.py`); when
-no process does, this one serves it, in a thread, as long as it has a bus object open. Another thread reads the
-connection, keeps a bounded number of frames for `recv`, and wakes whoever waits in `send`. As with a real adapter,
-`send` hands a frame over and does not wait until it is on the bus; a few frames fit into the controller, and when
-nobody acknowledges them the next `send` waits, and fails when its time is over.
+Theory of operation. A bus object is one controller, connected with the process that serves the bus (`server.py`); if no
+process does, this one serves it, in a thread, as long as it has a bus object open. Another thread reads the connection,
+keeps a bounded number of frames for `recv`, and wakes threads that wait in `send`. As with a real adapter, `send` hands
+a frame over and does not wait until it is on the bus. A few frames fit into the controller; if no node acknowledges
+them, the next `send` waits, and fails when its timeout expires.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ from msbot.link.can.sim.names import DEFAULT_NAME, existing_bus, list_buses, rat
 from msbot.link.can.sim.thread import hold, release
 
 UNREAD_FRAMES: Final = 65536
-"""Frames kept for `recv`; what comes then is lost, and the log says so once."""
+"""Frames kept for `recv`; beyond, new ones are lost, and the log says so once."""
 LINGER_S: Final = 1.0
-"""Longest time that leaving the bus takes for the sake of frames that were not acknowledged yet."""
+"""Longest time that leaving the bus waits for frames that were not acknowledged yet."""
 OVERFLOW_WORDS: Final = "simulated bus %s: nobody calls recv(), frames are lost (said once)"
 
 _STATES: Final = {
@@ -72,15 +72,15 @@ class MsbotBus(can.BusABC):
         node: str = "python-can",
         **kwargs: object,
     ) -> None:
-        """Join the bus, or begin to serve it when nobody does.
+        """Join the bus, or serve it if no process does.
 
         Args:
             channel: name of the bus; `classroom` if absent.
             can_filters: see `can.BusABC.set_filters`.
-            bitrate: nominal bit rate in bit/s that the bus must have; None = any (500,000 when it is served here).
+            bitrate: nominal bit rate in bit/s that the bus must have; None = any (500,000 if it is served here).
             data_bitrate: the same for the data phase of CAN FD; None = any (2,000,000).
             fd: it must be a CAN FD bus.
-            receive_own_messages: `recv` gives own frames, too, once they were acknowledged.
+            receive_own_messages: `recv` also returns own frames, once they were acknowledged.
             listen_only: do not send, and do not acknowledge.
             node: what the controller is called, for people who watch the bus.
             kwargs: what python-can hands to every interface.
@@ -101,7 +101,7 @@ class MsbotBus(can.BusABC):
         self._served_here = False
         self._socket: socket.socket | None = None
         self._splitter = Splitter()
-        # A monotonic time of the bus is that much earlier than the time since 1970 that messages carry.
+        # The offset from the bus' monotonic time to the time since 1970 that messages carry.
         self._epoch_s = time.time() - time.monotonic()
         data_rate = int(data_bitrate) if data_bitrate is not None and fd else None
         wish = SimBusWish(self._name, None if bitrate is None else int(bitrate), data_rate, fd or None)
@@ -118,16 +118,16 @@ class MsbotBus(can.BusABC):
         super().__init__(self._name, can_filters, **kwargs)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Hand a frame to the controller, which sends it again and again until somebody acknowledges it.
+        """Hand a frame to the controller, which sends it repeatedly until a node acknowledges it.
 
         Args:
             msg: the frame.
-            timeout: seconds to wait while the controller is full; None = until it is not.
+            timeout: seconds to wait while the controller is full; None = without limit.
 
         Raises:
             can.CanTimeoutError: the controller was full all the time; the frame is not sent.
-            can.CanOperationError: the bus has ended, is listened to only, or the controller is bus-off; or the frame
-                is one that it cannot send.
+            can.CanOperationError: the bus has ended, this object is listen-only, the controller is bus-off, or it
+                cannot send such a frame.
         """
         frame = frame_of(msg)
         self._check(frame)
@@ -172,10 +172,10 @@ class MsbotBus(can.BusABC):
 
     @state.setter
     def state(self, new_state: can.BusState) -> None:
-        """ACTIVE ends bus-off; nothing else can be wished for.
+        """Setting ACTIVE ends bus-off; no other value is allowed.
 
         Raises:
-            ValueError: something else.
+            ValueError: another value.
         """
         if new_state is not can.BusState.ACTIVE:
             raise ValueError(f"a controller cannot be told to be {new_state.name}; open the bus with listen_only=True")
@@ -239,7 +239,7 @@ class MsbotBus(can.BusABC):
         except RemoteProtocolError as error:
             words = f"the program that serves the simulated bus {self._name!r} talks nonsense: {error}"
         except OSError:
-            pass  # the connection has ended, here or there: said below
+            pass  # the connection has ended, on either side: reported below
         with self._news:
             self._ended = words
             self._news.notify_all()
@@ -286,7 +286,7 @@ class MsbotBus(can.BusABC):
             raise can.CanOperationError(f"{self.channel_info} carries no CAN FD frames")
 
     def _is_settled(self) -> bool:
-        """Whether waiting for room makes no sense."""
+        """Whether there is no point in waiting for room."""
         return bool(self._ended) or self._bus_state is BusState.OFF
 
     def _let_go(self) -> None:

@@ -2,10 +2,10 @@
 
 Theory of operation. The bus runs on the event loop's clock (`SimBusDriver`), so frames of other programs take part in
 arbitration at the moment they arrive here. A program may hand over as many frames as a controller holds; each is
-answered, in whatever order they leave. A program that only listens is not a controller: it hears every frame that got
-through, and the bus does not notice it. A program that talks nonsense is dropped, counted and logged once. One that
-does not read loses frames, as a controller with a full receive buffer does, and is told how many; meanwhile nothing
-more is taken from it.
+answered when it has left, in that order. A program that only listens is not a controller: it gets every transmitted
+frame, and the bus does not notice it. A program that sends nonsense is dropped, counted and logged once. One that does
+not read loses frames, like a controller with a full receive buffer, and is told how many; until it reads again, nothing
+more is accepted from it.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ from msbot.link.contract import LinkCounters
 MAX_PROGRAMS: Final = 256
 """Connections at a time; more are refused."""
 HELLO_S: Final = 2.0
-"""Time to say Hello."""
+"""Time to send Hello."""
 UNREAD_OCTETS: Final = 256 * 1024
-"""Octets that may wait for one program; what comes then is lost to it."""
+"""Octets that may wait for one program; beyond, it loses frames."""
 
 NO_HELLO: Final = "no Hello in time"
 WRONG_KEY: Final = "wrong key"
@@ -65,7 +65,7 @@ class SimBusServer:
         """Prepare; it serves once `run` is awaited.
 
         Args:
-            driver: the bus. Controllers of this process are attached to it directly.
+            driver: the bus. This process attaches its own controllers to it directly.
             name: see `check_name`.
             folder: where the file with its name goes; the user's folder for such files if absent.
         """
@@ -74,7 +74,7 @@ class SimBusServer:
         self.ready = asyncio.Event()
         """Set once others can join."""
         self.counters = LinkCounters()
-        """`dropped` counts what was wrong with programs, by reason."""
+        """`dropped` counts programs' errors, by reason."""
         self.key = secrets.token_bytes(KEY_OCTETS)
         self.folder = folder
         self._programs: set[SimBusConnection] = set()
@@ -91,7 +91,7 @@ class SimBusServer:
         """Serve until cancelled; then the bus is gone for all other programs.
 
         Raises:
-            LinkDown: another process serves a bus of that name, or no port can be listened at.
+            LinkDown: another process serves a bus of that name, or no port is available.
             ConfigError: the name or the user's folder cannot be used.
         """
         loop = asyncio.get_running_loop()
@@ -141,14 +141,14 @@ class SimBusServer:
         return self.driver.attach(f"{hello.name or 'program'}#{self._attached}", fd=fd)
 
     def complain(self, reason: str) -> None:
-        """Count what is wrong with a program, and say it the first time."""
+        """Count an error of a program, and log its first occurrence."""
         self.counters.dropped.count(reason)
         if reason not in self._told and reason in self.counters.dropped:
             self._told.add(reason)
             _log.warning("simulated bus %s: dropped a program: %s (said once, counted from now on)", self.name, reason)
 
     def heard(self, frame: Frame, at: float) -> bytes:
-        """A frame that was heard, as it is sent to every program."""
+        """A received frame, encoded for every program."""
         last = self._encoded
         if last is not None and last[0] is frame and last[1] == at:
             return last[2]
@@ -188,7 +188,7 @@ class SimBusConnection(asyncio.Protocol):
         """See `asyncio.Protocol`."""
         try:
             for message in self._splitter.receive(data):
-                if self._transport is not None:  # else it was dropped for an earlier one
+                if self._transport is not None:  # otherwise it was dropped for an earlier one
                     self._handle(message)
         except RemoteProtocolError as error:
             self._drop(str(error))
@@ -214,7 +214,7 @@ class SimBusConnection(asyncio.Protocol):
         self.close()
 
     def close(self) -> None:
-        """Leave the bus; what the controller still had to send is forgotten."""
+        """Leave the bus; the controller's unsent frames are forgotten."""
         if self._patience is not None:
             self._patience.cancel()
         transport, self._transport = self._transport, None
@@ -299,7 +299,7 @@ class SimBusConnection(asyncio.Protocol):
         self._tell_state()
 
     def _tell_state(self) -> None:
-        """The latest state; what it was while the program did not read is of no use to it."""
+        """Send the latest state; states from while the program did not read are of no use to it."""
         if self._state_now is not None and not (self._is_state_told or self._is_full):
             self._is_state_told = True
             self._tell(self._state_now)

@@ -1,7 +1,7 @@
 """Simulated buses as people write them: `sim:classroom`, `sim:classroom?bitrate=250000&fd=1`.
 
-What follows `sim:` is the name of a bus that any program of this user can join; options matter to whoever
-serves it (the master, when nobody does yet), and for others they are what the bus must be.
+What follows `sim:` is the name of a bus that any program of this user can join; options set up the bus for the program
+that serves it (the master, if none does yet); for others they say what the bus must be.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _OPTIONS: Final = ("bitrate", "dbitrate", "fd")
 
 
 def open_sim(rest: str, serve: bool, settings: CanSettings) -> Link:
-    """The native CAN link on a simulated bus; a master serves the bus when nobody does, a part waits for it.
+    """The native CAN link on a simulated bus; a master serves the bus if no program does, a part waits for it.
 
     Raises:
         ConfigError: the address makes no sense.

@@ -1,6 +1,6 @@
 """A simulated bus served in a thread, for programs that have no event loop of their own (python-can).
 
-The first user of a bus in this process starts it when no other process serves it; it ends with the last of them.
+The first user of a bus in this process starts it if no other process serves it; it ends with the last user here.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _served: dict[str, tuple[BusThread, int]] = {}
 
 
 def hold(wish: SimBusWish) -> bool:
-    """Make sure that somebody serves a bus; True when it is this process, which then owes one `release`.
+    """Make sure that some process serves a bus; True if this one does: then call `release` once.
 
     Raises:
         MsbotError: it cannot be served.
@@ -46,7 +46,7 @@ def hold(wish: SimBusWish) -> bool:
 
 
 def release(name: str) -> None:
-    """One user fewer in this process; with the last one the bus ends for everybody."""
+    """One user fewer in this process; with the last one, the bus ends for all programs."""
     with _lock:
         thread, users = _served.pop(name)
         if users > 1:
@@ -69,7 +69,7 @@ class BusThread(threading.Thread):
         self._serving: asyncio.Task[None] | None = None
 
     def begin(self) -> bool:
-        """Return once others can join; False when another process serves the bus by then.
+        """Return once others can join; False if another process serves the bus by then.
 
         Raises:
             MsbotError: it cannot be served.
@@ -84,9 +84,9 @@ class BusThread(threading.Thread):
         raise self._error
 
     def end(self) -> None:
-        """End the bus for everybody."""
+        """End the bus for all programs."""
         if self._loop is not None and self._serving is not None:
-            with contextlib.suppress(RuntimeError):  # it has ended by itself
+            with contextlib.suppress(RuntimeError):  # it has already ended
                 self._loop.call_soon_threadsafe(self._serving.cancel)
         self.join(START_S)
 
@@ -109,7 +109,7 @@ class BusThread(threading.Thread):
 
 @atexit.register
 def _end_all() -> None:
-    """A bus that somebody forgot to shut down leaves no name behind."""
+    """End all buses at exit, so that one that was not shut down leaves no name behind."""
     with _lock:
         threads = [thread for thread, _ in _served.values()]
         _served.clear()

@@ -1,13 +1,13 @@
 """Arbitration, and the attempt to send that follows: who gets the frame, what goes wrong, and how long it takes.
 
 Theory of operation. An attempt that goes well needs only the length of the frame, which is counted by tables. When
-something goes wrong, the bits of the frame are looked at: each group of nodes notices the error at some bit and sends
-its error flag from the next; the flags overlap, and the bus is free again 8 + 3 bits after the last of them. All
-times are worked out when the attempt begins; nothing is simulated bit by bit while time passes.
+something goes wrong, the bits of the frame are examined: each group of nodes notices the error at some bit and sends
+its error flag from the next one on; the flags overlap, and the bus is free again 8 + 3 bits after the last of them. All
+times are calculated when the attempt begins; nothing is simulated bit by bit while time passes.
 
-Simplified: bits change their rate at bit borders (not at the sample point, which leaves the length of a frame as it
-is), a node's error flag begins at the end of the bit in which it noticed, and a disturbance of the third bit of the
-intermission, which would be taken for an SOF, is left out.
+Simplifications: bits change their rate at bit boundaries (not at the sample point, which leaves the length of a frame
+as it is), a node's error flag begins at the end of the bit in which it noticed, and a disturbance of the third bit of
+the intermission, which would be taken for an SOF, is left out.
 """
 
 from __future__ import annotations
@@ -52,38 +52,38 @@ class SimNode:
 
     name: str
     fd: bool
-    """It understands CAN FD frames; a controller that does not destroys them."""
+    """Whether it understands CAN FD frames; a controller that does not destroys them."""
     node_id: int = 0
     """Its number on the bus."""
     mailboxes: list[Mail] = field(default_factory=list)
     """Frames to be sent, in the order they were handed over."""
     choice: Mail | None = None
-    """The one it sends, or sends next."""
+    """The frame that it sends now or next."""
     counters: ErrorCounters = field(default_factory=ErrorCounters)
     plugged: bool = True
     plugged_at: float = float("-inf")
     ready_at: float = float("-inf")
-    """It does not begin to send before (integration after plugging, suspended transmission)."""
+    """Earliest time to begin sending (integration after plugging in, suspended transmission)."""
     recovering_from: float | None = None
-    """Since when it counts recessive bits to come back from bus-off."""
+    """Since when it has been counting recessive bits to return from bus-off."""
     sequences_left: int = 0
-    """Of 11 recessive bits, until it is back from bus-off."""
+    """Sequences of 11 recessive bits left until it is back from bus-off."""
     deaf_frames: int = 0
-    """Frames it will miss next."""
+    """How many of the next frames it will miss."""
     deafness: float = 0.0
     """Probability of missing a frame."""
 
     def ready(self) -> float:
-        """When it can begin to send, as far as it depends on itself; it holds a frame."""
+        """When it can begin to send, apart from the bus; it must hold a frame."""
         return max(self.ready_at, min(mail.ready_at for mail in self.mailboxes))
 
     def choose(self, by: float) -> Mail:
-        """Choose among the frames ready before `by`: the lowest identifier, of equal ones the oldest."""
+        """Choose among the frames ready before `by`: the lowest identifier wins, and of equal ones the oldest frame."""
         self.choice = min((mail for mail in self.mailboxes if mail.ready_at < by), key=lambda mail: mail.rank)
         return self.choice
 
     def outgoing(self) -> Frame:
-        """The chosen frame, as the state of the controller makes it."""
+        """The chosen frame, with ESI as the controller's state demands."""
         assert self.choice is not None
         frame = self.choice.frame
         return frame if not frame.fd or self.counters.active else replace(frame, esi=True)
@@ -114,7 +114,7 @@ class Failure:
     """A receiver that was the first to send an error flag (rule b)."""
 
     def apply(self) -> None:
-        """Count it."""
+        """Apply it to the counters."""
         for _ in range(self.times):
             if self.as_sender:
                 self.node.counters.transmit_failed()
@@ -124,7 +124,7 @@ class Failure:
 
 @dataclass(slots=True)
 class Attempt:
-    """One try to send a frame, worked out to its end."""
+    """One try to send a frame, calculated to its end."""
 
     starts_at: float
     frame: Frame
@@ -132,21 +132,21 @@ class Attempt:
     """All nodes that send this frame (more than one only with equal identifiers)."""
     listeners: list[SimNode]
     sent: list[SimNode] = field(default_factory=list)
-    """For whom the frame is done with."""
+    """The senders whose frame has been sent."""
     received: list[SimNode] = field(default_factory=list)
     failures: list[Failure] = field(default_factory=list)
     error: str = ""
-    """What went wrong, in words; empty when all went well."""
+    """What went wrong, in words; empty if all went well."""
     overload: bool = False
     """An overload frame followed, because the intermission was disturbed."""
     bits: int = 0
     """Bits on the bus, intermission included."""
     ends_at: float = 0.0
-    """When its effects show: end of frame, or end of the error delimiter."""
+    """When its effects become visible: end of frame, or end of the error delimiter."""
     free_at: float = 0.0
     """When the next frame may begin."""
     recessive_from: float = 0.0
-    """Since when the bus has been recessive at `free_at`."""
+    """Since when the bus has been recessive, as seen at `free_at`."""
 
 
 @dataclass(slots=True)
@@ -170,7 +170,7 @@ def arbitrate(rivals: Sequence[SimNode], closed_at: float) -> list[SimNode]:
 
 
 def plan_attempt(start: float, senders: list[SimNode], listeners: list[SimNode], rates: Rates, noise: Noise) -> Attempt:
-    """Work out what becomes of the frame that these nodes, all with the same identifier, begin to send.
+    """Calculate what happens to the frame that these nodes, all with the same identifier, begin to send.
 
     Args:
         start: time of the first bit.
@@ -207,7 +207,7 @@ def plan_attempt(start: float, senders: list[SimNode], listeners: list[SimNode],
 
 
 def fall_silent(attempt: Attempt, now: float, rates: Rates, *, stuck: bool) -> Attempt:
-    """Work out again an attempt whose bus turns recessive at `now`.
+    """Recalculate an attempt whose bus turns recessive at `now`.
 
     Args:
         attempt: as planned.
@@ -241,7 +241,7 @@ def fall_silent(attempt: Attempt, now: float, rates: Rates, *, stuck: bool) -> A
 
 
 def plan_shorted(start: float, senders: list[SimNode], rates: Rates) -> Attempt:
-    """Work out an attempt on a bus that is stuck recessive: the first dominant bit cannot be seen.
+    """Calculate an attempt on a bus that is stuck recessive: the first dominant bit cannot be seen.
 
     Each bit of an active error flag fails as well (rule d), until the node is error-passive.
     """
@@ -259,7 +259,7 @@ def plan_shorted(start: float, senders: list[SimNode], rates: Rates) -> Attempt:
 def _plan_conflict(
     start: float, senders: list[SimNode], listeners: list[SimNode], rates: Rates, noise: Noise
 ) -> Attempt:
-    """Equal identifiers, different frames: whoever sends recessive at the first difference finds a bit error."""
+    """Equal identifiers, different frames: the node that sends recessive at the first difference finds a bit error."""
     wires = {node: wire_bits(node.outgoing()) for node in senders}
     length = min(map(len, wires.values()))
     broken = next(i for i in range(length) if len({wire[i].level for wire in wires.values()}) > 1)
@@ -290,13 +290,13 @@ def _destroy(attempt: Attempt, wire: list[WireBit], fdf: int, destroying: list[S
 
 
 def _disturb(attempt: Attempt, broken: int, rates: Rates) -> Attempt:
-    """One bit is inverted for everybody."""
+    """One bit is inverted for all nodes."""
     wire = wire_bits(attempt.frame, acknowledged=bool(attempt.listeners))
     bit = wire[broken]
     level = 1 - bit.level
     in_arbitration = bit.field in _ARBITRATION and bit.level == 1
     if in_arbitration and not bit.stuff:
-        # The senders believe they lost the arbitration and fall silent, so everybody is a receiver.
+        # The senders believe they lost arbitration and fall silent, so every node is a receiver.
         noticed = noticed_at(wire, broken, level, 1)
         everybody = _Group(attempt.senders + attempt.listeners, broken if noticed is None else noticed, as_sender=False)
         return _fail(attempt, wire, [everybody], rates, "a bit was disturbed")
@@ -325,9 +325,10 @@ def _succeed(attempt: Attempt, length: FrameBits, rates: Rates) -> None:
 
 
 def _overload(attempt: Attempt, disturbed: int, rates: Rates) -> None:
-    """A dominant bit in the first two of the intermission: everybody sends an overload frame (ISO 11898-1:2015 10.4.5).
+    """A dominant bit in the first two of the intermission: every node sends an overload frame (ISO 11898-1:2015
+    10.4.5).
 
-    It looks like an error frame, but the frame before it has gone well and no counter changes.
+    It looks like an error frame, but the frame before it was transmitted, and no counter changes.
     """
     attempt.overload = True
     seen = disturbed + 1 - (attempt.bits - INTERMISSION)
@@ -338,7 +339,7 @@ def _overload(attempt: Attempt, disturbed: int, rates: Rates) -> None:
 
 
 def _not_acknowledged(attempt: Attempt, nominal: int, fast: int, rates: Rates) -> Attempt:
-    """Nobody is there to acknowledge: the sender finds the ACK slot recessive."""
+    """No node is there to acknowledge: the sender finds the ACK slot recessive."""
     attempt.error = "nobody acknowledged"
     for node in attempt.senders:
         # Exception of rule c: an error-passive node that sees no dominant bit in its flag does not count this error,
@@ -349,7 +350,7 @@ def _not_acknowledged(attempt: Attempt, nominal: int, fast: int, rates: Rates) -
 
 
 def _fail(attempt: Attempt, wire: Sequence[WireBit], groups: list[_Group], rates: Rates, error: str) -> Attempt:
-    """Overlap the error flags of all groups and close the attempt after the last."""
+    """Overlap the error flags of all groups, and end the attempt after the last."""
     attempt.error = error
     groups = [group for group in groups if group.nodes]
     first = min(group.index for group in groups)

@@ -1,11 +1,11 @@
 """A CAN bus in memory, exact to the bit: arbitration, frame times, acknowledgement, errors, and faults on demand.
 
-Theory of operation. The bus knows no clock. `submit` puts a frame into a node's controller at a time; whenever the
-bus can be free, the next attempt is worked out to its end (`arbitration.py`), and `next_event_at` says when its effects
-show. `advance` lets them happen. Nodes that get ready within the first bit of an attempt still take part in its
-arbitration: the attempt is worked out again. A failed attempt leaves the frame in the controller, so it is repeated,
-as every CAN controller does. Of the frames in a controller the one with the lowest identifier is tried first, of equal
-ones the oldest (as in bxCAN and M_CAN), so STOP need not wait for what precedes it.
+Theory of operation. The bus knows no clock. `submit` puts a frame into a node's controller at a given time. Whenever
+the bus can be free, the next attempt is calculated to its end (`arbitration.py`), and `next_event_at` says when its
+effects become visible. `advance` makes them happen. Nodes that become ready within the first bit of an attempt still
+take part in its arbitration: the attempt is recalculated. A failed attempt leaves the frame in the controller, so it is
+repeated, as every CAN controller does. Of the frames in a controller, the one with the lowest identifier is tried
+first, and of equal ones the oldest (as in bxCAN and M_CAN), so STOP need not wait for frames handed over before it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from msbot.link.can.sim.model.error_counters import RECOVERY_BITS, RECOVERY_SEQU
 from msbot.link.can.sim.model.events import BusCounters, BusEvent, Delivered, Sent, StateChanged
 
 MAILBOXES: Final = 3
-"""Frames a controller holds, as the common ones do."""
+"""Frames that a controller holds, as common ones do."""
 
 
 class SimBus:
@@ -55,8 +55,8 @@ class SimBus:
             bitrate: nominal bit rate in bit/s.
             data_bitrate: bit rate of the FD data phase; None = no bit-rate switch.
             fd: nodes may send CAN FD frames.
-            random: source of bit errors and of probable deafness; needed for these only.
-            bit_error_rate: probability that a bit is inverted for everybody.
+            random: source of bit errors and of random deafness; needed only for these.
+            bit_error_rate: probability that a bit is inverted for all nodes.
 
         Raises:
             LocalProtocolError: an impossible rate or probability.
@@ -72,7 +72,7 @@ class SimBus:
         self._waiting: dict[int, SimNode] = {}
         self._recovering: list[SimNode] = []
         self._hearing: list[SimNode] | None = None
-        """Nodes that are plugged in and not bus-off; None = to be found again."""
+        """Nodes that are plugged in and not bus-off; None = to be determined again."""
         self._next_id = 0
         self._rates = Rates(1 / bitrate, 1 / (data_bitrate or bitrate))
         self._bit_error_rate = 0.0
@@ -96,14 +96,14 @@ class SimBus:
         return self._next_id
 
     def detach(self, node: int, now: float) -> None:
-        """Remove a controller and what it still had to send."""
+        """Remove a controller and its unsent frames."""
         self.unplug(node, now)
         it = self._nodes.pop(node)
         if it in self._recovering:
             self._recovering.remove(it)
 
     def unplug(self, node: int, now: float) -> None:
-        """Cut a node off, also while it sends: it neither hears nor sends; its frames stay in its controller."""
+        """Cut a node off, even while it sends: it neither hears nor sends; its frames stay in its controller."""
         it = self._nodes[node]
         if not it.plugged:
             return
@@ -176,14 +176,14 @@ class SimBus:
         if len(it.mailboxes) >= MAILBOXES:
             raise LinkFull(f"{it.name} holds {MAILBOXES} frames already")
         rank = arbitration_rank(frame)
-        # While the bus catches up with the clock, its events are earlier than a frame that came from outside of them.
+        # While the bus catches up with the clock, its events are earlier than a frame submitted from outside.
         ready_at = max((mail.ready_at for mail in it.mailboxes if mail.rank == rank), default=now)
         it.mailboxes.append(Mail(max(now, self._time, ready_at), rank, frame))
         if it.plugged:
             self._enlist(node, it, now)
 
     def next_event_at(self) -> float | None:
-        """When `advance` has something to do; None while nothing is under way."""
+        """When `advance` has something to do; None while nothing is in progress."""
         moments = [self._recovery_at(it) for it in self._recovering]
         attempt = self._attempt
         if attempt is None:
@@ -210,7 +210,7 @@ class SimBus:
     # Faults
 
     def set_bit_error_rate(self, probability: float) -> None:
-        """From the next frame on invert each bit, for everybody, with this probability.
+        """From the next frame on, invert each bit with this probability, for all nodes.
 
         Raises:
             LocalProtocolError: not from 0 to below 1, or no `random` was given.
@@ -220,7 +220,7 @@ class SimBus:
         self._bit_error_rate = probability
 
     def flip_bit(self, index: int, now: float) -> None:
-        """Invert one bit (0 = SOF), for everybody, of the next frame to begin; the next call is for the one after."""
+        """Invert one bit (0 = SOF) of the next frame, for all nodes; a second call applies to the frame after it."""
         self._flips.append(index)
         if self._is_open(now):
             self._plan()
@@ -237,7 +237,7 @@ class SimBus:
         self._nodes[node].deafness = probability
 
     def short_circuit(self, now: float) -> None:
-        """CAN-H touches CAN-L: from now on nobody sees a dominant bit."""
+        """CAN-H touches CAN-L: from now on no node sees a dominant bit."""
         attempt = self._attempt
         self._shorted = True
         if attempt is None or self._is_open(now):
@@ -264,7 +264,7 @@ class SimBus:
                 self._plan()
 
     def _plan(self) -> None:
-        """Work out the next attempt from what waits."""
+        """Calculate the next attempt from the waiting frames."""
         self._attempt = None
         self._flipped = bool(self._flips)
         if not self._waiting:

@@ -1,4 +1,4 @@
-"""What errors do on a CAN bus: who notices when, and the counters that take a bad controller off the bus.
+"""The effects of errors on a CAN bus: which node notices when, and the counters that take a bad controller off the bus.
 
 Pure rules of ISO 11898-1:2015 chapter 12 (fault confinement) and 10.4.4 (error frame), used by the bus simulator.
 """
@@ -18,7 +18,7 @@ ERROR_DELIMITER = 8
 SUSPEND = 8
 """Bits an error-passive transmitter waits longer than others."""
 RECOVERY_SEQUENCES = 128
-"""Times 11 recessive bits in a row that a controller waits for after bus-off."""
+"""How many times 11 recessive bits in a row a controller waits for after bus-off."""
 RECOVERY_BITS = 11
 
 PASSIVE_LIMIT = 127
@@ -39,7 +39,7 @@ class ErrorCounters:
 
     @property
     def state(self) -> BusState:
-        """What the counters make of the controller."""
+        """The controller's state, which follows from the counters."""
         if self.off:
             return BusState.OFF
         if self.transmit > PASSIVE_LIMIT or self.receive > PASSIVE_LIMIT:
@@ -65,25 +65,25 @@ class ErrorCounters:
         self.receive += 9 if first else 1
 
     def receive_succeeded(self) -> None:
-        """Rule h: a frame was received; from error-passive it goes to the lower end of 119 to 127."""
+        """Rule h: a frame was received; an error-passive counter goes to the lower end of 119 to 127."""
         self.receive = 119 if self.receive > PASSIVE_LIMIT else max(0, self.receive - 1)
 
 
 def is_tail(bit: WireBit) -> bool:
-    """Whether a bit is in the part of the frame that has a fixed form and no stuff bits."""
+    """Whether a bit is in the part of the frame with a fixed form and no stuff bits."""
     return bit.field in ("CRC DELIMITER", "ACK", "ACK DELIMITER", "EOF", "INTERMISSION")
 
 
 def noticed_at(bits: Sequence[WireBit], broken: int, broken_level: int, level: int) -> int | None:
     """The bit at which a receiver finds the frame wrong when the bus has one level from bit `broken` + 1 on.
 
-    That level is dominant during somebody's error flag, recessive when the transmitter has fallen silent. A receiver
-    finds a stuff error at the sixth equal bit, a form error at a wrong fixed stuff bit or a dominant bit in the tail,
-    and a CRC error after the ACK delimiter.
+    That level is dominant during a node's error flag, recessive if the transmitter has fallen silent. A receiver finds
+    a stuff error at the sixth equal bit, a form error at a wrong fixed stuff bit or a dominant bit in the tail, and a
+    CRC error after the ACK delimiter.
 
     Args:
-        bits: the frame as it was meant.
-        broken: index of the last bit before the level stays; -1 = none was sent.
+        bits: the frame as intended.
+        broken: index of the last bit before the level stays constant; -1 = none was sent.
         broken_level: the level of that bit on the bus.
         level: the level from then on.
 

@@ -1,4 +1,4 @@
-"""What the simulated bus tells its owner."""
+"""The events that the simulated bus reports to its owner."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ class BusCounters:
     """What happened on the bus since it was made."""
 
     frames: int = 0
-    """Frames that went well."""
+    """Frames that were transmitted."""
     bits: int = 0
     """Bits on the bus, intermission and error frames included."""
     busy_s: float = 0.0
-    """Time in seconds that these bits took."""
+    """Seconds that these bits took."""
     errors: int = 0
     """Attempts that failed."""
     overloads: int = 0
     """Overload frames: the intermission was disturbed."""
     by_error: Tally = field(default_factory=Tally)
-    """The same by cause in words."""
+    """Failed attempts by cause, in words."""

@@ -1,9 +1,9 @@
-"""What programs on one simulated bus say to the one that serves it: short messages over a TCP connection.
+"""The protocol between programs on a simulated bus and the one that serves it: short messages over TCP.
 
 Each message is 2 octets of length (little endian), 1 octet of kind, and its fields. One connection is one controller.
-It says `Hello` and is told `Welcome` or `Refused`; then it hands over `BusFrame`s and is told of each `FrameSent` or
-`FrameRejected`, of the frames of others, of its state, and of frames it lost because it did not read. Times are
-those of the computer's monotonic clock, in seconds.
+It sends `Hello` and gets `Welcome` or `Refused`. Then it sends `BusFrame`s, and gets a `FrameSent` or `FrameRejected`
+for each, the frames of others, its state, and the number of frames it lost because it did not read. Times are those of
+the computer's monotonic clock, in seconds.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from msbot.link.can.protocol.frames import Frame, check_frame
 
 VERSION: Final = 1
 MAX_MESSAGE: Final = 512
-"""Octets of a message behind its length."""
+"""Largest message in octets, not counting its length field."""
 MAX_WORDS: Final = 400
-"""Octets of a text in a message."""
+"""Longest text in a message, in octets."""
 
 _MAGIC = b"MsSB"
 _LENGTH = struct.Struct("<H")
@@ -43,11 +43,11 @@ class Hello:
     key: bytes
     """16 octets, from the file of the bus."""
     name: str
-    """What tells the controller from others, for people."""
+    """The controller's name, for people."""
     listen_only: bool = False
-    """It neither sends nor acknowledges."""
+    """Whether it neither sends nor acknowledges."""
     classic: bool = False
-    """The controller does not support CAN FD."""
+    """Whether the controller lacks CAN FD."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,13 +68,13 @@ class Refused:
 
 @dataclass(slots=True)
 class BusFrame:
-    """A frame to be sent, or one that was heard."""
+    """A frame to be sent, or one that was received."""
 
     frame: Frame
     tag: int = 0
-    """Chosen by the sender; comes back with `FrameSent` or `FrameRejected`."""
+    """Chosen by the sender; returned in `FrameSent` or `FrameRejected`."""
     at: float = 0.0
-    """End of a frame that was heard."""
+    """End of a frame that was received."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class FrameSent:
 
 @dataclass(frozen=True, slots=True)
 class FrameRejected:
-    """A frame was not taken by the controller."""
+    """The controller did not accept a frame."""
 
     tag: int
     words: str
@@ -133,17 +133,17 @@ def encode(message: Message) -> bytes:
 
 
 class Splitter:
-    """Finds the messages in the octets of one connection."""
+    """Splits the octets of one connection into messages."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Start empty."""
         self._buffer = bytearray()
 
     def receive(self, data: bytes) -> list[Message]:
         """Take octets as they come; returns the messages they complete.
 
         Raises:
-            RemoteProtocolError: they make no sense; the connection is of no use any more.
+            RemoteProtocolError: they make no sense; the connection cannot be used any more.
         """
         try:
             return self._take(data)
@@ -170,10 +170,10 @@ class Splitter:
 
 
 def decode(octets: bytes) -> Message:
-    """The message behind its length: kind and fields.
+    """Decode a message without its length: kind and fields.
 
     Raises:
-        RemoteProtocolError: it is none.
+        RemoteProtocolError: it is not a message.
     """
     if not octets or not 1 <= octets[0] <= len(_KINDS):
         raise RemoteProtocolError("message of an unknown kind")
