@@ -8,27 +8,28 @@ device.colour(255, 0, 0)        # of the panel "Device" on the page
 
 from msbot import LocalProtocolError, Vector
 
-values = {}  # what the page measures: handed in by it, about 20 times a second while the program runs
-acts = []  # what the page has to do, taken away after each step
+values = {}  # the page's measurements, updated about 20 times a second while the program runs
+acts = []  # what the page has to do; emptied after each step
 
 _MOST = 16
 _LONGEST_S = 10.0
 
 
 def tilt():
-    """How it is held: a `Vector`, x degrees to the right, y towards you, z turned; zeros until it is known."""
+    """How the device is tilted: a `Vector`, x degrees to the right, y towards you, z turned; zeros until it is
+    known."""
     x, y, z = values.get("tilt", (0, 0, 0))
     return Vector(x=float(x), y=float(y), z=float(z))
 
 
 def button(number=1):
-    """Whether that button of the panel is held down now, 1 to 4."""
+    """Whether that button of the panel, 1 to 4, is held down now."""
     _check("button", number, 1, 4)
     return bool(values.get(f"button{number}", False))
 
 
 def slider():
-    """Where the slider of the panel stands, 0 to 100."""
+    """The position of the panel's slider, 0 to 100."""
     return float(values.get("slider", 0))
 
 
@@ -61,6 +62,6 @@ def _check(name, value, least, most):
 
 
 def _do(*act):
-    """The last act of each kind counts: whoever changes the colour a thousand times sees the last one."""
+    """Only the last act of each kind counts: of a thousand colour changes, only the last is shown."""
     acts[:] = [known for known in acts if known[0] != act[0]][-_MOST:]
     acts.append(act)

@@ -1,6 +1,6 @@
-"""Runs inside the MicroPython VM of a page: one program, one part; time and packets as the page hands them in.
+"""Runs inside the MicroPython VM of a page: one program, one part; the page supplies time and packets.
 
-`answer(line)` takes one request as JSON and gives the answer as JSON:
+`answer(line)` takes one request as JSON and returns the answer as JSON:
 
     {"do": "start", "program": TEXT, "name": "x.py", "uid": HEX, "now": MS, "live": BOOL}
     {"do": "step", "now": MS, "in": [HEX...], "room": OCTETS, "link": "up" or a reason, where it has changed}
@@ -8,8 +8,8 @@
     {"do": "device", "values": {...}}
     {"do": "look"}
 
-Answers have `out` (packets), `due` (MS, null = over) and `state`. What program and part say goes to `tell(kind, text,
-line)`, which home.js puts here, at once: a program that never ends a function can print all the same.
+Answers have `out` (packets), `due` (MS, null = over) and `state`. Output of the program and the part goes at once to
+`tell(kind, text, line)`, which home.js puts here, so even a program stuck in a function can print.
 """
 
 import io
@@ -31,7 +31,7 @@ _last = {}  # port -> (when, message, or octets and class)
 
 
 class _Runs(BaseException):
-    """Leaves the program at `part.run()`, which returns nowhere else before the part has ended."""
+    """Leaves the program at `part.run()`, which otherwise returns only when the part has ended."""
 
 
 class Pipe:
@@ -48,7 +48,7 @@ class Pipe:
 
     def write(self, packet):
         if not self.is_up:
-            return True  # nobody is there to hear it; the login is said anew when somebody is
+            return True  # no link yet: drop it; the login is repeated once there is one
         if self.room <= 0:
             return False
         self.room -= len(packet)
@@ -70,7 +70,7 @@ def _print(*values, **options):
 
 
 def _where(error):
-    """The last line of the program itself in a traceback, and what is wrong."""
+    """The innermost line of the program itself in a traceback, and the error."""
     story = io.StringIO()
     sys.print_exception(error, story)
     lines = [line for line in story.getvalue().split("\n") if line]
@@ -118,7 +118,7 @@ def _start(request):
 
 
 def _watch(part):
-    """Have the page know the last message of every port."""
+    """Keep the last message of every port for the page."""
     publish, received = part.publish, part.sample_received
 
     def publish_watched(port, message):
@@ -158,7 +158,7 @@ def _shown(message, message_class):
 
 
 def _look():
-    """What the page shows beside the program."""
+    """The state that the page shows beside the program."""
     if not _parts:
         return {}
     part = _parts[0]

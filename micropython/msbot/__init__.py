@@ -1,4 +1,4 @@
-"""MsBOT on MicroPython: the same names as on a PC, imported when they are used first (docs/howto/micropython.md)."""
+"""MsBOT on MicroPython: the same names as on a PC, imported on first use (docs/howto/micropython.md)."""
 
 import builtins
 
@@ -19,7 +19,7 @@ _print = print
 
 
 def _print_as_on_a_pc(*values, **options):
-    options.pop("flush", None)  # MicroPython's own does not know it, and flushes always
+    options.pop("flush", None)  # MicroPython's own does not know it, and always flushes
     _print(*values, **options)
 
 

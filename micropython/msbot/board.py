@@ -1,7 +1,7 @@
 """What a board is connected to, read once when a program starts.
 
 `msbot.json` lies on the board: `{"link": "can:1?bitrate=500000"}`, or `serial:1?baudrate=115200`, or
-`udp:192.168.1.20:8888` with `"wifi": ["name", "password"]`; besides `"key"` and `"uid"`, as hexadecimal digits.
+`udp:192.168.1.20:8888` with `"wifi": ["name", "password"]`; optionally `"key"` and `"uid"`, as hexadecimal digits.
 """
 
 import hashlib
@@ -37,7 +37,7 @@ def open_for(part):
 
 
 def open_link(address, wifi=None):
-    """The link of an address; raises ConfigError when there is none."""
+    """Open the link for an address; raises ConfigError when there is none."""
     kind, _, rest = address.partition(":")
     place, _, options = rest.partition("?")
     try:
@@ -107,7 +107,7 @@ def _board_uid():
 # Controllers, as `can` wants them. Their hardware keeps three frames, less than a millisecond of a busy bus, so frames
 # are fetched whenever the interpreter can be interrupted, also while the loop sleeps or a function of the part works.
 
-_KEPT = const(128)  # frames; beyond, the newest are left to the hardware, which loses them
+_KEPT = const(128)  # frames; beyond, new ones stay in the hardware, which loses them
 
 _STOP = const(0x008)
 _DOWN = const(0x180)
@@ -168,13 +168,13 @@ class PybCan(_Controller):
 
         super().__init__()
         self._can = CAN(number, CAN.NORMAL, baudrate=bitrate, auto_restart=True)
-        self._fetch_soon = self._fetch  # made here: an interrupt has no memory to make it with
+        self._fetch_soon = self._fetch  # made here: an interrupt handler cannot allocate it
         self._can.rxcallback(0, self._interrupted)
 
     def _interrupted(self, _can, _reason):
         try:
             schedule(self._fetch_soon, None)
-        except RuntimeError:  # so much is to be done soon that this is among it already
+        except RuntimeError:  # the schedule is full, so a call of this is already in it
             pass
 
     def _fetch(self, _=None):

@@ -1,7 +1,8 @@
 """The part's end of a CAN bus: an address by the UID, packets in frames (docs/reference/can.md has every bit).
 
-A controller is anything with four verbs: `recv()` gives `(identifier, extended, octets)` or None, `send(identifier,
-extended, octets)` says whether it took the frame, `pending()` how many have not left yet, `listen(node)` sets filters.
+A controller is anything with four methods: `recv()` returns `(identifier, extended, octets)` or None, `send(identifier,
+extended, octets)` says whether it accepted the frame, `pending()` how many have not left yet, `listen(node)` sets
+filters.
 """
 
 import random
@@ -26,7 +27,7 @@ _LAST = const(0x40)
 _COUNTER = const(0x3F)
 _MTU = const(512)
 _QUEUE = const(16)  # frames that may wait before there is no room for another packet
-_FRAMES = const(32)  # received at a time, so that the part's own business has its turn
+_FRAMES = const(32)  # received at a time, so that the part itself gets its turn
 
 _BEACON_TIMEOUT = const(3500)
 _MESSAGE_TIMEOUT = const(250)
@@ -75,7 +76,7 @@ def split(packet, counter):
 
 
 class Joiner:
-    """Puts frames together again; never gives a message in part or altered."""
+    """Reassembles frames; never returns a partial or altered message."""
 
     def __init__(self, limit):
         self.dropped = 0
@@ -147,7 +148,7 @@ class CanLink:
         self._join(now)
 
     def has_room(self):
-        """Whether another packet is taken now."""
+        """Whether another packet is accepted now."""
         return bool(self.node) and len(self._queue) < _QUEUE
 
     def send(self, packet, now):
@@ -157,7 +158,7 @@ class CanLink:
         self._queue += frames
 
     def poll(self, now):
-        """Take in what the controller has received."""
+        """Receive the frames from the controller."""
         for _ in range(_FRAMES):
             frame = self._bus.recv()
             self._more = frame is not None
@@ -182,7 +183,7 @@ class CanLink:
             self._queue.pop(0)
 
     def due(self):
-        """When `step` wants to be called, or None; a moment in the past while there is something to do."""
+        """When `step` must be called, or None; a time in the past while there is something to do."""
         if self._queue or self._leaving or self._more:
             return 0
         times = [at for at in (self._join_at, self._deadline) if at is not None]

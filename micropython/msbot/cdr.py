@@ -20,7 +20,7 @@ def put_text(out, text):
 
 
 class Reader:
-    """Reads values one after the other; octets that are missing raise RemoteProtocolError."""
+    """Reads values one after the other; missing octets raise RemoteProtocolError."""
 
     def __init__(self, octets):
         self.octets = octets
@@ -48,5 +48,5 @@ class Reader:
             raise RemoteProtocolError("a text without the NUL that ends it")
         try:
             return str(octets[:-1], "utf-8")
-        except ValueError:  # UnicodeError is one
+        except ValueError:  # includes UnicodeError
             raise RemoteProtocolError("a text that is not UTF-8") from None

@@ -1,8 +1,8 @@
-"""Header compression on CAN: a shorter form of a message and back (docs/reference/can.md, "Header compression").
+"""Header compression on CAN: shortens a message and restores it (docs/reference/can.md, "Header compression").
 
-Exact and without memory: `decompress(compress(packet)) == packet` for all octets. All forms are read; of those that a
-part can write, the ones that matter: samples, requests, acknowledgements, logins. What others have squeezed by DEFLATE
-is read; of our own messages only the longest is squeezed, a part's first, which is always the same.
+Exact and without memory: `decompress(compress(packet)) == packet` for all octets. It reads all forms, and writes those
+that matter to a part: samples, requests, acknowledgements, logins. It reads forms compressed by DEFLATE; of its own
+messages it deflates only the longest, a part's first, which is always the same.
 """
 
 import struct
@@ -18,7 +18,7 @@ from .xrce import (
 
 _ESCAPE = const(0x1F)
 _DEFLATED = const(0x5F)
-_LARGEST = const(1024)  # octets that may come out: more than our MTU and its form
+_LARGEST = const(1024)  # octets that may come out: more than our MTU and its form need
 _LOGIN_HEAD = b"\x80\0\0\0\0\1\x10\0XRCE\1\0\1\x0f"
 
 
@@ -49,7 +49,8 @@ DICTIONARY = _OBJECTS + _join(_READS) + _PORTS + _join(_MORE_READS)
 """What every robot says (504 octets); both ends must have the same."""
 
 FIRST = b"\0\0" + _OBJECTS + read_message(0x16, RELIABLE, None) + _READS[1]
-"""A part's first message on a shared bus, behind the code of its form; and squeezed, by that code (session id)."""
+"""A part's first message on a shared bus, after the code of its form; and its deflated form, by that code (session
+id)."""
 del _OBJECTS, _PORTS, _READS, _MORE_READS
 _SQUEEZED = {0x39: b"_\xb3\x84:m4\xeaqD=\x07,\xea\xb1F9\x00", 0x79: b"_\xab\x84:m4\xeaqD=\x07,\xea\xb1F9\x00"}
 
@@ -65,7 +66,7 @@ FIXED = (
     b"\x05\x01\x06\x00\x00\x02\xff\xfe\x00\x00",
     b"\x0c\x01\x00\x00",
 )
-"""Messages outside of streams that are always the same, by number."""
+"""Messages outside streams that are always the same, by number."""
 
 
 def compress(packet):
@@ -112,7 +113,7 @@ def _shorten_outside(packet, code, body):
 
 
 def decompress(data):
-    """The message of which `data` is a form; raises RemoteProtocolError when it is none."""
+    """The message that `data` is a short form of; raises RemoteProtocolError when it is not one."""
     if data[:1] == b"\x5f":
         data = _inflate(data[1:])
     code = data[0] if data else _DEFLATED
@@ -179,7 +180,7 @@ def _expand_outside(form, session, data):
 
 
 def _inflate(data):
-    """What was squeezed: the dictionary goes in front as a block of its own, and is cut off what comes out."""
+    """Undo DEFLATE: the dictionary goes in front as a block of its own, and is cut off the result."""
     size = len(DICTIONARY)
     stored = struct.pack("<BHH", 0, size, size ^ 0xFFFF) + DICTIONARY
     try:

@@ -1,4 +1,4 @@
-"""The errors of this package, and how a person is told what happens."""
+"""The errors of this package, and how messages reach a person."""
 
 _print = print
 _listener = None
@@ -13,13 +13,13 @@ def say(kind, text):
 
 
 def listen(listener):
-    """Have `listener(kind, text)` told instead of the screen; None = the screen again."""
+    """Send messages to `listener(kind, text)` instead of the screen; None = the screen again."""
     global _listener  # noqa: PLW0603 - one per board
     _listener = listener
 
 
 class MsbotError(Exception):
-    """Base of all of them."""
+    """Base of all errors here."""
 
 
 class ConfigError(MsbotError):
@@ -27,7 +27,7 @@ class ConfigError(MsbotError):
 
 
 class LocalProtocolError(MsbotError):
-    """This side asked for something that cannot be now, or that has no form on the wire."""
+    """This side asked for something that is not possible now, or that cannot be represented on the wire."""
 
 
 class RemoteProtocolError(MsbotError):

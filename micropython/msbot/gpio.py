@@ -12,7 +12,7 @@ class PinDirection:
 
 
 class SimGpio:
-    """Eight pins, all inputs at first; each has a latch, and something outside that drives it while it is an input."""
+    """Eight pins, all inputs at first; each has a latch, and while it is an input it is driven from outside."""
 
     def __init__(self):
         self._outputs = [False] * 8

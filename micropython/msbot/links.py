@@ -1,13 +1,13 @@
 """Links without a bus: bytes in serial frames (UART, any byte pipe), packets as they are (any packet pipe), UDP.
 
-A link has `shared`, `mtu`, `name` and the verbs `begin`, `poll`, `has_room`, `send`, `step`, `due`, as `CanLink`.
+A link has `shared`, `mtu`, `name` and the methods `begin`, `poll`, `has_room`, `send`, `step`, `due`, like `CanLink`.
 """
 
 from micropython import const
 
 _MTU = const(512)
 _AGENT = const(0)
-_PACKETS = const(16)  # taken in at a time, so that the part's own business has its turn
+_PACKETS = const(16)  # read at a time, so that the part itself gets its turn
 
 
 def crc16(octets):
@@ -28,7 +28,7 @@ def encode_frame(packet, source):
 
 
 class Link:
-    """What the links of this file share: packets to one agent, never on a shared medium."""
+    """What the links of this file share: packets to one agent, never over a shared medium."""
 
     shared = False
     mtu = _MTU
@@ -38,7 +38,7 @@ class Link:
         self.dropped = 0
 
     def begin(self, part, client, now):
-        """Take the part's session over."""
+        """Start to serve the part's session."""
         self._client = client
 
     def step(self, now):
@@ -49,17 +49,17 @@ class Link:
 
 
 class SerialLink(Link):
-    """Serial frames over a stream with `read()` (octets or None) and `write(octets)` (how many it took)."""
+    """Serial frames over a stream with `read()` (octets or None) and `write(octets)` (returns how many it accepted)."""
 
     def __init__(self, stream, name="serial", address=1):
         super().__init__(name)
         self._stream = stream
         self._address = address
         self._rest = b""
-        self._frame = None  # what came of a frame, not yet unescaped
+        self._frame = None  # the octets of a frame so far, not yet unescaped
 
     def has_room(self):
-        """Whether the stream has taken what was sent."""
+        """Whether the stream has accepted all that was sent."""
         return not self._rest
 
     def send(self, packet, now):
@@ -68,7 +68,7 @@ class SerialLink(Link):
         self.step(now)
 
     def step(self, now):
-        """Hand on what the stream has not taken yet."""
+        """Write what the stream has not accepted yet."""
         if self._rest:
             self._rest = self._rest[self._stream.write(self._rest) or 0 :]
 
@@ -77,7 +77,7 @@ class SerialLink(Link):
         return 0 if self._rest else None
 
     def poll(self, now):
-        """Take in what came."""
+        """Receive what came."""
         octets = self._stream.read()
         if not octets:
             return
@@ -110,7 +110,7 @@ class SerialLink(Link):
 
 
 class PacketLink(Link):
-    """Whole packets: `read()` gives one or None, `write(packet)` says whether it was taken."""
+    """Whole packets: `read()` returns one or None, `write(packet)` says whether it was accepted."""
 
     def __init__(self, pipe, name="pipe"):
         super().__init__(name)
@@ -119,7 +119,7 @@ class PacketLink(Link):
         self._more = False  # packets may wait in the pipe
 
     def has_room(self):
-        """Whether the pipe has taken the last packet."""
+        """Whether the pipe has accepted the last packet."""
         self.step(0)
         return self._waiting is None
 
@@ -129,7 +129,7 @@ class PacketLink(Link):
         self.step(now)
 
     def step(self, now):
-        """Hand on what the pipe has not taken yet."""
+        """Write what the pipe has not accepted yet."""
         if self._waiting is not None and self._pipe.write(self._waiting):
             self._waiting = None
 
@@ -138,7 +138,7 @@ class PacketLink(Link):
         return 0 if self._more or self._waiting is not None else None
 
     def poll(self, now):
-        """Take in what came."""
+        """Receive what came."""
         for _ in range(_PACKETS):
             packet = self._pipe.read()
             self._more = packet is not None
@@ -162,11 +162,11 @@ class UdpPipe:
         """A datagram, or None."""
         try:
             return self._socket.recv(_MTU)
-        except OSError:  # nothing has come, or nobody is there yet
+        except OSError:  # nothing has come, or there is no peer yet
             return None
 
     def write(self, packet):
-        """Send one; what the network does not take now is lost, as any datagram may be."""
+        """Send one; if the network does not accept it now, it is lost, as any datagram may be."""
         try:
             self._socket.send(packet)
         except OSError:

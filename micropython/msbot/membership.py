@@ -1,7 +1,7 @@
-"""How a part joins its robot: two steps, then beats (docs/explain/plug_and_play.md). It decides and speaks.
+"""How a part joins its robot: two steps, then beats (docs/explain/plug_and_play.md).
 
-Nothing is said about the part before the robot's profile agrees (step 1); then it claims its place until somebody
-answers (step 2), fetches its configuration and beats. What the inventory says is told apart by its length.
+The part reveals nothing about itself before the robot's profile matches (step 1). Then it claims its place until it
+gets an answer (step 2), fetches its configuration and beats. Messages of the inventory are recognised by their length.
 """
 
 import random
@@ -15,14 +15,14 @@ from .xrce import BEST_EFFORT, ENDLESS, RELIABLE, Client, endpoint_blob, service
 
 
 class State:
-    """One of a few; `value` is the word a person reads."""
+    """One of a few states; `value` is the word that a person reads."""
 
     def __init__(self, value):
         self.value = value
 
 
 class JoinState:
-    """Where a part stands."""
+    """The states of a part."""
 
     LOOKING = State("looking")
     RECOGNISING = State("recognising")
@@ -52,7 +52,7 @@ _SHORTEST_BEAT = const(20)
 
 
 class ExpectedRobot:
-    """The robot a part is made for; `*` in a field = any."""
+    """The robot that a part is made for; `*` in a field = any."""
 
     def __init__(self, name="*", version="*", serial_number="*", manufacturer="*"):
         self.fields = (name, version, serial_number, manufacturer)
@@ -83,7 +83,7 @@ class Membership:
         self._period = 1000
         self._retry_at = self._beat_at = self._waiting_since = None
         self._heard_at = 0
-        self._seals = None  # until a robot asks for them
+        self._seals = None  # unless a robot asks for them
         claim = bytearray()
         put_text(claim, part.part_number)
         put_text(claim, part.local_name)
@@ -91,7 +91,7 @@ class Membership:
         self._nonce = random.getrandbits(32)
         put(claim, "I", self._nonce)
         self._claim = bytes(claim)
-        client.create(PARTICIPANT)  # without a name: nobody hears who the part is before it knows its robot
+        client.create(PARTICIPANT)  # without a name: nothing reveals the part before it knows its robot
         client.create(SUBSCRIBER, b"\0\0", PARTICIPANT)
         client.create(_PROFILE_TOPIC, topic_blob("msbot_masterTopic", "msbot_master"), PARTICIPANT)
         client.create(_PROFILE_READER, endpoint_blob(_PROFILE_TOPIC, True, b"\0\0"), SUBSCRIBER)
@@ -99,7 +99,7 @@ class Membership:
         client.read(_PROFILE_READER, RELIABLE, None if self._shared else ENDLESS)
         client.read(_REQUESTER)
 
-    # News.
+    # Events.
 
     def connected(self, now):
         """A session is open."""
@@ -107,7 +107,7 @@ class Membership:
             self._change(_S.RECOGNISING, "agent found, waiting for the robot's profile", now)
 
     def lost(self, reason, now):
-        """There is no session; all that was agreed in it is void."""
+        """There is no session any more; forget what was agreed in it."""
         self._read_replies(RELIABLE)
         if self._seals:
             self._seals.session_lost()
@@ -141,7 +141,7 @@ class Membership:
             self._change(_S.CLAIMING, "recognised robot " + seen[0], now)
 
     def reply_received(self, octets, now):
-        """Take what the inventory says."""
+        """Take a message of the inventory."""
         if self._seals:
             octets = self._seals.open_reply(octets)
             if octets is None:
@@ -182,10 +182,10 @@ class Membership:
         if self.state is not _S.ENDED:
             self._change(_S.ENDED, "ended", now)
 
-    # What follows from it.
+    # Actions.
 
     def seal(self, object_id, octets):
-        """A sample for a port's data writer as it goes to this robot."""
+        """A sample for a port's data writer, sealed if this robot seals."""
         return self._seals.seal(object_id, octets) if self._seals else octets
 
     def _challenged(self, nonce, now, sealed=False):
@@ -217,10 +217,10 @@ class Membership:
             moved = self.state is _S.ACTIVE and lease != self._lease
             self._lease = lease
             self._period = max(period, _SHORTEST_BEAT)
-            if self.state in _CLAIMS:  # else the claim was repeated on a slow bus
+            if self.state in _CLAIMS:  # otherwise the claim was repeated on a slow bus
                 self._change(_S.CONFIGURING, "registered, fetching the configuration", now)
             elif moved:
-                self.version = 0  # two slots may be of the same version
+                self.version = 0  # two slots may have the same version
                 self._fetch(now)
         elif not lease:
             from .words import refusal
@@ -247,7 +247,7 @@ class Membership:
         if self.state is _S.CONFIGURING:
             self._change(_S.ACTIVE, "in slot " + slot, now)
         if self.state is _S.ACTIVE:
-            self._read_replies(BEST_EFFORT)  # a late answer to a beat is worth nothing
+            self._read_replies(BEST_EFFORT)  # a late answer to a beat is worthless
 
     def _beat_answered(self, version, now):
         if self.state not in _BEATS:
@@ -262,7 +262,7 @@ class Membership:
             self._fetch(now)
 
     def beat_soon(self, now):
-        """Beat at once: somebody waits for a sign."""
+        """Beat at once: the master waits for a sign."""
         if self.state in _BEATS:
             self._beat(now)
 
@@ -280,7 +280,7 @@ class Membership:
             self._beat(now)
 
     def due(self):
-        """When `step` wants to be called: moments, or None."""
+        """When `step` must be called: times, or None."""
         return self._retry_at, self._beat_at, self._waiting_since and self._waiting_since + self._patience
 
     def _change(self, state, reason, now):
@@ -334,7 +334,8 @@ class Membership:
             self.client.read(_REQUESTER, stream)
 
     def _read_profile(self):
-        """On a shared bus the profile is read once: its repetitions cost others their time, and the beacon tells."""
+        """Read the profile; on a shared bus only once: repetitions would cost the others time, and the beacon announces
+        changes."""
         running = self.client.find(_PROFILE_READER).reading[1]
         wanted = running
         if not self._shared or self.state is _S.WRONG_ROBOT:

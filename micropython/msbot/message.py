@@ -1,6 +1,6 @@
-"""Messages: a class with fields becomes CDR. The standard messages are made of a table when they are used first.
+"""Messages: a class with fields becomes CDR. The standard messages are made from a table on first use.
 
-MicroPython throws annotations away, so a class of your own must come through `msbot.start` (see `annotations`).
+MicroPython throws annotations away, so a class of your own must be loaded through `msbot.start` (see `annotations`).
 """
 
 import struct
@@ -33,7 +33,7 @@ def field(kind, default=None):
 
 
 def zero(kind):
-    """The value of a field that nobody set."""
+    """The value of a field that was not set."""
     if isinstance(kind, str):
         return 0.0 if kind in "fd" else 0
     return kind()
@@ -99,7 +99,7 @@ class Message:  # noqa: PLW1641 - it can change, and has no hash
         return bytes(out)
 
     def _write(self, out):
-        self._check()  # once more: a field can be set to anything
+        self._check()  # again: a field can be set to anything
         for name, kind, _ in fields_of(type(self)):
             value = getattr(self, name)
             if isinstance(kind, str):
@@ -148,7 +148,7 @@ def limits(code):
 
 
 def misfit(kind, value):
-    """What a field of that kind needs, in words; None when the value fits."""
+    """The values that a field of that kind needs, in words; None when the value fits."""
     if kind is str:
         fits = isinstance(value, str) and "\0" not in value
         return None if fits else "str needs a text without NUL characters"

@@ -1,6 +1,6 @@
 """What a student imports: a part that joins its robot by itself, stays in it, and calls the student's functions.
 
-The same verbs as on a PC (docs/reference/part.md). All functions are called in one thread, one after the other.
+The same methods as on a PC (docs/reference/part.md). All functions are called in one thread, one after the other.
 """
 
 import random
@@ -61,7 +61,7 @@ class Part:
         self.settings = {}
         self.stopped = False
         self.counters = Counters()
-        self.clock = None  # ms; whoever runs the part tells how to find out that a function is slow
+        self.clock = None  # ms; set by the runner of the part, to find functions that are slow
         self._board = board
         self._timed = []
         self._listeners = {}
@@ -73,16 +73,16 @@ class Part:
         self._ports = {}
         self._places = []
         self._configurations = 0
-        self.obeys = 0  # the number of the master's STOP for which every port has its safe value; every beat says it
+        self.obeys = 0  # the number of the master's STOP for which every port has its safe value; every beat carries it
         self._is_safe = False
         self._heard = self._over = self._ends_with = 0  # numbers of STOPs
         self._now = 0
         self._client = self._membership = None
 
-    # What a student's program says.
+    # Called by a student's program.
 
     def every(self, period):
-        """Call the function below every so many seconds while the part is active; a text names a setting."""
+        """Call the function below every `period` seconds while the part is active; a text names a setting."""
         if not isinstance(period, str) and not period > 0:
             raise ConfigError("every({}): the period must be more than 0 seconds".format(period))
 
@@ -97,7 +97,7 @@ class Part:
         return remember
 
     def on(self, port, message_class, *, optional=False):
-        """Call the function below with each message that comes in at the port."""
+        """Call the function below with each message that arrives at the port."""
         if not (isinstance(message_class, type) and issubclass(message_class, Message)):
             words = "@part.on({!r}, ...) needs the class of the message, not {!r}: on({!r}, HelloWorld)"
             raise ConfigError(words.format(port, message_class, port))
@@ -123,13 +123,13 @@ class Part:
         return remember
 
     on_join = _verb("join")  # whenever the part has become active
-    on_lost = _verb("lost")  # whenever it is no longer active though it did not end; see `reason`
+    on_lost = _verb("lost")  # whenever it stops being active without ending; see `reason`
     on_end = _verb("end")  # once when it ends
-    on_stop = _verb("stop")  # when somebody says STOP, after every port has its safe value
-    on_go = _verb("go")  # when somebody says GO: messages reach the part's functions again
+    on_stop = _verb("stop")  # on STOP, after every port has its safe value
+    on_go = _verb("go")  # on GO: messages reach the part's functions again
     on_identify = _verb("identify")  # when somebody asks which part this is
-    safe_state = _verb("safe")  # when nobody is in command any more
-    on_partner_lost = _verb("partner")  # with the name of a port for which nobody sends any more
+    safe_state = _verb("safe")  # when nothing controls the part any more
+    on_partner_lost = _verb("partner")  # with the name of a port whose senders have all gone
 
     def publish(self, port, message):
         """Send a message out of a port; False when there was no room for it."""
@@ -157,7 +157,7 @@ class Part:
         return port in self._ports
 
     def setting(self, name, kind=str, default=None):
-        """The value of a setting; without a default, one that is not there is an error."""
+        """The value of a setting; a missing one without a default is an error."""
         _check_kind(name, kind)
         text = self.settings.get(name)
         if text is not None:
@@ -197,10 +197,10 @@ class Part:
             self._membership.closed(self._now)
             self._client.close(self._now)
 
-    # Whoever runs it (`running`, a browser) calls these two.
+    # Called by the runner of the part (`running`, or a browser).
 
     def begin(self, link, now):
-        """Begin to join over a link that nobody else uses."""
+        """Begin to join over a link that nothing else uses."""
         self._now = now
         if self.uid is None:
             self.uid = struct.pack("<II", random.getrandbits(32), random.getrandbits(32))
@@ -210,7 +210,7 @@ class Part:
         self._client.start(now)
 
     def step(self, now):
-        """Take what came, do what is due, send what is booked; returns when it is due again, None = it has ended."""
+        """Receive, do what is due, send; returns when to call it again, None = the part has ended."""
         self._now = now
         link = self._client.link
         link.poll(now)
@@ -227,7 +227,7 @@ class Part:
         times += self._membership.due() + self._client.due() + (link.due(),)
         return max(now + 1, min([time for time in times if time is not None], default=now + 1000))
 
-    # What the membership tells.
+    # Called by the membership.
 
     def sample_received(self, object_id, octets, now):
         """A sample for a port has come."""
@@ -263,14 +263,14 @@ class Part:
             for timed in self._timed:
                 timed.due_at = None
             self._enter_safe_state()
-            self.stopped = False  # whoever takes the part back says STOP again if it still holds
+            self.stopped = False  # the master that takes the part back repeats STOP if it still holds
             self.obeys = self._heard = self._over = self._ends_with = 0
         if state is JoinState.ENDED:
             self._tell("end")
         elif before is JoinState.ACTIVE:
             self._tell("lost")
         if state is JoinState.LOST:
-            self._bind([])  # the next agent hears of topics only from a part that has joined its robot
+            self._bind([])  # the next agent learns of topics only once the part has joined its robot
 
     def configure(self, slot, bindings, settings, now):
         """A configuration has arrived: settings, safe values, ports."""
@@ -304,7 +304,7 @@ class Part:
         self._tell_settings()
 
     def noticed(self, kind, number, place, now):
-        """The inventory says something unasked."""
+        """The inventory has sent an unsolicited message."""
         if kind == _STOP:
             self.stop_said("said by the master", now, number)
         elif kind == _GO:
@@ -326,7 +326,7 @@ class Part:
     def stop_said(self, reason, now, number=None):
         """STOP: go to the safe state and stay there until GO; the rules are `msbot.part.safe_state`'s."""
         if number is None:
-            self._ends_with = self._heard + 1  # said on the bus, which carries no number
+            self._ends_with = self._heard + 1  # sent on the bus, without a number
         elif number <= self._over:
             return
         else:
@@ -336,7 +336,7 @@ class Part:
         if is_news:
             say("info", "STOP: " + reason)
             self._is_safe = False
-        if not self._is_safe:  # what failed is tried again whenever STOP is repeated
+        if not self._is_safe:  # what failed is retried whenever STOP is repeated
             self._is_safe = self._enter_safe_state()
         self.obeys = self._heard if self._is_safe and self._heard >= self._ends_with else 0
         if is_news:
@@ -419,7 +419,7 @@ class Part:
             self._report("safe value of port {!r}".format(port), "cannot be used: {}".format(error))
 
     def _enter_safe_state(self, port=None):
-        """False: a function ended with an error, so that nobody knows whether it is safe."""
+        """Enter it; False: a function ended with an error, so the part may not be safe."""
         errors = self.counters.handler_errors
         for name, message in self._safe.items():
             if port in (None, name):
@@ -453,14 +453,14 @@ class Part:
             self._report(function.__name__, words.format(took / 1000, _SLOW / 1000), "slow")
 
     def _mistaken(self, sentence):
-        if self._configurations > 1:  # it worked with an earlier one: not the program is wrong
+        if self._configurations > 1:  # it worked with an earlier one: the program is not to blame
             self._report(sentence, "since the configuration has changed")
         else:
             self.end()
             say("error", sentence)
 
     def _report(self, where, what, kind=""):
-        """Say something once for each place and kind."""
+        """Report something once for each place and kind."""
         if (where, kind or what) not in self._reported and len(self._reported) < _REPORTS:
             self._reported.add((where, kind or what))
             say("error", "{}: {}".format(where, what))

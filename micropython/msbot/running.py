@@ -1,17 +1,17 @@
-"""From a program to a part that runs: the loop, and programs whose annotations count."""
+"""Runs a part: the main loop, and loading programs so that their annotations work."""
 
 import sys
 import time
 
 from .errors import MsbotError, say
 
-_NAP = 1  # ms between two looks at the link
+_NAP = 1  # ms between two polls of the link
 
 _host = None
 
 
 def use_host(host):
-    """Have `run` hand each part to `host(part)`, which begins and steps it: for browsers, which must not block."""
+    """Make `run` pass each part to `host(part)`, which begins and steps it: for browsers, which must not block."""
     global _host  # noqa: PLW0603 - one per board
     _host = host
 
@@ -61,7 +61,7 @@ class Clock:
         self._now = 0
 
     def now(self):
-        """Since it was made."""
+        """Milliseconds since it was made."""
         ticks = time.ticks_ms()
         self._now += time.ticks_diff(ticks, self._ticks)
         self._ticks = ticks
@@ -69,7 +69,7 @@ class Clock:
 
 
 def _once(name):
-    """A module that is needed only now: its memory is free again afterwards."""
+    """Import a module that is needed only now, so that its memory is free again afterwards."""
     package = __name__.rpartition(".")[0]
     module = __import__(package + "." + name, None, None, ("",))
     sys.modules.pop(package + "." + name)

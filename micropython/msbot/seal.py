@@ -1,4 +1,4 @@
-"""Sealed samples: imported by parts that join a robot with them (docs/explain/security.md)."""
+"""Sealed samples: imported by parts that join a robot with sealing (docs/explain/security.md)."""
 
 import hashlib
 import struct
@@ -11,7 +11,7 @@ class Seals:
 
     def __init__(self):
         self._present = self._proved = None
-        self._insists = False  # once it was in a robot with seals, it joins none without
+        self._insists = False  # a part that was in a robot with seals joins none without
 
     def prove(self, key, nonce, uid, part_number, local_name, session_key, session_nonce):
         """The proof, 24 octets; its secret counts from the first reply that it opens."""
@@ -20,11 +20,11 @@ class Seals:
         return hmac(key, b"MsBOT claim 2\0" + message)[:24]
 
     def session_lost(self):
-        """What was agreed in the session is void."""
+        """Forget what was agreed in the session."""
         self._present = self._proved = None
 
     def open_reply(self, octets):
-        """What the inventory says, without its seal; None: it is refused."""
+        """The inventory's message without its seal; None: it is rejected."""
         size = len(octets)
         if size == 17 or (self._present is None and self._may_be_unsealed(size, octets)):
             return octets
@@ -40,11 +40,11 @@ class Seals:
 
     def _may_be_unsealed(self, size, octets):
         if size == 16 and not self._insists:
-            self._proved = None  # the robot has none, whoever said so before
+            self._proved = None  # the robot has none, whoever claimed otherwise before
         return (size == 12 and octets[:4] == b"\0\0\0\0") or (self._proved is None and not self._insists)
 
     def open(self, channel, octets):
-        """A sample without its seal; None: it is refused."""
+        """A sample without its seal; None: it is rejected."""
         if self._present is None:
             return octets
         opened = self._proved and self._proved.open(channel, octets)
@@ -55,13 +55,13 @@ class Seals:
         return octets if self._present is None else self._present.seal(channel, octets)
 
     def seal_request(self, octets):
-        """A request to the inventory, with its seal if it has one: all but claims and proofs."""
+        """A request to the inventory, sealed unless it is a claim or a proof."""
         return self.seal(1 if len(octets) == 8 else 0, octets) if len(octets) <= 8 else octets
 
 
 class _Seal:
     def __init__(self, secret):
-        # Padded once: two hashes are all that a sample costs.
+        # Padded once, so that a sample costs only two hashes.
         self._up = padded(hmac(secret, b"MsBOT from the part\0"))
         self._down = padded(hmac(secret, b"MsBOT to the part\0"))
         self._sent = {}

@@ -1,4 +1,4 @@
-"""Sentences for people, imported when there is something to say: on a board, memory is short."""
+"""Sentences for people, imported only when needed: memory on a board is scarce."""
 
 import io
 import sys

@@ -1,10 +1,10 @@
 """One DDS-XRCE session with the master's agent, without I/O: it logs in, stays logged in, keeps its objects alive.
 
-Theory of operation. The link hands packets in (`packet`), `step` does what is due and hands packets out while the link
-has room. Samples go on two streams: 0x01 best effort, 0x80 reliable (numbered, kept until acknowledged, sent again when
-reported missing). What was created and read is asked for again in every session. Each session has the other of two
-ids, so no late packet of the old one can be taken for a new one. Times are milliseconds; request ids follow from the
-rest of their message (docs/reference/can.md, "Request ids by rule").
+Theory of operation. The link passes packets to `packet`; `step` does what is due and sends packets while the link has
+room. Samples go on two streams: 0x01 best effort, 0x80 reliable (numbered, kept until acknowledged, sent again when
+reported missing). Objects and reads are requested again in every session. Sessions alternate between two ids, so no
+late packet of the old one can be mistaken for one of the new. Times are milliseconds; request ids follow from the rest
+of their message (docs/reference/can.md, "Request ids by rule").
 """
 
 import struct
@@ -31,8 +31,8 @@ _HEARTBEAT = const(11)
 _FRAGMENT = const(13)
 
 _WINDOW = const(16)
-_WAITING = const(16)  # messages outside of the reliable stream that may wait for the link; then the oldest goes
-_UNANSWERED = const(12)  # CREATEs at once: a genuine agent loses statuses behind 16 unacknowledged messages
+_WAITING = const(16)  # messages outside the reliable stream that may wait for the link; beyond, the oldest is dropped
+_UNANSWERED = const(12)  # CREATEs at a time: a genuine agent loses statuses beyond 16 unacknowledged messages
 _LARGEST = const(8192)  # octets held for early messages and pieces of large ones
 
 # Between logins, until lost, until a HEARTBEAT, until a ping, for its answer, until a stall (docs/reference/part.md).
@@ -102,7 +102,7 @@ class _Object:
 
 
 class Client:
-    """The session; its owner hears `connected`, `lost`, `closed`, `topic_received` and `reply_received`."""
+    """The session; its owner has the methods `connected`, `lost`, `closed`, `topic_received` and `reply_received`."""
 
     def __init__(self, link, key, owner):
         self.link = link
@@ -127,12 +127,12 @@ class Client:
         self._login(now)
 
     def link_up(self, now):
-        """The link carries packets, or carries them again."""
+        """The link carries packets (again)."""
         if self._state in (_CONNECTING, _LOST):
             self._login(now)
 
     def link_down(self, reason, now):
-        """The link carries nothing."""
+        """The link carries nothing any more."""
         if self._state == _CONNECTED:
             self.lose(reason, now)
 
@@ -149,7 +149,7 @@ class Client:
             self._ping_at = now
 
     def close(self, now):
-        """End politely: what waits is sent, the session deleted."""
+        """End politely: send what waits, then delete the session."""
         if self._state == _CONNECTED:
             self._state = _CLOSING
             self._advance()
@@ -174,7 +174,7 @@ class Client:
         self._login_at = now
 
     def _begin(self, now):
-        """All streams begin anew, nothing was asked for."""
+        """Restart all streams; nothing has been requested yet."""
         self._turn += 1
         self._out = []  # messages for the link
         self._waiting = []  # bodies for the reliable stream
@@ -199,31 +199,31 @@ class Client:
     # Objects and data.
 
     def create(self, object_id, blob=b"\0\0", parent=0):
-        """Have an object exist, in this session and in every later one."""
+        """Create an object, in this session and in every later one."""
         self._objects.append(_Object(object_id, blob, parent))
 
     def delete(self, object_id):
-        """Have it exist no longer."""
+        """Delete it, here and in later sessions."""
         thing = self.find(object_id)
         self._objects.remove(thing)
         if thing.asked and self._state == _CONNECTED:
             self._ask(submessage(_DELETE, struct.pack(">HH", self._request(), object_id)))
 
     def find(self, object_id):
-        """The object with that id, or None; its `reading` is the stream and the control of the read that is wanted."""
+        """The object with that id, or None; its `reading` is the stream and the control of the requested read."""
         for thing in self._objects:
             if thing.object_id == object_id:
                 return thing
         return None
 
     def free_id(self, kind):
-        """An object id of that kind which nobody had before: what comes late for an old one shall find nobody."""
+        """An unused object id of that kind, so that late messages for an old object find no object."""
         number = self._numbers[kind] = self._numbers.get(kind, 0) % 0xFFE + 1
         object_id = number << 4 | kind
         return self.free_id(kind) if self.find(object_id) else object_id
 
     def read(self, object_id, stream=RELIABLE, control=ENDLESS):
-        """Let samples come on that stream; takes the place of an earlier read."""
+        """Request samples on that stream; replaces an earlier read."""
         thing = self.find(object_id)
         thing.reading = (stream, control)
         thing.read_asked = False
@@ -268,7 +268,7 @@ class Client:
         self._waiting.append(body)
 
     def _book(self):
-        """Ask for what was created, parents first, and for the reads."""
+        """Request the objects, parents first, and the reads."""
         for thing in self._objects:
             if not thing.asked and len(self._creating) < _UNANSWERED:
                 thing.asked = self._request()
@@ -342,7 +342,7 @@ class Client:
             self._beat_at = now + heartbeat
 
     def due(self):
-        """When `step` wants to be called: moments, or None."""
+        """When `step` must be called: times, or None."""
         stall_at = self._progress_at + self._times[5] if self._creating or self._unacked else None
         return self._login_at, self._lost_at, self._beat_at, self._ping_at, self._close_at, stall_at
 
@@ -378,12 +378,12 @@ class Client:
         self._take_held(now)
 
     def _announce(self, number):
-        """The newest number that is known to exist: what is missing before it is reported."""
+        """Note the newest number known to exist: numbers missing before it are reported."""
         if 0 < (number - self._announced & 0xFFFF) < 0x8000:
             self._announced = number
 
     def _take_held(self, now):
-        """Process what is next in order, and say what was taken and what is missing."""
+        """Process the next messages in order, and acknowledge: what was handled and what is missing."""
         turn = self._turn
         while self._handled + 1 & 0xFFFF in self._held:
             self._handled = self._handled + 1 & 0xFFFF
@@ -417,7 +417,7 @@ class Client:
             object_id = body[2] << 8 | body[3]
             if object_id & 15 == 6:
                 self.owner.topic_received(object_id, body[4:], now)
-            elif size >= 8:  # a reply, behind the ids of its request
+            elif size >= 8:  # a reply, after the ids of its request
                 self.owner.reply_received(body[8:], now)
         elif kind == _STATUS and size >= 6:
             request_id = body[0] << 8 | body[1]
@@ -429,7 +429,7 @@ class Client:
         elif kind == _ACKNACK and size >= 5 and body[4] == RELIABLE:
             self._take_acknack(body[0] | body[1] << 8, body[2] << 8 | body[3], now)
         elif kind == _HEARTBEAT and size >= 5 and body[4] == RELIABLE and stream == 0:
-            # The agent keeps what is not acknowledged: nothing before its first number is missing for ever.
+            # The agent keeps all that is not acknowledged, so nothing before its first number is still missing.
             self._announce(body[2] | body[3] << 8)
             self._take_held(now)
         elif kind == _FRAGMENT and stream == RELIABLE:
@@ -460,7 +460,7 @@ class Client:
             self._ping_at = now + self._times[3]
             self.owner.connected(now)
         elif self._state == _CONNECTED and self._answers < self._tries:
-            # Every login that reaches the agent begins its streams anew, so what comes next is numbered from 0 again.
+            # Every login that reaches the agent restarts its streams, so its next messages are numbered from 0 again.
             self._answers += 1
             self._begin_input()
         elif self._state == _CONNECTED and not status & 0x80 and self._next:
@@ -495,4 +495,4 @@ class Client:
         if is_last:
             whole, self._pieces = self._pieces, b""
             if whole:
-                self._process(whole, 0, RELIABLE | 1 << 8, now)  # a stream that is none: pieces have no pieces
+                self._process(whole, 0, RELIABLE | 1 << 8, now)  # not a real stream: pieces cannot contain pieces
