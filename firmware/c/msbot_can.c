@@ -24,11 +24,11 @@
 #define REPEAT_UNKNOWN 78U /* 5 ms, where the bit rate is unknown */
 #define BEACON_TIMEOUT_US 3500000U
 #define FIRST_PAUSE_US 10000U
-#define LONGEST_PAUSE_US 800000U /* with the jitter 1 s */
+#define LONGEST_PAUSE_US 800000U /* with the jitter: 1 s */
 #define ASKS_SOON_US 12500
 #define STOP_TIMES 3U
 #define STOP_QUIET_US 100000U
-#define PACKET_FRAMES 2U /* in the controller at a time: its third mailbox is for what goes before packets */
+#define PACKET_FRAMES 2U /* in the controller at a time: its third mailbox is for frames that go before packets */
 
 static bool is_due(uint32_t at, uint32_t now) { return (int32_t)(now - at) >= 0; }
 
@@ -90,7 +90,7 @@ void msbot_joiner_reset(msbot_joiner *joiner, uint16_t limit, uint16_t repeat)
     memset(joiner->seen, 0, sizeof joiner->seen);
 }
 
-/* Forgets frames that CAN cannot repeat any more: 63 others were heard since, or their time is over. */
+/* Forgets frames that CAN can no longer repeat: 63 others were heard since, or their time is over. */
 static void forget_frames(msbot_joiner *joiner, uint32_t now_us)
 {
     bool all = now_us - joiner->called_us >= (uint32_t)joiner->repeat << 6;
@@ -104,7 +104,7 @@ static void forget_frames(msbot_joiner *joiner, uint32_t now_us)
     }
 }
 
-/* Whether CAN has repeated this frame; a new one is remembered. Two frames with one hash cost a message, no more. */
+/* Whether CAN has repeated this frame; a new one is remembered. Two frames with the same hash only cost a message. */
 static bool is_repeated(msbot_joiner *joiner, const uint8_t *data, size_t size, uint32_t now_us)
 {
     uint32_t crc = msbot_crc32(data, size);
@@ -135,7 +135,7 @@ static size_t finish(msbot_joiner *joiner)
 {
     joiner->open = false;
     if (joiner->several && joiner->size > 0) {
-        /* The message with its check byte behind it always leaves the same remainder. */
+        /* A message followed by its check byte always leaves the same remainder. */
         if (joiner->check != check_step(0, 0xFF)) {
             count(joiner, MSBOT_DROP_WRONG_CHECK_BYTE);
             return 0;
@@ -149,7 +149,7 @@ static size_t finish(msbot_joiner *joiner)
     return joiner->size;
 }
 
-/* What the frame means for the message in progress; false: it belongs to none. */
+/* Applies the frame to the message in progress; false: it belongs to none. */
 static bool fits(msbot_joiner *joiner, uint8_t header, uint32_t now_us)
 {
     uint8_t q = header & COUNTER;
@@ -306,7 +306,7 @@ static void expect_beacon(msbot_can *link, uint32_t now_us)
     link->deadline_us = now_us + BEACON_TIMEOUT_US;
 }
 
-/* Whether a JOIN still waits for the bus, or the next one is hardly further away than the answer to the last. */
+/* Whether a JOIN still waits for the bus, or the next one is due about as soon as the answer to the last. */
 static bool asks_soon(const msbot_can *link, uint32_t now_us)
 {
     return link->awaiting_departure || (link->has_due && (int32_t)(link->due_us - now_us) <= ASKS_SOON_US);
@@ -315,7 +315,7 @@ static bool asks_soon(const msbot_can *link, uint32_t now_us)
 static void hear_foreign_beacon(msbot_can *link, uint16_t epoch, uint32_t now_us)
 {
     if (link->state == MSBOT_CAN_JOINED && epoch != link->epoch) {
-        return; /* our own master is here as well; it deals with the other */
+        return; /* our own master is on the bus, too; it deals with the other */
     }
     bool known = link->state == MSBOT_CAN_FOREIGN;
     be_silent(link);
@@ -385,7 +385,7 @@ static void hear_assign(msbot_can *link, uint32_t id, const uint8_t *uid, uint32
     link->has_profile = link->refused = false;
     link->events |= MSBOT_EVENT_UP;
     expect_beacon(link, now_us);
-    /* A counter cannot come round sooner than 64 full frames, which are longer than 100 bits (but for FD). */
+    /* The counter cannot wrap within 64 full frames, each longer than 100 bits (except with FD). */
     bool fd = (link->use & MSBOT_CAP_FD) != 0;
     uint32_t repeat = fd || link->config.bitrate == 0 ? REPEAT_UNKNOWN : 100000000U / link->config.bitrate;
     msbot_joiner_reset(&link->in, MSBOT_CAN_MTU + (link->use & MSBOT_CAP_COMPRESSION ? 1 : 0),
@@ -397,7 +397,7 @@ static void hear_assign(msbot_can *link, uint32_t id, const uint8_t *uid, uint32
 static void hear_stop(msbot_can *link, const msbot_frame *frame, uint32_t now_us)
 {
     uint8_t reason = frame->size > 0 ? frame->data[0] : 0;
-    /* Frames of one reason that follow each other this quickly are one STOP. */
+    /* Frames with one reason that follow each other within this time are one STOP. */
     if (!link->has_stop || link->stop_heard != reason || now_us - link->stop_us > STOP_QUIET_US) {
         link->stop_reason = reason;
         link->events |= MSBOT_EVENT_STOP;

@@ -1,7 +1,7 @@
 /* The CAN link of a part: joining, segments and STOP (docs/reference/can.md), without I/O.
  *
  * Frames and times go in, frames, packets and deadlines come out; nothing here waits, allocates or knows a controller.
- * `msbot_port.h` runs it on one. Times are microseconds of any clock that counts modulo 2^32.
+ * `msbot_controller.h` runs it on one. Times are microseconds of any clock that counts modulo 2^32.
  *
  * SPDX-License-Identifier: Apache-2.0
  */
@@ -38,11 +38,11 @@ enum {
     MSBOT_DROP_WRONG_LENGTH, MSBOT_DROP_EMPTY_MESSAGE, MSBOT_DROP_REPEATED, MSBOT_DROP_NOT_COMPRESSED, MSBOT_DROPS
 };
 
-/* Frames of the master put together to messages. A short form may be one octet longer than its packet, and a check
- * byte follows. */
+/* Joins the master's frames into messages. A short form may be one octet longer than its packet, and a check byte
+ * follows. */
 typedef struct {
     uint8_t body[MSBOT_CAN_MTU + 2];
-    uint16_t size;  /* octets of the message in progress, also those beyond the body */
+    uint16_t size;  /* octets of the message in progress, including those beyond the body */
     uint16_t limit; /* longest message */
     uint32_t at_us; /* when its last frame came */
     int16_t expected;
@@ -65,7 +65,7 @@ typedef struct {
 
 typedef enum { MSBOT_CAN_OFF, MSBOT_CAN_JOINING, MSBOT_CAN_JOINED, MSBOT_CAN_FOREIGN } msbot_can_state;
 
-/* News, as `msbot_can_events` gives them. */
+/* Events, as `msbot_can_events` returns them. */
 enum { MSBOT_EVENT_DOWN = 1, MSBOT_EVENT_UP = 2, MSBOT_EVENT_STOP = 4 };
 
 /* Why there is no address. */
@@ -73,15 +73,15 @@ typedef enum {
     MSBOT_LOST_NOTHING,
     MSBOT_LOST_BUS,          /* the controller has left the bus */
     MSBOT_LOST_BEACON,       /* no beacon of the master for 3.5 s */
-    MSBOT_LOST_EPOCH,        /* the master has started anew */
+    MSBOT_LOST_EPOCH,        /* the master has restarted */
     MSBOT_LOST_PROFILE,      /* the robot's profile has changed */
     MSBOT_LOST_TO_ANOTHER,   /* the master has given the address to another part */
     MSBOT_LOST_FULL,         /* the master has no free address */
     MSBOT_LOST_OTHER_ROBOT   /* this bus belongs to another robot */
 } msbot_lost;
 
-/* A pair of exact inverses that shortens packets; `compress` makes at most size + 1 octets, `decompress` gives -1 for
- * octets that no packet gives. */
+/* Shortens packets and restores them exactly; `compress` makes at most size + 1 octets, `decompress` returns -1 for
+ * octets that are not a short form. */
 typedef struct {
     size_t (*compress)(uint8_t *form, const uint8_t *packet, size_t size);
     int (*decompress)(uint8_t *packet, size_t room, const uint8_t *form, size_t size);
@@ -91,11 +91,11 @@ typedef struct {
     uint8_t uid[8];       /* identifies this piece of hardware; not all zero */
     const msbot_codec *codec; /* shortens packets: &msbot_compact, or NULL */
     bool fd;              /* the controller takes CAN FD frames (needs MSBOT_CAN_DATA 64) */
-    bool fast;            /* .. and switches to the data bit rate in them */
+    bool fast;            /* ... and switches to the data bit rate in them */
     bool has_robot;       /* made for one robot only: */
     uint32_t robot;       /* CRC-32 of its name, version and serial number */
     uint32_t bitrate;     /* bit/s of a classic bus; 0 = unknown */
-    uint32_t seed;        /* anything that differs between parts and starts */
+    uint32_t seed;        /* any value that differs between parts and between starts */
 } msbot_can_config;
 
 typedef struct {
@@ -115,22 +115,22 @@ typedef struct {
 
 /* The link. */
 void msbot_can_init(msbot_can *link, const msbot_can_config *config);
-void msbot_can_start(msbot_can *link); /* power-up, or the controller is back on the bus */
+void msbot_can_start(msbot_can *link); /* at power-up, or when the controller is back on the bus */
 void msbot_can_stop(msbot_can *link);  /* the controller has left the bus */
 void msbot_can_receive(msbot_can *link, const msbot_frame *frame, uint32_t now_us);
 void msbot_can_tick(msbot_can *link, uint32_t now_us);     /* do what is due */
-bool msbot_can_timer(const msbot_can *link, uint32_t *at); /* when `tick` wants to be called */
-/* The next frame for the controller, which holds `pending` already; false: none for now. */
+bool msbot_can_timer(const msbot_can *link, uint32_t *at); /* when `tick` must be called */
+/* The next frame for the controller, which already holds `pending` frames; false: none for now. */
 bool msbot_can_next(msbot_can *link, unsigned pending, msbot_frame *frame);
 void msbot_can_drained(msbot_can *link, uint32_t now_us); /* all frames have left the controller */
-uint8_t msbot_can_events(msbot_can *link);                /* MSBOT_EVENT_...; gives each once */
-void msbot_can_say_stop(msbot_can *link, uint8_t reason); /* STOP for everybody on the bus */
-/* Hands a packet over; false: no address, the one before is still on its way, or it is empty or longer than the MTU. */
+uint8_t msbot_can_events(msbot_can *link);                /* MSBOT_EVENT_...; returns each once */
+void msbot_can_say_stop(msbot_can *link, uint8_t reason); /* STOP for every node on the bus */
+/* Hands a packet over; false: no address, the previous one is still on its way, or it is empty or longer than the MTU. */
 bool msbot_can_send(msbot_can *link, const uint8_t *packet, size_t size);
 /* The packet that came, or 0. `room` is MSBOT_CAN_MTU + 1 or more. To be called before the next frame is received. */
 size_t msbot_can_read(msbot_can *link, uint8_t *packet, size_t room);
 
-/* Its pieces, which the tests drive by themselves. */
+/* Its components, which the tests drive separately. */
 void msbot_joiner_reset(msbot_joiner *joiner, uint16_t limit, uint16_t repeat);
 size_t msbot_joiner_take(msbot_joiner *joiner, const uint8_t *data, size_t size, uint32_t now_us);
 void msbot_splitter_begin(msbot_splitter *splitter); /* finishes `body` of `size` octets */

@@ -35,7 +35,7 @@ enum {
 
 enum { WRITE_DATA = 7, DATA = 9, STATUS = 5, ACKNACK = 10, HEARTBEAT = 11, FRAGMENT = 13 };
 
-/* Messages that are always the same, behind their header. */
+/* Messages that are always the same, without their header. */
 static const char FIXED[] =
     "\4\1\13\0\0\0XRCE\1\0\1\17\0\2\1\10\0\0\12\377\375\2\0\0\0\6\1\34\0\0\12\377\375\0\0\1\15XRCE\1\0\1\17\0\1"
     "\15\0\1\0\0\0\0\0\0\0\6\1\34\0\0\12\377\375\0\1\1\15XRCE\1\0\1\17\0\1\15\0\1\0\0\0\0\0\0\0\2\1\10\0\0\0\377"
@@ -44,7 +44,7 @@ static const uint8_t FIXED_SIZES[] = {15, 12, 32, 32, 12, 12, 8, 10, 4};
 
 static const uint8_t LOGIN[] = {0x80, 0, 0, 0, 0, 1, 16, 0, 'X', 'R', 'C', 'E', 1, 0, 1, 15};
 
-/* A short form: a few octets of its own, then some of the packet. */
+/* A short form: a few octets of its own (head), then some of the packet (tail). */
 typedef struct {
     uint8_t head[8];
     uint8_t heads;
@@ -134,7 +134,7 @@ static void shorten_outside(short_form *form, const uint8_t *packet, size_t size
     }
 }
 
-/* Those forms that fit what a part sends; a sender may choose any. */
+/* The forms that suit what a part sends; a sender may choose any. */
 static void shorten(short_form *form, const uint8_t *packet, size_t size)
 {
     form->heads = 0;
@@ -170,7 +170,7 @@ size_t msbot_compress(uint8_t *form, const uint8_t *packet, size_t size)
     shorten(&made, packet, size);
     size_t shorter = made.heads + made.tails;
     uint8_t kind = made.heads ? made.head[0] & 0x1FU : 0;
-    /* Only what sets a session up is squeezed: samples shall not wait for the search. */
+    /* Only messages that set up a session are deflated: samples must not wait for the search. */
     if (shorter > 7 && (kind == FORM_ON_STREAM || kind == FORM_NO_STREAM)) {
         msbot_text text = {made.head, made.heads, made.tail, made.tails};
         size_t squeezed = msbot_deflate(form + 1, shorter - 1, &text);
@@ -323,7 +323,7 @@ int msbot_decompress(uint8_t *packet, size_t room, const uint8_t *form, size_t s
         if (short_size <= 0 || packet[0] == DEFLATED) {
             return -1;
         }
-        /* To the end of the room, so that what stands for it can grow from the beginning. */
+        /* Moved to the end of the buffer, so that the restored message can grow from the start. */
         size = (size_t)short_size;
         form = packet + room - size;
         memmove(packet + room - size, packet, size);

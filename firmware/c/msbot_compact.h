@@ -1,4 +1,4 @@
-/* Header compression on the CAN link (docs/reference/can.md): a short form of a message and back, exactly.
+/* Header compression on the CAN link (docs/reference/can.md): shortens a message and restores it exactly.
  *
  * SPDX-License-Identifier: Apache-2.0
  */
@@ -10,9 +10,9 @@
 /* Hand it to `msbot_can_config.codec`. */
 extern const msbot_codec msbot_compact;
 
-/* A form of the message, or of any octets; never more than size + 1 octets. */
+/* Makes the short form of a message, or of any octets; never more than size + 1 octets. */
 size_t msbot_compress(uint8_t *form, const uint8_t *packet, size_t size);
-/* The message of which that is a form; -1 = it is none, or there is no room for it. `form` may not lie in `packet`. */
+/* Restores the message from its short form; -1 = it is not one, or there is no room. `form` must not lie in `packet`. */
 int msbot_decompress(uint8_t *packet, size_t room, const uint8_t *form, size_t size);
 
 #endif

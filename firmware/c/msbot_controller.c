@@ -5,7 +5,7 @@
 #include "msbot_controller.h"
 
 #define LONGEST_REST_US 1000000U
-#define FRAMES_A_TURN 32 /* then it is the application's turn */
+#define FRAMES_A_TURN 32 /* after these it is the application's turn */
 
 uint32_t msbot_turn(msbot_part *part, const msbot_controller *controller)
 {

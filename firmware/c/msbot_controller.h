@@ -1,4 +1,4 @@
-/* Runs a part on a CAN controller: the seam between what has no I/O and the hardware.
+/* Runs a part on a CAN controller: the interface between the code without I/O and the hardware.
  *
  * SPDX-License-Identifier: Apache-2.0
  */
@@ -13,8 +13,8 @@ typedef struct {
     bool (*on_bus)(void *context);                             /* takes part in the bus: open, and not bus-off */
     bool (*receive)(void *context, msbot_frame *frame);        /* the next frame that came; false: none */
     unsigned (*pending)(void *context);                        /* frames handed over that have not left yet */
-    bool (*has_room)(void *context);                           /* takes another frame */
-    void (*send)(void *context, const msbot_frame *frame);     /* in the order of the identifiers, then of the calls */
+    bool (*has_room)(void *context);                           /* whether it accepts another frame */
+    void (*send)(void *context, const msbot_frame *frame);     /* by identifier, then in the order of the calls */
     uint32_t (*micros)(void *context);                         /* microseconds, modulo 2^32 */
 } msbot_controller;
 

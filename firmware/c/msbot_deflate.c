@@ -77,8 +77,8 @@ static unsigned high_bit(size_t value)
     return bit;
 }
 
-/* Lengths and distances are numbers in groups that double: a symbol for the group and its `bits` highest bits below the
- * first one, and extra bits for the rest. */
+/* Lengths and distances are numbers in groups that double in size: a symbol for the group and the `bits` bits after the
+ * leading one, and extra bits for the rest. */
 static unsigned extra_bits(size_t number, unsigned bits)
 {
     unsigned highest = high_bit(number);
@@ -102,7 +102,7 @@ static void put_match(bit_writer *writer, size_t length, size_t distance)
     put_extra(writer, number, extra);
 }
 
-/* The octets that a match may repeat: the dictionary, and behind it the text itself. */
+/* The octets that a match may repeat: the dictionary, followed by the text itself. */
 static uint8_t octet_at(const msbot_text *text, size_t i)
 {
     if (i < DICTIONARY_SIZE) {
@@ -203,7 +203,7 @@ static size_t take_number(bit_reader *reader, unsigned symbol, unsigned bits)
     return ((size_t)(symbol - (extra << bits)) << extra) + take_bits(reader, extra);
 }
 
-/* Copies a match to `text`, of which `at` octets are there; 0 = it makes no sense. */
+/* Copies a match to `text`, which has `at` octets so far; 0 = the match makes no sense. */
 static size_t inflate_match(bit_reader *reader, unsigned symbol, uint8_t *text, size_t room, size_t at)
 {
     size_t length = symbol == 285 ? 258 : take_number(reader, symbol - 257, 2) + 3;

@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* What is to be squeezed: two pieces, one behind the other. */
+/* The text to compress: two pieces, one after the other. */
 typedef struct {
     const uint8_t *head;
     size_t heads;
@@ -16,9 +16,9 @@ typedef struct {
     size_t tails;
 } msbot_text;
 
-/* Squeezes a text to fewer than `most` octets; 0 = that cannot be done. The time grows with the square of its length. */
+/* Compresses a text to fewer than `most` octets; 0 = not possible. The time grows with the square of its length. */
 size_t msbot_deflate(uint8_t *octets, size_t most, const msbot_text *text);
-/* The text of all these octets; -1 = they are none, or there is no room for it. */
+/* Restores the text from all these octets; -1 = they are not one, or there is no room for it. */
 int msbot_inflate(uint8_t *text, size_t room, const uint8_t *octets, size_t size);
 
 #endif

@@ -1,7 +1,7 @@
 /* Plug-and-play: see msbot_part.h; the rules and the messages are those of docs/explain/plug_and_play.md.
  *
- * News come in as frames and times; `book` then says to the agent whatever there is room for, in the order in which the
- * agent must hear it. So nothing here waits, and nothing is forgotten when there is no room: it is due until it is said.
+ * Frames and times come in; `book` then sends the agent whatever there is room for, in the order in which the agent
+ * needs it. So nothing here waits, and nothing is forgotten when there is no room: it stays due until it is sent.
  *
  * SPDX-License-Identifier: Apache-2.0
  */
@@ -47,7 +47,7 @@ static uint16_t topic_id(unsigned port) { return (uint16_t)(0x0022 + 16 * port);
 
 static uint16_t endpoint_id(const msbot_part *part, unsigned port)
 {
-    /* Data reader 1 is that of the profile. */
+    /* Data reader 1 reads the profile. */
     return (uint16_t)(part->config.ports[port].publishes ? 0x0015 + 16 * port : 0x0026 + 16 * port);
 }
 
@@ -129,14 +129,14 @@ static void claim(msbot_part *part, uint32_t now_us)
 static void fetch(msbot_part *part, uint32_t now_us)
 {
     part->fetch_due = true;
-    part->reply_wanted = MSBOT_RELIABLE; /* only that can be cut to pieces */
+    part->reply_wanted = MSBOT_RELIABLE; /* only that stream can carry pieces */
     retry_at(part, now_us);
 }
 
 static void leave(msbot_part *part)
 {
     part->config.safe(part->config.context, MSBOT_ALL_PORTS);
-    /* Whoever takes the part back says STOP again if it still holds. */
+    /* The master that takes the part back repeats STOP if it still holds. */
     part->stopped = false;
     part->stop_heard = part->stop_over = part->stop_ends_with = part->stop_obeyed = 0;
 }
@@ -236,7 +236,7 @@ static void verdict_given(msbot_part *part, const uint8_t *verdict, uint32_t now
         if (claims(part)) {
             enter(part, MSBOT_CONFIGURING, now_us);
         } else if (moved) {
-            part->version = 0; /* two slots may be of the same version */
+            part->version = 0; /* two slots may have the same version */
             fetch(part, now_us);
         }
     }
@@ -444,17 +444,17 @@ static void beat_missed(msbot_part *part, uint32_t now_us)
     beat(part, now_us);
 }
 
-/* STOP number `number` of the master; 0: somebody said it on the bus. */
+/* STOP with the master's number; 0: it came on the bus, without a number. */
 static void stop(msbot_part *part, uint32_t number, uint32_t now_us)
 {
     uint32_t before = part->stop_obeyed;
     if (number == 0) {
         part->stop_ends_with = part->stop_heard + 1;
     } else if (number <= part->stop_over) {
-        return; /* that one is long over */
+        return; /* that STOP is long over */
     } else {
         part->stop_heard = number > part->stop_heard ? number : part->stop_heard;
-        /* Whatever was said on the bus before: the master says STOP after it, so its GO ends that as well. */
+        /* The master repeats on its own any STOP from the bus, so its GO ends that one, too. */
         part->stop_ends_with = part->stop_heard;
     }
     if (!part->stopped) {
@@ -497,7 +497,7 @@ static void notice(msbot_part *part, const uint8_t *payload, uint32_t now_us)
 
 static void reply_received(msbot_part *part, const uint8_t *payload, size_t size, uint32_t now_us)
 {
-    switch (size) { /* what it is follows from its length */
+    switch (size) { /* the kind of message follows from its length */
     case 4:
         beat_answered(part, u32(payload), now_us);
         break;
@@ -529,7 +529,7 @@ static void data_received(void *context, uint16_t object_id, const uint8_t *payl
         return;
     }
     if (object_id == INVENTORY && size >= 4) {
-        reply_received(part, payload + 4, size - 4, now_us); /* in front: which request it answers */
+        reply_received(part, payload + 4, size - 4, now_us); /* preceded by the ids of the request it answers */
         return;
     }
     for (unsigned port = 0; port < part->config.port_count; port++) {
@@ -543,7 +543,7 @@ static void data_received(void *context, uint16_t object_id, const uint8_t *payl
     part->dropped++;
 }
 
-/* Saying what is due; all give false when there is no room. */
+/* Sending what is due; all return false when there is no room. */
 
 static bool book_objects(msbot_part *part)
 {
@@ -553,7 +553,7 @@ static bool book_objects(msbot_part *part)
     bool booked = true;
     while (booked && part->set_up < OBJECTS) {
         switch (part->set_up) {
-        case 0: /* without a name: nobody hears who the part is before it has recognised its robot */
+        case 0: /* without a name: nothing reveals the part before it has recognised its robot */
             booked = msbot_xrce_create_participant(client, PARTICIPANT);
             break;
         case 1:
@@ -660,7 +660,7 @@ static bool send_claim(msbot_part *part)
     uint8_t payload[MSBOT_XRCE_MTU] = {0};
     size_t names = strlen(part->config.part_number) + strlen(part->config.local_name);
     if (names > MSBOT_XRCE_MTU - 48) {
-        return true; /* cannot be said in one message; the names are the programmer's to shorten */
+        return true; /* does not fit into one message; the programmer must shorten the names */
     }
     size_t at = put_string(payload, 0, part->config.part_number);
     at = put_string(payload, at, part->config.local_name);
@@ -835,5 +835,5 @@ void msbot_part_say_stop(msbot_part *part, uint8_t reason)
 {
     msbot_can_say_stop(&part->link, reason);
     part->link.stop_reason = reason;
-    part->link.events |= MSBOT_EVENT_STOP; /* it holds for the part itself, too */
+    part->link.events |= MSBOT_EVENT_STOP; /* STOP applies to the part itself, too */
 }

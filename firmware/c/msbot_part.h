@@ -1,7 +1,7 @@
 /* A part of a robot: both steps of plug-and-play, beats, configuration, keys, STOP and safe values, without I/O.
  *
- * Describe the part in a `msbot_part_config`, then let `msbot_port.h` run it on a controller. It joins by itself, and again
- * whenever that is needed; the functions of the configuration are called as things happen (docs/howto/stm32.md).
+ * Describe the part in a `msbot_part_config`, then let `msbot_controller.h` run it on a controller. It joins by itself,
+ * and again whenever necessary; the functions of the configuration are called as events happen (docs/howto/stm32.md).
  *
  * SPDX-License-Identifier: Apache-2.0
  */
@@ -15,7 +15,7 @@
 #define MSBOT_PART_PORTS 7 /* ports of the part, at most */
 #endif
 #ifndef MSBOT_PART_SETTINGS
-#define MSBOT_PART_SETTINGS 16 /* settings of which the part remembers what it was told; more are told again */
+#define MSBOT_PART_SETTINGS 16 /* settings whose values the part remembers; any beyond are reported again */
 #endif
 #ifndef MSBOT_PART_CONFIGURATION
 #define MSBOT_PART_CONFIGURATION MSBOT_XRCE_LARGEST /* octets of the largest configuration */
@@ -28,7 +28,7 @@ typedef enum {
     MSBOT_CONFIGURING, /* has a lease, waits for its configuration */
     MSBOT_ACTIVE,
     MSBOT_LOST,
-    MSBOT_REFUSED,     /* the robot has said why not; asks on */
+    MSBOT_REFUSED,     /* the robot has refused it, with a reason; it keeps asking */
     MSBOT_WRONG_ROBOT
 } msbot_part_state;
 
@@ -44,18 +44,18 @@ typedef struct {
     msbot_can_config can;
     const char *part_number;
     const char *local_name;
-    const char *robot[4]; /* name, version, serial number, manufacturer it is made for; NULL = any */
+    const char *robot[4]; /* name, version, serial number, manufacturer of the robot it is made for; NULL = any */
     const uint8_t *key;   /* 16 to 64 octets, or NULL */
     size_t key_size;
     uint32_t random; /* not 0; drawn anew at every start: two devices with one UID must differ */
     const msbot_port_type *ports;
     unsigned port_count;
-    void *context; /* handed to the functions */
+    void *context; /* passed to the functions */
     /* A message has come in at a port. */
     void (*received)(void *context, unsigned port, const uint8_t *message, size_t size);
     /* A setting has a value, or another one. `PORT.safe.FIELD` is a field of a port's safe value. */
     void (*setting)(void *context, const char *name, const char *value);
-    /* Nobody is in command of a port any more, or of all: go to the safe value now. Called at power-up, too. */
+    /* A port, or every port, is no longer controlled: go to the safe value now. Called at power-up, too. */
     void (*safe)(void *context, int port);
     void (*changed)(void *context, msbot_part_state state); /* may be NULL */
     void (*identify)(void *context);                        /* somebody asks which part this is; may be NULL */
@@ -84,10 +84,10 @@ typedef struct {
     uint8_t configuration[MSBOT_PART_CONFIGURATION];
     uint16_t configuration_size;
     uint32_t told[MSBOT_PART_SETTINGS];
-    bool stopped; /* STOP was said and GO was not: nothing that comes in reaches `received` */
+    bool stopped; /* STOP came and GO did not: no incoming message reaches `received` */
     uint32_t stop_heard, stop_over, stop_ends_with, stop_obeyed;
     uint32_t beats, missed_beats;
-    uint16_t dropped; /* what came and could not be used */
+    uint16_t dropped; /* messages that could not be used */
 } msbot_part;
 
 void msbot_part_init(msbot_part *part, const msbot_part_config *config);
@@ -96,14 +96,14 @@ void msbot_part_stop(msbot_part *part, uint32_t now_us); /* the controller has l
 void msbot_part_receive(msbot_part *part, const msbot_frame *frame, uint32_t now_us);
 void msbot_part_tick(msbot_part *part, uint32_t now_us);
 bool msbot_part_timer(const msbot_part *part, uint32_t *at);
-/* The next frame for the controller, which holds `pending` already; false: none for now. */
+/* The next frame for the controller, which already holds `pending` frames; false: none for now. */
 bool msbot_part_next(msbot_part *part, unsigned pending, msbot_frame *frame, uint32_t now_us);
 void msbot_part_drained(msbot_part *part, uint32_t now_us); /* all frames have left the controller */
 
 bool msbot_part_is_bound(const msbot_part *part, unsigned port); /* the robot uses the port now */
 /* Sends a message out of a port; false when the part is not active, the port not bound, or there is no room. */
 bool msbot_part_publish(msbot_part *part, unsigned port, const uint8_t *message, size_t size);
-void msbot_part_say_stop(msbot_part *part, uint8_t reason); /* everybody on the bus, and the part itself */
+void msbot_part_say_stop(msbot_part *part, uint8_t reason); /* to every node on the bus, and the part itself */
 
 /* The answer to a challenge; the tests call it. */
 void msbot_part_prove(const msbot_part_config *config, const uint8_t nonce[16], uint32_t session_key, uint8_t proof[16]);

@@ -1,7 +1,7 @@
 /* A DDS-XRCE client: see msbot_xrce.h.
  *
- * Messages of the agent's reliable stream are taken in order only: an early one is asked for again. On CAN that costs
- * little, because frames of one sender come in order and hardly any is lost, and it saves the memory of a window.
+ * Messages of the agent's reliable stream are only accepted in order: an early one is requested again. On CAN that
+ * costs little, because frames of one sender come in order and hardly any is lost, and it saves the memory of a window.
  *
  * SPDX-License-Identifier: Apache-2.0
  */
@@ -9,7 +9,7 @@
 
 #include <string.h>
 
-/* Patience of one among many on a slow bus: what is lost there is rare, and questions of many would fill it. */
+/* Waiting times for one part among many on a slow bus: losses are rare there, and the questions of many would fill it. */
 #define LOGIN_PERIOD_US 1000000U
 #define HEARTBEAT_US 1000000U
 #define QUIET_US 5000000U
@@ -42,7 +42,7 @@ static void put_ids(uint8_t *octets, uint16_t value)
     octets[1] = (uint8_t)value;
 }
 
-/* The way from one sequence number to another. */
+/* The distance from one sequence number to another. */
 static int16_t way(uint16_t from, uint16_t to) { return (int16_t)(uint16_t)(to - from); }
 
 void msbot_xrce_init(msbot_xrce *client, uint32_t key)
@@ -72,7 +72,7 @@ static void restart(msbot_xrce *client, uint32_t now_us)
 
 void msbot_xrce_connect(msbot_xrce *client, uint32_t now_us)
 {
-    client->session = client->session == 0x81 ? 0x82 : 0x81; /* late packets of the old one are not taken for new */
+    client->session = client->session == 0x81 ? 0x82 : 0x81; /* late packets of the old one do not count as new */
     client->state = MSBOT_XRCE_CONNECTING;
     client->logins = client->answers = 0;
     client->login_due = true;
@@ -117,7 +117,7 @@ static void take_login_answer(msbot_xrce *client, uint8_t status, uint32_t now_u
             client->events = MSBOT_XRCE_OPENED;
         }
     } else if (client->answers < client->logins) {
-        /* Each of our repetitions made the agent begin its streams anew. */
+        /* Each repeated login made the agent restart its streams. */
         client->answers++;
         restart_input(client);
     } else if (client->sent_in_session && status < 0x80) {
@@ -144,7 +144,7 @@ static void take_acknack(msbot_xrce *client, uint16_t first, uint16_t bitmap, ui
 
 static void take_heartbeat(msbot_xrce *client, uint16_t first, uint16_t last)
 {
-    if (way(client->handled, first) > 1) { /* what is missing before `first` will not come any more */
+    if (way(client->handled, first) > 1) { /* messages missing before `first` will never come */
         client->handled = (uint16_t)(first - 1);
         client->pieces_size = 0;
         client->pieces_spoilt = true;
@@ -190,7 +190,7 @@ static void take_submessage(msbot_xrce *client, uint8_t kind, uint8_t stream, co
     }
 }
 
-/* Takes a FRAGMENT; returns the size of the whole that it ends, which is in `pieces`, or 0. */
+/* Takes a FRAGMENT; if it is the last, returns the size of the whole, which is in `pieces`; else 0. */
 static size_t take_piece(msbot_xrce *client, bool last, const uint8_t *piece, size_t size)
 {
     if (client->pieces_size + size > sizeof client->pieces) {
@@ -217,8 +217,7 @@ typedef struct {
     size_t size, at;
 } submessages;
 
-/* Takes submessages one after the other, and those that come out of fragments in their place; what cannot be read ends
- * the message. */
+/* Takes submessages one after the other, and those from fragments in their place; an unreadable one ends the message. */
 static void take_all(msbot_xrce *client, uint8_t stream, const uint8_t *octets, size_t size, uint32_t now_us)
 {
     uint8_t session = client->session;
@@ -266,7 +265,7 @@ void msbot_xrce_receive(msbot_xrce *client, const uint8_t *packet, size_t size, 
             client->announced = number;
         }
         if (way(client->handled, number) != 1) {
-            return; /* early or once more */
+            return; /* early, or a repetition */
         }
         client->handled = number;
     } else if (stream == MSBOT_BEST_EFFORT) {
@@ -472,7 +471,7 @@ static bool book(msbot_xrce *client, uint8_t kind, uint8_t flags, const uint8_t 
     return true;
 }
 
-/* What is to be created, as it travels. */
+/* The objects to be created, in their form on the wire. */
 typedef struct {
     uint8_t octets[MSBOT_XRCE_MTU];
     size_t size;
@@ -491,7 +490,7 @@ static void put(writer *to, const void *octets, size_t size)
 
 static void put_octet(writer *to, uint8_t octet) { put(to, &octet, 1); }
 
-/* All that is created begins with 12 octets, a multiple of 4, so positions are those of the blob. */
+/* Every CREATE begins with 12 octets, a multiple of 4, so positions can count from the blob. */
 static void put_string(writer *to, const char *text)
 {
     size_t length = strlen(text) + 1;
@@ -561,7 +560,8 @@ bool msbot_xrce_create_topic(msbot_xrce *client, uint16_t object_id, uint16_t pa
 bool msbot_xrce_create_endpoint(msbot_xrce *client, uint16_t object_id, uint16_t group_id, uint16_t topic_id,
                                 bool reliable)
 {
-    /* Topic; quality of service: (reliable,) keep last; no depth and nothing else, one thing less of a writer. */
+    /* Topic; quality of service: (reliable,) keep last; no depth, and no further policies, of which a writer has one
+     * less. */
     const uint8_t octets[12] = {(uint8_t)(topic_id >> 8), (uint8_t)topic_id, 1, 0, reliable ? 3 : 2, 0};
     writer blob;
     begin_blob(&blob);
@@ -622,7 +622,7 @@ bool msbot_xrce_write(msbot_xrce *client, uint16_t object_id, uint8_t stream, co
     if (reliable) {
         return book(client, WRITE_DATA, LITTLE_ENDIAN_FLAG, contents, size + 4, true);
     }
-    if (client->queue_size == MSBOT_XRCE_QUEUE) { /* the oldest gives way */
+    if (client->queue_size == MSBOT_XRCE_QUEUE) { /* the oldest is dropped */
         client->queue_first = (uint8_t)((client->queue_first + 1) % MSBOT_XRCE_QUEUE);
         client->queue_size--;
         client->not_sent++;

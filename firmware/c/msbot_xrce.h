@@ -1,7 +1,7 @@
 /* A DDS-XRCE client for one agent, without I/O: one session, a reliable and a best-effort stream each way, fragments in.
  *
- * Packets and times go in, packets and deadlines come out. It speaks what a part needs (docs/reference/xrce.md has the
- * whole of it): log in, create objects in binary form, write, read, acknowledge, ask whether the agent is there.
+ * Packets and times go in, packets and deadlines come out. It implements what a part needs (docs/reference/xrce.md has
+ * the full protocol): log in, create objects in binary form, write, read, acknowledge, ask whether the agent is there.
  *
  * SPDX-License-Identifier: Apache-2.0
  */
@@ -33,7 +33,7 @@
 
 typedef enum { MSBOT_XRCE_CLOSED, MSBOT_XRCE_CONNECTING, MSBOT_XRCE_CONNECTED } msbot_xrce_state;
 
-/* News, as `msbot_xrce_events` gives them. */
+/* Events, as `msbot_xrce_events` returns them. */
 enum { MSBOT_XRCE_OPENED = 1, MSBOT_XRCE_LOST = 2 };
 
 typedef struct msbot_xrce {
@@ -53,8 +53,8 @@ typedef struct msbot_xrce {
         bool send;
     } kept[MSBOT_XRCE_WINDOW];
     uint16_t first, next;
-    bool open;              /* further submessages may join the newest message */
-    uint32_t asked_us;      /* when something was last sent, or asked about, on the reliable stream */
+    bool open;              /* whether further submessages may join the newest message */
+    uint32_t asked_us;      /* when the reliable stream last sent something, or asked for acknowledgement */
     uint32_t progress_us;   /* when the agent last acknowledged something */
     /* Best-effort stream to the agent. */
     struct {
@@ -76,7 +76,7 @@ typedef struct msbot_xrce {
 
 void msbot_xrce_init(msbot_xrce *client, uint32_t key); /* a key that no other client of the agent has, not 0 */
 void msbot_xrce_connect(msbot_xrce *client, uint32_t now_us); /* a new session; what was booked is forgotten */
-void msbot_xrce_close(msbot_xrce *client);                    /* there is no way to the agent */
+void msbot_xrce_close(msbot_xrce *client);                    /* the agent can no longer be reached */
 void msbot_xrce_receive(msbot_xrce *client, const uint8_t *packet, size_t size, uint32_t now_us);
 void msbot_xrce_tick(msbot_xrce *client, uint32_t now_us);
 bool msbot_xrce_timer(const msbot_xrce *client, uint32_t *at);
@@ -85,7 +85,7 @@ size_t msbot_xrce_next(msbot_xrce *client, uint8_t *packet, uint32_t now_us);
 uint8_t msbot_xrce_events(msbot_xrce *client);
 void msbot_xrce_check(msbot_xrce *client); /* is the agent there? if not, the session is lost soon */
 
-/* Booking; all give false when the reliable stream has no room: try again later. */
+/* Booking; all return false when the reliable stream has no room: try again later. */
 bool msbot_xrce_create_participant(msbot_xrce *client, uint16_t object_id);
 bool msbot_xrce_create_group(msbot_xrce *client, uint16_t object_id, uint16_t participant_id); /* publisher, subscriber */
 bool msbot_xrce_create_topic(msbot_xrce *client, uint16_t object_id, uint16_t participant_id, const char *name,
@@ -95,7 +95,7 @@ bool msbot_xrce_create_endpoint(msbot_xrce *client, uint16_t object_id, uint16_t
 bool msbot_xrce_create_requester(msbot_xrce *client, uint16_t object_id, uint16_t participant_id,
                                  const char *const names[5]); /* service, its two types, its two topics */
 bool msbot_xrce_delete(msbot_xrce *client, uint16_t object_id);
-/* How many samples a read gives. */
+/* How many samples a read asks for. */
 typedef enum { MSBOT_READ_ONE, MSBOT_READ_ALL, MSBOT_READ_NO_MORE } msbot_read_what;
 bool msbot_xrce_read(msbot_xrce *client, uint16_t object_id, uint8_t stream, msbot_read_what what);
 bool msbot_xrce_write(msbot_xrce *client, uint16_t object_id, uint8_t stream, const uint8_t *payload, size_t size);

@@ -25,7 +25,7 @@ CORES = ("cortex-m0", "cortex-m3", "cortex-m4")
 COMPILER = ("arm-none-eabi-gcc", "-mthumb", "-Os", "-std=c99", "-ffunction-sections", "-fdata-sections")
 
 FLASH_LIMIT = 6 * 1024
-"""Octets that link and joining may take of the flash, header compression included."""
+"""Octets of flash that link and joining may take, including header compression."""
 RAM_LIMIT = 1024
 """Octets of RAM that they may take."""
 
@@ -45,9 +45,9 @@ MODULES: dict[str, tuple[tuple[str, ...], str]] = {
         "msbot_part",
     ),
 }
-"""What is measured: the modules, and the structure that holds all their state."""
+"""What to measure: the modules, and the structure that holds all their state."""
 LIMITED = {"link and joining": CORES, "link and joining, with header compression": ("cortex-m3", "cortex-m4")}
-"""What must keep the limits, and on which cores. (A Cortex-M0 needs more code for the same.)"""
+"""What must keep within the limits, and on which cores. (A Cortex-M0 needs more code for the same.)"""
 
 
 def run(*command: str | Path) -> str:

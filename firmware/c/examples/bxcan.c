@@ -9,11 +9,11 @@ enum { MCR = 0x00, MSR = 0x04, TSR = 0x08, RF0R = 0x0C, IER = 0x14, ESR = 0x18, 
 enum { ID = 0, LENGTH = 4, LOW = 8, HIGH = 12, MAILBOX = 16 };
 
 #define MAILBOXES 3U
-#define INIT 1U              /* MCR: initialisation; MSR: .. acknowledged */
-#define BUS_OFF_BY_ITSELF 64U /* MCR ABOM: back after bus-off without software */
+#define INIT 1U              /* MCR: request initialisation; MSR: acknowledged */
+#define BUS_OFF_BY_ITSELF 64U /* MCR ABOM: automatic return after bus-off */
 #define IS_BUS_OFF 4U        /* ESR */
 #define EMPTY (1U << 26)     /* TSR TME0 and the two after it */
-#define COMPLETED 0x00010101U /* TSR RQCP0 to 2: written 1 to clear */
+#define COMPLETED 0x00010101U /* TSR RQCP0 to 2: write 1 to clear */
 #define RELEASE 32U          /* RF0R RFOM0 */
 #define WAITING 3U           /* RF0R FMP0: frames in the FIFO */
 #define REQUEST 1U           /* TIR TXRQ */
@@ -22,7 +22,7 @@ enum { ID = 0, LENGTH = 4, LOW = 8, HIGH = 12, MAILBOX = 16 };
 
 void bxcan_open(uint32_t timing)
 {
-    bxcan_set(MCR, INIT); /* this leaves the sleep after reset, too */
+    bxcan_set(MCR, INIT); /* this also ends the sleep mode after reset */
     while (!(bxcan_get(MSR) & INIT)) {
     }
     bxcan_set(BTR, timing);
@@ -77,7 +77,7 @@ static unsigned mailboxes_in_use(void)
 unsigned bxcan_pending(void *context)
 {
     (void)context;
-    return mailboxes_in_use() ? 2 : 0; /* so that the link adds no frame of a packet to what waits */
+    return mailboxes_in_use() ? 2 : 0; /* so that the link adds no further frame of a packet */
 }
 
 bool bxcan_has_room(void *context)

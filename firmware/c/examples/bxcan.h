@@ -1,8 +1,8 @@
 /* The bxCAN controller of an STM32 (F0, F1, F2, F3, F4, F7, L4), after ST's reference manual RM0090, chapter 32.
  *
- * Frames wait in its three mailboxes, and the lowest identifier goes first. Of equal identifiers the lower mailbox goes
- * first, whichever was filled earlier; so at most one frame of a packet is in a mailbox at a time, and the other two are
- * for STOP and JOIN.
+ * Frames wait in its three mailboxes, and the lowest identifier goes first. With equal identifiers the lower mailbox
+ * goes first, whichever was filled earlier; so at most one frame of a packet is in a mailbox at a time, and the other
+ * two are for STOP and JOIN.
  *
  * SPDX-License-Identifier: Apache-2.0
  */
@@ -27,7 +27,7 @@ static inline void bxcan_set(uint32_t offset, uint32_t value) { *(volatile uint3
 #define BXCAN_TIMING(prescaler, segment1, segment2) \
     ((uint32_t)((segment2) - 1U) << 20 | (uint32_t)((segment1) - 1U) << 16 | ((prescaler) - 1U))
 
-/* Takes part in the bus; its clock and pins are on already. Interrupts: a frame has come, a mailbox is empty. */
+/* Joins the bus; its clock and pins must be enabled already. Interrupts: a frame has come, a mailbox is empty. */
 void bxcan_open(uint32_t timing);
 
 bool bxcan_on_bus(void *context);
@@ -35,6 +35,6 @@ bool bxcan_receive(void *context, msbot_frame *frame);
 unsigned bxcan_pending(void *context);
 bool bxcan_has_room(void *context);
 void bxcan_send(void *context, const msbot_frame *frame);
-void bxcan_interrupt(void); /* of a mailbox that is empty: says so */
+void bxcan_interrupt(void); /* acknowledges the interrupt of an empty mailbox */
 
 #endif

@@ -1,6 +1,6 @@
 /* What every program of the examples needs below its `main`: the first instructions after reset, and a clock.
  *
- * To be included by one file, which defines CLOCKS_PER_US before, and VECTORS behind.
+ * Include it in one file, which defines CLOCKS_PER_US before it, and VECTORS after it.
  *
  * SPDX-License-Identifier: Apache-2.0
  */
@@ -27,7 +27,7 @@ static void systick_handler(void) { ticks++; }
 
 static void fault_handler(void)
 {
-    for (;;) { /* a watchdog would start the board anew; its pins are at their reset values then */
+    for (;;) { /* a watchdog would restart the board, with its pins at their reset values */
     }
 }
 

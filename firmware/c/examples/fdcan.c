@@ -35,7 +35,7 @@ void fdcan_open(uint32_t timing, uint32_t data_timing)
         REGISTER(DBTP) = data_timing;
         REGISTER(CCCR) |= FD_ENABLED;
     }
-    REGISTER(RXGFC) = 0; /* no filters: everything into FIFO 0 */
+    REGISTER(RXGFC) = 0; /* no filters: everything goes into FIFO 0 */
     REGISTER(TXBC) = QUEUE;
     REGISTER(TXBTIE) = 7;
     REGISTER(IE) = 1U | 1U << 7; /* a frame has come, a frame has left */
@@ -71,7 +71,7 @@ bool fdcan_receive(void *context, msbot_frame *frame)
     bool fits = size <= MSBOT_CAN_DATA && !(id & IS_REMOTE);
     frame->id = (id & IS_EXTENDED) ? id & 0x1FFFFFFFU : id >> 18 & 0x7FFU;
     frame->flags = (uint8_t)(((id & IS_EXTENDED) ? MSBOT_EXTENDED : 0) | ((about & IS_FD) ? MSBOT_FD : 0) |
-                             (fits ? 0 : MSBOT_REMOTE)); /* what cannot be used is passed over like a remote frame */
+                             (fits ? 0 : MSBOT_REMOTE)); /* if it is unusable: ignored like a remote frame */
     frame->size = (uint8_t)(fits ? size : 0);
     for (size_t i = 0; i < frame->size; i++) {
         frame->data[i] = (uint8_t)(MEMORY(at + 8 + (i & ~(size_t)3)) >> 8 * (i % 4));
@@ -83,7 +83,7 @@ bool fdcan_receive(void *context, msbot_frame *frame)
 unsigned fdcan_pending(void *context)
 {
     (void)context;
-    return (REGISTER(TXBRP) & 7U) ? 2 : 0; /* so that the link adds no frame of a packet to what waits */
+    return (REGISTER(TXBRP) & 7U) ? 2 : 0; /* so that the link adds no further frame of a packet */
 }
 
 bool fdcan_has_room(void *context)

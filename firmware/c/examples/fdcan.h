@@ -12,7 +12,7 @@
 
 #ifndef FDCAN_BASE
 #define FDCAN_BASE 0x40006400U   /* FDCAN1 */
-#define FDCAN_MEMORY 0x4000A400U /* its part of the message RAM */
+#define FDCAN_MEMORY 0x4000A400U /* its section of the message RAM */
 #endif
 
 /* Timing for NBTP: `prescaler` clocks are a quantum, 1 + segment1 + segment2 quanta a bit. */
@@ -24,7 +24,7 @@
     ((uint32_t)((prescaler) - 1U) << 16 | (uint32_t)((segment1) - 1U) << 8 | (uint32_t)((segment2) - 1U) << 4 | \
      ((jump) - 1U))
 
-/* Takes part in the bus; its clock and pins are on already. `data_timing` 0: classic CAN only. */
+/* Joins the bus; its clock and pins must be enabled already. `data_timing` 0: classic CAN only. */
 void fdcan_open(uint32_t timing, uint32_t data_timing);
 
 bool fdcan_on_bus(void *context);
@@ -32,6 +32,6 @@ bool fdcan_receive(void *context, msbot_frame *frame);
 unsigned fdcan_pending(void *context);
 bool fdcan_has_room(void *context);
 void fdcan_send(void *context, const msbot_frame *frame);
-void fdcan_interrupt(void); /* acknowledges whatever there is */
+void fdcan_interrupt(void); /* acknowledges all pending interrupts */
 
 #endif

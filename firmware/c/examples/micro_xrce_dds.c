@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-/* One turn: what came goes to the link until it has a whole packet, which stays in it until `read` takes it. */
+/* One turn: frames go to the link until it has a whole packet, which stays there until `read` takes it. */
 static void turn(msbot_uxr *can)
 {
     const msbot_controller *controller = can->controller;
@@ -38,7 +38,7 @@ static bool has_packet(const msbot_uxr *can) { return can->link.packet > 0; }
 
 static bool has_sent(const msbot_uxr *can) { return !can->link.out.waiting; }
 
-/* Takes turns until that holds, or the time is over. */
+/* Takes turns until the condition holds, or the time is over. */
 static bool take_turns(msbot_uxr *can, bool (*holds)(const msbot_uxr *can), uint32_t most_us)
 {
     const msbot_controller *controller = can->controller;

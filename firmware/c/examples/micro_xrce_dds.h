@@ -20,9 +20,9 @@
 typedef struct {
     const msbot_controller *controller;
     msbot_can_config config;
-    void (*wait)(uint32_t us); /* may sleep until a frame comes; NULL = the calls below are busy meanwhile */
+    void (*wait)(uint32_t us); /* may sleep until a frame comes; NULL = the calls below wait actively */
     msbot_can link;
-    bool stopped; /* somebody has said STOP: the program goes to its safe state and clears this on its GO */
+    bool stopped; /* STOP has come: the program must go to its safe state, and clear this on its own GO */
 } msbot_uxr;
 
 /* How long `open` waits for the master's answer, and `write` for the bus. */

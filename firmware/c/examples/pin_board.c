@@ -25,7 +25,7 @@ static void drive(bool on)
     board_drive_pin(on != invert);
 }
 
-/* Seconds as people write them, 0.25 or 5, in microseconds; digits beyond the sixth do not count. */
+/* Converts seconds as people write them, 0.25 or 5, to microseconds; digits beyond the sixth are ignored. */
 static uint32_t read_seconds(const char *text)
 {
     uint32_t value = 0;
@@ -108,7 +108,7 @@ uint32_t pin_board_turn(const msbot_controller *controller)
             return 0;
         }
     }
-    return rest_us < 1000 ? rest_us : 1000; /* the pin is looked at each millisecond */
+    return rest_us < 1000 ? rest_us : 1000; /* the pin is read each millisecond */
 }
 
 const msbot_part *pin_board_part(void) { return &part; }

@@ -1,6 +1,6 @@
-/* The program of the example: a part that drives one pin and says how another one stands (parts/pin-board.toml).
+/* The program of the example: a part that drives one pin and reports the level of another (parts/pin-board.toml).
  *
- * The same file runs on every controller of the examples; what a board must bring stands at the end.
+ * The same file runs on every controller of the examples; what a board must provide is declared at the end.
  *
  * SPDX-License-Identifier: Apache-2.0
  */
@@ -15,7 +15,7 @@ void pin_board_init(const uint8_t uid[8], uint32_t random, uint32_t bitrate);
 uint32_t pin_board_turn(const msbot_controller *controller);
 const msbot_part *pin_board_part(void);
 
-/* What the board brings. */
+/* Provided by the board. */
 void board_drive_pin(bool high);
 bool board_read_pin(void);
 

@@ -15,7 +15,7 @@ static int digit(char c)
     return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
 }
 
-/* A number of so many hexadecimal digits; -1 = it is none. */
+/* Reads a number of that many hexadecimal digits; -1 = it is not one. */
 static int64_t number(const char *text, size_t digits)
 {
     int64_t value = 0;
@@ -55,7 +55,7 @@ static bool read_frame(const char *line, msbot_frame *frame)
     return true;
 }
 
-/* Takes a command of the computer; true: it was a frame. */
+/* Takes a command from the computer; true: it was a frame. */
 static bool take_line(slcan *adapter, msbot_frame *frame)
 {
     const char *line = adapter->line;
@@ -80,7 +80,7 @@ static bool take_line(slcan *adapter, msbot_frame *frame)
     case 'V':
         adapter->write("V1013\r", 6);
         return false;
-    default: /* bit rate and the like: there is no wire here */
+    default: /* bit rate and the like: there is no real bus here */
         adapter->write("\r", 1);
         return false;
     }
@@ -111,7 +111,7 @@ bool slcan_receive(void *context, msbot_frame *frame)
 
 bool slcan_on_bus(void *context) { return ((const slcan *)context)->is_open; }
 
-/* What is written is on its way at once. */
+/* Written frames are on their way at once. */
 unsigned slcan_pending(void *context)
 {
     (void)context;

@@ -1,8 +1,8 @@
-/* A CAN controller at the other end of a serial line: the board is adapter and node in one.
+/* A CAN controller over a serial line: the board is adapter and node in one.
  *
- * The computer speaks the slcan protocol (LAWICEL CANUSB) to it, as to a CANable: `slcand`, or `can:slcan:/dev/ttyACM0`.
- * What the node sends, the computer hears as frames of the bus, and the other way round. For boards without a CAN
- * transceiver, and for emulators.
+ * The computer speaks the slcan protocol (LAWICEL CANUSB) to it, as to a CANable: `slcand`, or
+ * `can:slcan:/dev/ttyACM0`. The computer receives the node's frames as frames of the bus, and vice versa. For boards
+ * without a CAN transceiver, and for emulators.
  *
  * SPDX-License-Identifier: Apache-2.0
  */

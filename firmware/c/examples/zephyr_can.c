@@ -72,7 +72,7 @@ void zephyr_can_send(void *context, const msbot_frame *frame)
     memcpy(sent.data, frame->data, frame->size);
     (void)atomic_inc(&can->pending);
     if (can_send(can->device, &sent, K_NO_WAIT, frame_sent, can) != 0) {
-        (void)atomic_dec(&can->pending); /* lost: the streams above mend it */
+        (void)atomic_dec(&can->pending); /* lost: the streams above repair that */
     }
 }
 

@@ -1,4 +1,4 @@
-/* A fuzz target (libFuzzer): a part hears whatever the octets say, and each packet is shortened and comes back.
+/* A fuzz target (libFuzzer): a part receives whatever the octets make, and each packet is shortened and restored.
  *
  *     clang -g -O1 -fsanitize=fuzzer,address,undefined -I .. fuzz.c ../msbot_*.c -o fuzz && ./fuzz
  *

@@ -1,7 +1,7 @@
 /* The firmware on a pipe: the tests call its functions from Python, one length-prefixed request after the other.
  *
  * A request is 2 octets of length, then a letter and its arguments, little endian; each has one answer, 2 octets of
- * length and the result. The request "." sends what was answered so far. Built with the sanitizers.
+ * length and the result. The request "." flushes the answers so far. Built with the sanitizers.
  *
  * SPDX-License-Identifier: Apache-2.0
  */
@@ -45,7 +45,7 @@ static void put_octets(const uint8_t *octets, size_t size)
     answered += size;
 }
 
-/* A copy that the address sanitizer guards to the octet. */
+/* A copy with exact bounds for the address sanitizer. */
 static uint8_t *copy(const uint8_t *octets, size_t size)
 {
     uint8_t *copied = malloc(size ? size : 1);
@@ -190,7 +190,7 @@ static void answer_link(uint8_t letter)
     }
 }
 
-/* A part. What happens to it is written down and given with the next "I". */
+/* A part. Its events are recorded and returned with the next "I". */
 
 static msbot_part part;
 static uint8_t story[60000];

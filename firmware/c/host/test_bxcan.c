@@ -46,7 +46,7 @@ uint32_t bxcan_get(uint32_t offset)
 void bxcan_set(uint32_t offset, uint32_t value)
 {
     if (offset == BTR) {
-        CHECK(registers[MCR / 4] & 1U); /* can be written in initialisation only */
+        CHECK(registers[MCR / 4] & 1U); /* can be written only during initialisation */
     }
     if (offset == RF0R) {
         CHECK(value == 32U && fifo_size > 0);
@@ -103,7 +103,7 @@ static void sends_the_lowest_identifier_first(void)
     const msbot_frame stop = frame_of(0x008, 0, "\1");
     CHECK(bxcan_pending(NULL) == 0);
     bxcan_send(NULL, &packet);
-    CHECK(bxcan_pending(NULL) == 2); /* no second one of a packet: equal identifiers may change places */
+    CHECK(bxcan_pending(NULL) == 2); /* no second frame of a packet: equal identifiers may change places */
     bxcan_send(NULL, &join);
     CHECK(bxcan_has_room(NULL));
     bxcan_send(NULL, &stop);

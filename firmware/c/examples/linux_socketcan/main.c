@@ -46,7 +46,7 @@ static bool receive(void *context, msbot_frame *frame)
     return true;
 }
 
-/* The kernel keeps the order of what it is given. */
+/* The kernel keeps the order of the frames. */
 static unsigned pending(void *context)
 {
     (void)context;
@@ -69,7 +69,7 @@ static void send_frame(void *context, const msbot_frame *frame)
     sent.can_dlc = frame->size;
     memcpy(sent.data, frame->data, frame->size);
     if (write(channel, &sent, sizeof sent) < 0) {
-        perror("board: a frame was lost"); /* the streams above mend it */
+        perror("board: a frame was lost"); /* the streams above repair that */
     }
 }
 

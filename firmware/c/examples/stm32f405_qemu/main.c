@@ -1,7 +1,7 @@
 /* The example on an STM32F405 as QEMU emulates it (`-M netduinoplus2`): bare metal, one file.
  *
- * QEMU has neither the bxCAN nor the pins of this chip. So the bus is a serial line (USART1, slcan), and the two pins are
- * another one (USART2): each level that is driven is written there as 0 or 1, each 0 or 1 that comes is the level of the
+ * QEMU has neither the bxCAN nor the pins of this chip. So the bus is a serial line (USART1, slcan), and the two pins
+ * are another one (USART2): each driven level is written there as 0 or 1, and each 0 or 1 received is the level of the
  * pin that is read. All else is the firmware as it runs on a real board.
  *
  * SPDX-License-Identifier: Apache-2.0
@@ -21,7 +21,7 @@
 #define SENDS 0x80U
 #define NVIC_ENABLE1 REGISTER(0xE000E104U)
 
-/* What has come on USART1 waits here: the computer may be quicker than a turn of the program. */
+/* Octets from USART1 wait here: the computer may be faster than a turn of the program. */
 static volatile uint8_t ring[1024];
 static volatile uint16_t ring_in, ring_out;
 
@@ -88,14 +88,14 @@ int main(void)
     CONTROL(USART2) = 1U << 13 | 1U << 3 | 1U << 2;
     start_clock();
     NVIC_ENABLE1 = 1U << (37 - 32);
-    /* The time until the computer says something first is the chance of this start (the emulator has no RNG). */
+    /* The time until the first octet from the computer is the random value of this start (the emulator has no RNG). */
     msbot_frame none;
     while (!slcan_receive(&adapter, &none) && !adapter.is_open) {
         __asm volatile("wfi");
     }
     pin_board_init(uid, micros(NULL) * 2654435761U | 1U, 0);
     for (;;) {
-        /* Whatever comes ends the rest at once; SysTick ends it in time for all that is due (each 4 ms). */
+        /* Any interrupt ends the sleep; SysTick (every 4 ms) ends it in time for all that is due. */
         if (pin_board_turn(&controller) > 0 && ring_in == ring_out) {
             __asm volatile("wfi");
         }

@@ -27,7 +27,7 @@
 
 static void can_sent_handler(void) { bxcan_interrupt(); }
 
-/* Waking up is all that a frame has to do; `main` reads it. It stays asked for until then, so it must be off meanwhile. */
+/* A frame only has to wake the processor; `main` reads it. The interrupt stays pending until then, so it is disabled. */
 static void can_received_handler(void) { REGISTER(0xE000E180U) = 1U << 20; }
 
 __attribute__((section(".vectors"), used)) const vector VECTORS[16 + 21] = {
@@ -43,19 +43,19 @@ int main(void)
                                                 bxcan_has_room, bxcan_send,   micros};
     RCC_AHB1ENR |= 7U;       /* ports A, B, C */
     RCC_APB1ENR |= 1U << 25; /* CAN1 */
-    SET_RESET(GPIOA) = 1U << (5 + 16); /* low before it is an output */
+    SET_RESET(GPIOA) = 1U << (5 + 16); /* set low before it becomes an output */
     MODE(GPIOA) = (MODE(GPIOA) & ~(3U << 10)) | 1U << 10;
     ALTERNATE_HIGH(GPIOB) = (ALTERNATE_HIGH(GPIOB) & ~0xFFU) | 0x99U; /* PB8, PB9: AF9 */
     MODE(GPIOB) = (MODE(GPIOB) & ~(15U << 16)) | 10U << 16;
     start_clock();
-    /* The unique number has 96 bits: lot, wafer and place; all of it goes into 64. */
+    /* The unique number has 96 bits: lot, wafer and position; all of it is folded into 64. */
     uint32_t words[3] = {REGISTER(UNIQUE_ID), REGISTER(UNIQUE_ID + 4), REGISTER(UNIQUE_ID + 8)};
     uint32_t numbers[2] = {msbot_crc32((const uint8_t *)words, sizeof words), words[0] ^ words[2]};
     uint8_t uid[8];
     memcpy(uid, numbers, sizeof uid);
     /* 16 MHz / 2 = 8 MHz; 1 + 13 + 2 quanta: 500 kbit/s, sampled at 87.5 %. */
     bxcan_open(BXCAN_TIMING(2U, 13U, 2U));
-    /* How long the bus let us wait above differs from start to start; a chip with an RNG draws better. */
+    /* The time that the bus made us wait differs from start to start; on a chip with an RNG, use that. */
     pin_board_init(uid, (SYSTICK_VALUE ^ words[1]) | 1U, 500000);
     NVIC_ENABLE0 = 3U << 19;
     for (;;) {
