@@ -1,6 +1,6 @@
 """What must agree in a blueprint: slots with the library, bindings with slots and ports, periods with each other.
 
-Values that were found wrong before (they are empty then) are passed over, so that one mistake is told once.
+Values already found wrong (these are empty) are skipped, so that one mistake is reported only once.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _LATE_AFTER_BEATS = 1.5
 
 
 class Complaints(Protocol):
-    """Where problems of one binding go: its table in a file, or a list."""
+    """Collects the problems of one binding: its table in a file, or a list."""
 
     def problem(self, sentence: str, *steps: str | int) -> None:
         """Note one mistake about a key."""
 
 
 class _Sentences:
-    """Problems of bindings that are in no file."""
+    """Problems of bindings that do not come from a file."""
 
     def __init__(self) -> None:
         self.found: list[str] = []
@@ -44,14 +44,14 @@ class _Sentences:
 
 
 def binding_faults(bindings: Sequence[Binding], slots: Sequence[Slot], library: Library) -> list[str]:
-    """What is wrong with bindings that come from elsewhere than a file, in the words for a file."""
+    """What is wrong with bindings that do not come from a file, in the same words as for a file."""
     sentences = _Sentences()
     check_bindings([sentences] * len(bindings), bindings, slots, library)
     return sentences.found
 
 
 def check_timing(table: Table, timing: Timing) -> None:
-    """A part that beats in time must not be delisted."""
+    """Check that a part that beats in time cannot be delisted."""
     shortest = (timing.life - 1) * timing.tick_period_s
     if shortest < _LATE_AFTER_BEATS * timing.beat_period_s:
         table.problem(
@@ -63,14 +63,14 @@ def check_timing(table: Table, timing: Timing) -> None:
 
 
 def check_free_topics(table: Table, topics: Sequence[str]) -> None:
-    """Plug-and-play's own topics are never free for all."""
+    """Check that plug-and-play's own topics are not declared free for all."""
     for position, topic in enumerate(topics):
         if topic in RESERVED_TOPICS:
             table.problem(f'"{topic}" belongs to plug-and-play itself; remove it', "free_topics", position)
 
 
 def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], library: Library) -> None:
-    """Each slot has a name of its own, a part type of the library, and settings that type knows."""
+    """Check that each slot has a unique name, a part type of the library, and settings that the type knows."""
     if not slots and "slot" not in root:
         root.problem('a robot needs at least one slot; add [[slot]] with name = "AA" and part = "ABCD"', "slot")
     first_of: dict[str, Table] = {}
@@ -106,7 +106,7 @@ def _check_settings(table: Table, slot: Slot, part_type: PartType) -> None:
 def check_bindings(
     tables: Sequence[Complaints], bindings: Sequence[Binding], slots: Sequence[Slot], library: Library
 ) -> None:
-    """Each binding joins ports that exist, of the right direction and of its message type."""
+    """Check that each binding connects existing ports of the right direction and message type."""
     ports = _Ports(slots, library)
     topics: dict[str, Binding] = {}
     for table, binding in zip(tables, bindings, strict=True):
@@ -199,7 +199,7 @@ def _check_port(
     direction: Direction,
     *steps: str | int,
 ) -> bool:
-    """Whether the port is there, of that direction and of the binding's type; otherwise a problem is noted."""
+    """Whether the port exists and has that direction and the binding's type; otherwise a problem is noted."""
     port = part_type.port(endpoint.port)
     what = f"part {part_type.number} ({part_type.name})"
     if port is None:

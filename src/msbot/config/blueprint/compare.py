@@ -1,4 +1,4 @@
-"""A text that somebody sends against the robot as it is: one call, so that another process can do it."""
+"""Compares a blueprint text with the present robot, in one call, so that another process can do it."""
 
 from __future__ import annotations
 

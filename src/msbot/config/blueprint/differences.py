@@ -1,4 +1,4 @@
-"""Two blueprints against each other: what would have to change to get from one to the other."""
+"""Compares two blueprints: what would have to change to get from one to the other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LATER = "holds from the master's next start on"
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One thing that is otherwise in the second blueprint."""
+    """One thing that is different in the second blueprint."""
 
     change: str
     """`added`, `removed` or `changed`."""
@@ -26,7 +26,7 @@ class Difference:
     after: str
     """Empty when it was removed."""
     consequence: str = ""
-    """What follows from it, when that is not plain."""
+    """What follows from it, if that is not obvious."""
 
     def __str__(self) -> str:
         """For example `~ slot AA, part: ABCD -> EFGH (a part that does not fit any more is delisted)`."""
@@ -41,7 +41,7 @@ class Difference:
 
 
 def differences(old: Blueprint, new: Blueprint) -> tuple[Difference, ...]:
-    """What is otherwise in `new`, in the order of a blueprint; the order of slots and bindings does not matter."""
+    """What is different in `new`, in the order of a blueprint; the order of slots and bindings does not matter."""
     return (
         *_fields("robot", old.robot, new.robot),
         *_fields("timing", old.timing, new.timing),

@@ -1,7 +1,7 @@
 """The blueprint of a robot: `robot.toml` as values (thesis 3.12.2).
 
 A blueprint says who the robot is (profile), which roles it has (slots), who talks to whom (bindings) and how quickly
-a silent part is noticed (timing). It names no hardware: which part sits in a slot is the registry's business.
+a silent part is noticed (timing). It names no hardware: the registry knows which part is in a slot.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from msbot.config.toml.table import Scalar
 
 @dataclass(frozen=True, slots=True)
 class RobotProfile:
-    """Who the robot is; what its master publishes in step 1 (thesis 3.12.1)."""
+    """Who the robot is, as its master publishes it in step 1 (thesis 3.12.1)."""
 
     name: str
     version: str = "1"
     serial_number: str = "1"
-    """With the name, it says which robot this is."""
+    """Together with the name, it identifies the robot."""
     released: str = "-"
     """Release date, as text."""
     manufacturer: str = "-"
@@ -31,15 +31,15 @@ class Timing:
     """How quickly things are noticed (thesis 3.12.1.2)."""
 
     preset: str
-    """`thesis` or `fast`: where the values come from that the file does not name."""
+    """`thesis` or `fast`: the source of values that the file does not give."""
     beat_period_s: float
-    """A part beats that often."""
+    """Period of a part's beats."""
     tick_period_s: float
-    """Every life status is decremented that often."""
+    """Period in which every life status is decremented."""
     life: int
     """Life status after registration and after each beat; at 0 the part is delisted."""
     profile_period_s: float
-    """The profile is repeated that often."""
+    """Period in which the profile is repeated."""
 
 
 PRESETS = {
@@ -55,7 +55,7 @@ class Slot:
 
     name: str
     part_number: str
-    """Part number of what fits."""
+    """Number of the parts that fit."""
     local_name: str = ""
     """The local name that decides when several slots take the same number; empty: the slot's name."""
     description: str = ""
@@ -64,7 +64,7 @@ class Slot:
 
     @property
     def wanted_name(self) -> str:
-        """The local name a part shows to ask for exactly this slot."""
+        """The local name that a part shows to ask for exactly this slot."""
         return self.local_name or self.name
 
 
@@ -86,16 +86,16 @@ NOBODY = SlotPort("", "")
 
 @dataclass(frozen=True, slots=True)
 class InDds:
-    """How a topic is in DDS besides the robot's own partition; without a DDS data space it does nothing."""
+    """How a topic is shared in DDS beyond the robot's own partition; no effect without a DDS data space."""
 
     export: bool = False
-    """It is in the partition without a name, too, where everybody looks."""
+    """The topic is also in the partition without a name, where everybody looks."""
     ros: bool = False
-    """ROS 2 nodes see it, by the names and types of ROS."""
+    """ROS 2 nodes see the topic under ROS names and types."""
     ros_type: str = ""
-    """`std_msgs/msg/Float32`; empty: what the message type usually is."""
+    """For example `std_msgs/msg/Float32`; empty: the usual one for the message type."""
     ros_fields: tuple[tuple[str, str], ...] = ()
-    """Which field is which, ours and theirs; nothing: the usual ones."""
+    """Pairs of our field and theirs; empty: the usual ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,30 +113,30 @@ class Binding:
 
     @property
     def ends(self) -> tuple[SlotPort, ...]:
-        """Every port that it joins, the publishing one first."""
+        """Every port that it connects, the publishing one first."""
         return (self.source, *self.targets) if self.source.slot else self.targets
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the robot does otherwise than usual."""
+    """Options that change the robot's usual behaviour."""
 
     explain: bool = True
     """Tell a refused part why; off: silence towards strangers (thesis 3.12.1.1), the default of robots with keys."""
     free_topics: tuple[str, ...] = ()
     """Topics that every client may use without being a part."""
     authentication: str = "open"
-    """`open`: a part is let in by what it says (as in the thesis); `key`: it must prove that it knows its key;
-    `key+data`: besides, each of its samples and of those for it is sealed."""
+    """`open`: a part is let in without a proof (as in the thesis); `key`: it must prove that it knows its key;
+    `key+data`: also, every sample from it and to it is sealed."""
 
 
 AUTHENTICATIONS = ("open", "key", "key+data")
-"""How a robot may make sure that a part is the one it says it is."""
+"""The ways in which a robot can authenticate a part."""
 
 
 @dataclass(frozen=True, slots=True)
 class Blueprint:
-    """Everything `robot.toml` says, checked against the library."""
+    """Everything that `robot.toml` says, checked against the library."""
 
     robot: RobotProfile
     slots: tuple[Slot, ...]

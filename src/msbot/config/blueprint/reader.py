@@ -25,7 +25,7 @@ from msbot.config.toml.table import Table
 
 
 def open_blueprint(path: Path, *folders: Path) -> tuple[Blueprint, Library]:
-    """Read a blueprint with the library that belongs to it: what MsBOT brings, what it names itself, and `folders`.
+    """Read a blueprint with its library: MsBOT's own part types, those it names itself, and those of `folders`.
 
     Raises:
         ConfigError: file or library cannot be read, or are wrong; the text names every problem with line and remedy.
@@ -39,7 +39,7 @@ def open_blueprint(path: Path, *folders: Path) -> tuple[Blueprint, Library]:
 
 
 def library_folders(path: Path) -> tuple[Path, ...]:
-    """The folders that a blueprint names, for commands that need the library only; none where there is no file.
+    """The folders that a blueprint names, for commands that need only the library; none if there is no file.
 
     Raises:
         ConfigError: the file cannot be read.
@@ -54,7 +54,7 @@ def library_folders(path: Path) -> tuple[Path, ...]:
 
 
 def load_blueprint(path: Path, library: Library) -> Blueprint:
-    """Read a blueprint and check it against a part library that is read already.
+    """Read a blueprint and check it against a part library that has already been read.
 
     Raises:
         ConfigError: the file cannot be read, or is wrong; the text names every problem with line and remedy.
@@ -142,7 +142,7 @@ def _read_timing(table: Table) -> Timing:
 def _read_options(table: Table) -> Options:
     authentication = table.choice("authentication", list(AUTHENTICATIONS), default="open")
     options = Options(
-        # In a classroom silence costs an hour; a robot with keys tells strangers nothing.
+        # In a classroom, unexplained silence costs an hour; a robot with keys tells strangers nothing.
         explain=table.flag("explain", default=authentication == "open"),
         free_topics=tuple(table.names("free_topics", "HelloWorldTopic_1_to_2")),
         authentication=authentication,
@@ -202,6 +202,6 @@ def _source(table: Table) -> SlotPort:
 
 
 def _endpoint(name: str) -> SlotPort:
-    """`SLOT.port` taken apart; a name without a dot gets no port, which the check then reports."""
+    """Split `SLOT.port`; a name without a dot gets no port, which the check then reports."""
     slot, _, port = name.rpartition(".")
     return SlotPort(slot, port) if slot else SlotPort(name, "")

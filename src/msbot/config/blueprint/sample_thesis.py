@@ -89,7 +89,7 @@ def write_sample(path: Path, sample: str = "thesis") -> None:
 
     Args:
         path: the file.
-        sample: which one of `SAMPLES`.
+        sample: a name in `SAMPLES`.
 
     Raises:
         ConfigError: the file exists (it is never overwritten) or cannot be written.

@@ -15,11 +15,11 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 def blueprint_toml(blueprint: Blueprint, notes: Mapping[tuple[str, str], str] | None = None) -> str:
     """The text that `load_blueprint` reads as this blueprint.
 
-    All of it comes back, also a topic that has no sender or no receiver yet.
+    Nothing is lost on the way, not even a topic that has no sender or no receiver yet.
 
     Args:
         blueprint: what to write.
-        notes: (slot, parameter) or (topic, "") -> a remark that goes behind it.
+        notes: (slot, parameter) or (topic, "") -> a comment to write behind it.
     """
     return "\n".join(_lines(blueprint, notes or {})) + "\n"
 
@@ -121,6 +121,6 @@ def _value(value: Scalar) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        # What JSON escapes, TOML understands; besides, TOML wants DEL escaped.
+        # TOML understands what JSON escapes, but also needs DEL escaped.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
     return repr(value)

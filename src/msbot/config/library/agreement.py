@@ -13,7 +13,7 @@ Entries = Mapping[str, tuple[Table, PartType]]
 
 
 def check_agreement(entries: Entries) -> None:
-    """Note every `compatible_with` that names no type, goes round in a circle, or that the ports contradict."""
+    """Note every `compatible_with` that names no type, is circular, or contradicts the ports."""
     circles: set[frozenset[str]] = set()
     for number, (table, part_type) in entries.items():
         for position, other in enumerate(part_type.compatible_with):
@@ -49,7 +49,7 @@ def _check_ports(table: Table, part_type: PartType, other: PartType, position: i
 
 
 def _circle(entries: Entries, start: str) -> list[str]:
-    """The numbers of a circle that begins and ends at `start`; empty when there is none."""
+    """The numbers of a circle that begins and ends at `start`; empty if there is none."""
     ways: list[list[str]] = [[start]]
     seen: set[str] = set()
     while ways:

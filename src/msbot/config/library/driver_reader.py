@@ -11,7 +11,7 @@ from msbot.config.toml.problems import suggestion
 from msbot.config.toml.table import Table
 
 FIRST_ADDRESS, LAST_ADDRESS = 0x08, 0x77
-"""I2C addresses that a chip can have; the others have a meaning of their own (NXP UM10204, 3.1.12)."""
+"""I2C addresses that a chip can have; the others are reserved (NXP UM10204, 3.1.12)."""
 MOST_GPIO = 255
 _ENTRY_POINT = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 

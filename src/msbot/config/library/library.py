@@ -1,4 +1,4 @@
-"""The part library: what part numbers are (the thesis' Hardware Information Module, 5.4.2).
+"""The part library: what part numbers mean (the thesis' Hardware Information Module, 5.4.2).
 
 One TOML file describes one part type. MsBOT brings more than thirty; a robot may add folders of its own.
 """
@@ -55,9 +55,9 @@ __all__ = [
 
 
 SHIPPED = "msbot library, "
-"""What the source of a part type begins with that MsBOT brings."""
+"""Prefix of the source of a part type that comes with MsBOT."""
 MOST_FILES = 1000
-"""A folder with more TOML files is not a part library."""
+"""A folder with more TOML files than this is not a part library."""
 
 
 class Library:
@@ -85,7 +85,7 @@ class Library:
         return {} if message is None else message.units
 
     def find(self, shown: str) -> PartType | None:
-        """The part type of what a part shows: exactly this number, or the one before its @ if the version fits."""
+        """The part type that a part shows: exactly this number, or the one before its @ if the version fits."""
         if exact := self._by_number.get(shown):
             return exact
         number, version = split_number(shown)
@@ -115,7 +115,7 @@ class Library:
         return nearest(number, self._by_number, limit)
 
     def suggest(self, number: str) -> str:
-        """What would be right in place of a number that is not there: numbers like it, or what it may mean."""
+        """What to write instead of an unknown number: similar numbers, or what it may mean."""
         if near := self.nearest(number):
             return f"did you mean {quoted(near, ' or ')}?"
         self._search = self._search or PartSearch(self)
@@ -128,10 +128,10 @@ class Library:
 
 
 def load_library(*extra: Path) -> Library:
-    """Read the part types MsBOT brings, and those of the folders (or single files) named, each folder once.
+    """Read MsBOT's own part types, and those of the given folders (or single files), each folder once.
 
     Raises:
-        ConfigError: a folder is missing, or files are wrong; every problem of every file is told at once.
+        ConfigError: a folder is missing, or files are wrong; every problem of every file is reported at once.
     """
     problems = Problems()
     opened = [open_library_file(document, problems) for document in (*_shipped(problems), *_in(extra, problems))]

@@ -1,7 +1,8 @@
-"""Message types by name: the standard ones MsBOT brings and those that a library file declares.
+"""Message types by name: MsBOT's standard ones and those that a library file declares.
 
-A library names the type of each port; here is what that name means: the fields in the order of the wire. The classes a
-Python program uses for the standard types are in `msbot.part.messages.standard`; a test keeps the two the same.
+A library names the type of each port; this file says what that name means: the fields in the order of the wire. The
+classes that a Python program uses for the standard types are in `msbot.part.messages.standard`; a test keeps the two
+identical.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class FieldKind(Enum):
 
     @property
     def size_bytes(self) -> int:
-        """Octets of such a field; for a text those of the shortest one."""
+        """Octets of such a field; for a text, those of the shortest one."""
         if self is FieldKind.BOOL:
             return 1
         if self is FieldKind.TEXT:
@@ -49,7 +50,7 @@ class FieldKind(Enum):
 
     @property
     def limits(self) -> tuple[int, int]:
-        """Least and greatest value of a whole number."""
+        """Lowest and highest value of a whole number."""
         bits = int(self.value.lstrip("uint"))
         return (0, (1 << bits) - 1) if self.value[0] == "u" else (-(1 << (bits - 1)), (1 << (bits - 1)) - 1)
 
@@ -67,7 +68,7 @@ class FieldKind(Enum):
                 return 0
 
     def fault(self, value: Scalar) -> str | None:
-        """Why a value cannot be that of such a field; None when it can."""
+        """Why a field cannot have this value; None when it can."""
         match self:
             case FieldKind.BOOL:
                 right, words = isinstance(value, bool), "true or false"
@@ -97,7 +98,7 @@ class MessageType:
 
     @property
     def size_bytes(self) -> int | None:
-        """Octets of a message as CDR; None when it has a text, whose length nobody knows."""
+        """Octets of a message as CDR; None when it contains a text, whose length varies."""
         size = 0
         for kind in self.fields.values():
             if kind is FieldKind.TEXT:
@@ -106,7 +107,7 @@ class MessageType:
         return size
 
     def same_as(self, other: MessageType) -> bool:
-        """Whether both have the same fields in the same order, so that they are one type on the wire."""
+        """Whether both have the same fields in the same order, and so are the same type on the wire."""
         return list(self.fields.items()) == list(other.fields.items())
 
 

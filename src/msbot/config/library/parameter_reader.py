@@ -1,4 +1,4 @@
-"""Reads what can be set about a part: its parameters, and the options of its driver."""
+"""Reads what can be configured about a part: its parameters, and the options of its driver."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from msbot.config.toml.table import Table
 
 
 def read_parameter(table: Table) -> Parameter:
-    """One table that describes something that can be set."""
+    """Read one table that describes a parameter or option."""
     kind = ParameterKind(table.choice("type", [kind.value for kind in ParameterKind]))
     if "default" not in table:
         table.problem("is missing; add the value that holds when nobody sets another", "default")
@@ -36,7 +36,7 @@ def _limit(table: Table, key: str, kind: ParameterKind) -> float | None:
 
 
 def check_twice(table: Table, key: str, names: list[str]) -> None:
-    """Note the second of two names that are the same."""
+    """Note every name that occurs a second time."""
     for position, name in enumerate(names):
         if name and name in names[:position]:
             table.problem(f'there are two with the name "{name}"; give each its own', key, position, "name")

@@ -1,4 +1,4 @@
-"""What a part type consists of: ports, parameters, pins, supply (the thesis' Hardware Information Module, 5.4.2)."""
+"""What makes up a part type: ports, parameters, pins, supply (the thesis' Hardware Information Module, 5.4.2)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Direction(Enum):
 
 
 class Category(Enum):
-    """What a part is for, in one word; decides the picture that is drawn of it."""
+    """What a part is for, in one word; decides how its picture is drawn."""
 
     SENSOR = "sensor"
     INPUT = "input"
@@ -70,7 +70,7 @@ class ParameterKind(Enum):
                 return isinstance(value, str)
 
     def parse(self, text: str) -> Scalar | None:
-        """The value that a text stands for, `true`, `12`, `0.5`; None when it stands for none of this kind."""
+        """The value of a text such as `true`, `12`, `0.5`; None when it is not of this kind."""
         try:
             match self:
                 case ParameterKind.BOOL:
@@ -87,16 +87,16 @@ class ParameterKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """One kind of message a part sends or takes."""
+    """One kind of message that a part sends or receives."""
 
     name: str
     direction: Direction
     type_name: str
     """Name of the message type, for example `Light`."""
     rate_hz: float = 0.0
-    """How often it is usually sent; 0 = only when something happens."""
+    """How often it is normally sent; 0 = only when something happens."""
     safe: Mapping[str, Scalar] | None = None
-    """Fields of the message an actuator applies to itself when its partner or the master is lost; None = keep on."""
+    """Fields of the message that an actuator applies when its partner or the master is lost; None = keep going."""
     description: str = ""
     message: MessageType | None = None
     """The fields of the message; None only for types that were not read from a library."""
@@ -104,7 +104,7 @@ class Port:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """Something about a part that can be set."""
+    """Something about a part that can be configured."""
 
     name: str
     kind: ParameterKind
@@ -131,7 +131,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Pin:
-    """One pin of the connector, in the order of the connector."""
+    """One pin of the connector."""
 
     name: str
     kind: PinKind = PinKind.SIGNAL
@@ -139,7 +139,7 @@ class Pin:
 
 
 class BusKind(Enum):
-    """What the wires between a computer and a part are."""
+    """The kind of connection between a computer and a part."""
 
     PINS = "pins"
     """GPIO pins of the computer."""
@@ -147,10 +147,10 @@ class BusKind(Enum):
     ADC = "adc"
     """Channels of an analog-to-digital converter that the kernel knows (a Raspberry Pi has none of its own)."""
     KERNEL = "kernel"
-    """The kernel has the driver; what it measures is in a file below /sys."""
+    """There is a kernel driver; what it measures is in a file below /sys."""
     SPI = "spi"
     SERIAL = "serial"
-    """A serial port, USB too."""
+    """A serial port, including USB."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,9 +162,9 @@ class DriverPin:
     pin: str
     """The pin of the part that it goes to."""
     default: int | None = None
-    """GPIO number (BCM) or channel, unless another is given; None: the wire may be left out."""
+    """Default GPIO number (BCM) or channel; None: the wire may be left out."""
     analog: bool = False
-    """It goes to a converter's channel, not to a GPIO pin."""
+    """The wire goes to a converter's channel, not to a GPIO pin."""
     description: str = ""
 
 
@@ -173,7 +173,7 @@ class DriverSpec:
     """How a part type's ports meet hardware."""
 
     entry_point: str = ""
-    """`package.module:Name` of the Python class that drives the real thing; "" = there is none, see `none`."""
+    """`package.module:Name` of the Python class that drives the real device; "" = there is none, see `none`."""
     bus: BusKind = BusKind.PINS
     pins: tuple[DriverPin, ...] = ()
     addresses: tuple[int, ...] = ()
@@ -181,7 +181,7 @@ class DriverSpec:
     device: str = ""
     """Usual device: a path, or the name by which the kernel knows the chip."""
     options: tuple[Parameter, ...] = ()
-    """What belongs to the one piece of hardware and its wiring, and not to the robot: calibration, resistors."""
+    """Options that belong to one piece of hardware and its wiring, not to the robot: calibration, resistors."""
     none: str = ""
     """Why there is no driver."""
 
@@ -193,7 +193,7 @@ class Supply:
     min_v: float
     max_v: float
     current_ma: float = 0.0
-    """Most current it draws; 0 = not known."""
+    """Highest current that it draws; 0 = unknown."""
 
     def __str__(self) -> str:
         """For example `3.3 to 5 V, at most 20 mA`."""
@@ -206,7 +206,7 @@ class Supply:
 
 @dataclass(frozen=True, slots=True)
 class PartType:
-    """What a part number is."""
+    """Everything about a part number."""
 
     number: str
     name: str
@@ -223,19 +223,19 @@ class PartType:
     """The file it was read from."""
     category: Category = Category.OTHER
     keywords: tuple[str, ...] = ()
-    """More words by which it is found."""
+    """Additional search words."""
     supply: Supply | None = None
     connector: str = ""
     """What kind of connector, for example `3 pins, 2.54 mm`."""
     pins: tuple[Pin, ...] = ()
     driver: DriverSpec = DriverSpec()
-    """How its ports meet hardware; without entry point: it has a controller of its own."""
+    """How its ports meet hardware; without an entry point, it has a controller of its own."""
     picture: str = ""
     """An SVG text; "" = one is drawn from category and pins."""
     versions: Versions = ANY_VERSION
     """Versions of the part (behind the @ of its number) that this entry describes."""
     simulator: Simulator | None = None
-    """How it behaves without hardware; None only for types that were not read from a library."""
+    """How the part behaves without hardware; None only for types that were not read from a library."""
 
     def port(self, name: str) -> Port | None:
         """The port of that name."""

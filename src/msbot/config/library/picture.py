@@ -1,4 +1,4 @@
-"""A picture of a part, drawn from its category and its pins: a board with a sign on it and its connector below."""
+"""A picture of a part, drawn from its category and its pins: a board with a symbol on it and its connector below."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from msbot.config.library.part_types import Category, PartType, Pin, PinKind
 WIDTH, HEIGHT = 200, 150
 _PIN_WIDTH = 8
 _MOST_PINS = 18
-"""More pins than fit on the edge of the board are not drawn."""
+"""Most pins that fit on the edge of the board; further ones are not drawn."""
 _ELEMENTS = frozenset(
     [
         "svg",
@@ -33,7 +33,7 @@ _ELEMENTS = frozenset(
         "clipPath",
     ]
 )
-"""What a picture may be made of."""
+"""The elements allowed in a picture."""
 _BOARDS = {
     Category.SENSOR: "#1f5fa8",
     Category.INPUT: "#2d6a4f",
@@ -70,8 +70,8 @@ def picture_svg(part_type: PartType) -> str:
 def picture_fault(text: str) -> str | None:
     """Why a text cannot be the picture of a part; None when it can.
 
-    A picture is shown on a page to people who are signed in, so it holds shapes and words only: nothing that runs and
-    nothing that is fetched from elsewhere.
+    A picture is shown on a page to people who are signed in, so it may contain only shapes and words: nothing that runs
+    and nothing that is fetched from elsewhere.
     """
     if "<!" in text.replace("<!--", ""):
         return "must not declare anything with <!; leave that line out"

@@ -34,7 +34,7 @@ _MOST_MA = 1_000_000.0
 
 @dataclass(slots=True)
 class LibraryFile:
-    """One file on its way in; its message types are read before any file's ports."""
+    """One file being read; its message types are read before any file's ports."""
 
     document: Document
     table: Table
@@ -42,7 +42,7 @@ class LibraryFile:
 
 
 def open_library_file(document: Document, problems: Problems) -> LibraryFile:
-    """Begin with a file: its message types."""
+    """Start reading a file with its message types."""
     table = Table(document, problems, document.values)
     return LibraryFile(document, table, read_message_types(table, document.file))
 
@@ -52,7 +52,7 @@ def read_part_type(file: LibraryFile, known: Mapping[str, MessageType]) -> PartT
 
     Args:
         file: the file.
-        known: all message types, those of other files too.
+        known: all message types, including those of other files.
     """
     table = file.table
     if file.messages and not {"number", "name", "port"}.intersection(table.present_keys()):

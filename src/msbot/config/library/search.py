@@ -1,6 +1,6 @@
-"""Full-text search in the part library: every word must be found, the best place it is found in decides the order.
+"""Full-text search in the part library: every word must be found; the best place where it is found decides the order.
 
-A plain index of words; it is built in milliseconds, needs no database, and finds beginnings of words and near misses.
+A plain index of words: it is built in milliseconds, needs no database, and finds beginnings of words and near misses.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from msbot.config.toml.problems import nearest
 
 _WORD = re.compile(r"[^\W_]+")
 _WHOLE, _BEGINNING, _NEAR = 4.0, 2.0, 1.0
-"""How much a word counts that is found whole, as a beginning, or almost."""
+"""The weight of a word found whole, as a beginning, or approximately."""
 _SHORTEST_NEAR = 4
-"""A shorter word is never looked up by its likeness."""
+"""A shorter word is never matched approximately."""
 
 
 class PartSearch:
@@ -59,12 +59,12 @@ class PartSearch:
 
 
 def words_of(text: str) -> list[str]:
-    """The words of a text as the index has them: letters and digits, capitals do not matter."""
+    """The words of a text as the index has them: letters and digits, in lower case."""
     return [word.casefold() for word in _WORD.findall(text)]
 
 
 def _texts(part_type: PartType) -> Iterator[tuple[str, float]]:
-    """Every text by which a part type is found, with how much it tells."""
+    """Every text by which a part type is found, with its weight."""
     yield part_type.number, 4.0
     yield part_type.number.replace("-", ""), 4.0
     yield part_type.name, 3.0

@@ -1,8 +1,8 @@
-"""How a part behaves without hardware: what a person does to it, what one would see, what it says.
+"""How a part behaves without hardware: what a person does to it, what one would see, what it publishes.
 
 A simulator is data, read from the `[simulator]` table of a part type: *controls* (a button to press, air to warm),
 *readings* (a servo's angle, a lamp's brightness; each follows a control, a field of a message or another reading) and
-*outputs* (which port says what, and when). `msbot.sim` brings it to life.
+*outputs* (which port publishes what, and when). `msbot.sim` brings it to life.
 
 Names of sources, wherever one is asked for: a parameter, a control, a reading further up, `port.field` for
 the latest message at a port that subscribes, and `#port` for the number of messages that a port has seen.
@@ -22,7 +22,7 @@ Operand = float | str
 
 
 FUNCTIONS = ("none", "sin", "cos")
-"""What a reading can do with a number of degrees."""
+"""Functions that a reading can apply to a number in degrees."""
 
 
 class ControlKind(Enum):
@@ -36,7 +36,7 @@ class ControlKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """Something a person does to the thing: press the button, turn the knob, warm the air."""
+    """Something a person does to the device: press the button, turn the knob, warm the air."""
 
     name: str
     kind: ControlKind
@@ -47,14 +47,14 @@ class Control:
     """Limits of a number."""
     unit: str = ""
     words: str = ""
-    """What one does, in words."""
+    """What a person does, in words."""
     choices: tuple[str, ...] = ()
     """The values of a choice."""
     momentary: bool = False
-    """Goes back to `start` when it is let go, as a push button does."""
+    """Goes back to `start` when released, like a push button."""
 
     def fault(self, value: Scalar) -> str | None:
-        """Why it cannot have this value, with what would be right; None when it can."""
+        """Why the control cannot have this value, with what would be right; None when it can."""
         match self.kind:
             case ControlKind.BOOL if not isinstance(value, bool):
                 return f"must be true or false; it is {kind_words(value)}"
@@ -67,10 +67,10 @@ class Control:
         return None
 
     def parse(self, text: str) -> Scalar:
-        """The value that a text stands for, as a person types it.
+        """The value of a text as a person types it.
 
         Raises:
-            ConfigError: it stands for none that the control can have.
+            ConfigError: the control cannot have such a value.
         """
         value: Scalar = text
         if self.kind is ControlKind.BOOL:
@@ -95,7 +95,7 @@ class Control:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Something one would see or measure at the thing; steps are applied in the order of the fields below."""
+    """Something one would see or measure at the device; steps are applied in the order of the fields below."""
 
     name: str
     unit: str = ""
@@ -103,25 +103,25 @@ class Reading:
     shown: bool = True
     """Whether people see it; otherwise it only serves other readings and outputs."""
     start: Scalar | None = None
-    """Its value before anything has come, and when it has run out (`lasts`)."""
+    """Its value before anything has come, and when it has expired (`lasts`)."""
     follows: str = ""
     """The source whose value it takes."""
     text: str = ""
-    """In place of `follows`: a text with sources in braces, `{red:02x}`."""
+    """Instead of `follows`: a text with sources in braces, `{red:02x}`."""
     random_every: Operand | None = None
-    """In place of `follows`: drawn afresh from `least` to `most` every so many seconds."""
+    """Instead of `follows`: a random value from `least` to `most`, drawn again every so many seconds."""
     lasts: Operand = 0.0
     """Seconds after the message that it follows until it goes back to `start`; 0 = stays."""
     pattern: str = ""
-    """Regular expression; its first group is taken out of a text. A text without it changes nothing."""
+    """Regular expression; its first group is extracted from a text. A text that does not match changes nothing."""
     equals: Scalar | None = None
     """True when the value is this one."""
     above: Operand | None = None
     """True when the value is more than this."""
     negate: str = ""
-    """The name of a source; the number changes its sign when that is true."""
+    """The name of a source; when it is true, the number changes its sign."""
     function: str = ""
-    """`sin` or `cos` of the number, which is in degrees then; "" = none."""
+    """`sin` or `cos` of the number, which is then in degrees; "" = none."""
     scale: Operand = 1.0
     offset: Operand = 0.0
     divide_by: Operand = 1.0
@@ -131,15 +131,15 @@ class Reading:
     least: Operand | None = None
     most: Operand | None = None
     integrate: bool = False
-    """It is the sum over time: the number says how much comes in each second."""
+    """The reading is the integral over time: the number says how much is added each second."""
     lag_s: Operand = 0.0
-    """Time constant in seconds with which it follows."""
+    """Time constant in seconds with which it follows its source."""
     slew_per_s: Operand = 0.0
-    """Most it can change in a second; 0 = at once."""
+    """Largest change per second; 0 = unlimited."""
     noise: Operand = 0.0
     """Standard deviation of the noise on it."""
     step: Operand = 0.0
-    """It is a multiple of this; 0 = every value."""
+    """The value is rounded to a multiple of this; 0 = not rounded."""
     rows: int = 0
     columns: int = 0
     """A text is shown in this many rows and columns; what does not fit is cut off."""
@@ -147,7 +147,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What a port that publishes says, and when."""
+    """What a publishing port publishes, and when."""
 
     port: str
     fields: Mapping[str, Scalar]
@@ -155,11 +155,11 @@ class Output:
     every: Operand = 0.0
     """Period in seconds; 0 = only on a change."""
     on_change: bool = False
-    """Also said at once when a field changes."""
+    """Also published at once when a field changes."""
     change: Operand = 0.0
-    """A number has to change by so much to count as changed; until then the old one is said again."""
+    """A number has to change by this much to count as changed; until then the old one is repeated."""
     only_if: str = ""
-    """The name of a source; while that is false, nothing is said."""
+    """The name of a source; while it is false, nothing is published."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Reads and checks the `[simulator]` table of a part type, and makes up what it does not say.
+"""Reads and checks the `[simulator]` table of a part type, and fills in what it does not say.
 
 Every name in it must mean something: what a reading follows, a field of a message, a number that is the name of a
 parameter. A port about which the table says nothing gets a control or a reading for each of its fields.
@@ -17,7 +17,7 @@ from msbot.config.toml.problems import suggestion
 from msbot.config.toml.table import Scalar, Table, kind_words
 
 FORBIDDEN_IN_NAMES = ".#{}="
-"""Have a meaning of their own where sources are named."""
+"""Characters with a special meaning in names of sources."""
 
 _LEAST, _MOST = -1e300, 1e300
 
@@ -40,7 +40,7 @@ class SimulatorReader:
         readings = [self._read_reading(table) for table in self._table.tables("reading")]
         tables = self._table.tables("publish")
         said = [table.scalar("port") for table in tables]
-        # Made up before the outputs are read, so that these can use them.
+        # Filled in before the outputs are read, so that these can use them.
         controls += self._missing_controls(said)
         outputs = [self._read_output(table) for table in tables]
         self._table.finish()
@@ -184,7 +184,7 @@ class SimulatorReader:
         return fields
 
     def _source_of_field(self, table: Table, port: str, key: str, message: MessageType) -> Scalar:
-        """Where a field comes from about which the file says nothing: a source of its name, or of the port's."""
+        """The source of a field about which the file says nothing: one with the field's name, or with the port's."""
         for name in (key, port) if len(message.fields) == 1 else (key,):
             if name in self._sources:
                 return name
@@ -261,7 +261,7 @@ class SimulatorReader:
         ]
 
     def _missing_readings(self, readings: Sequence[Reading]) -> list[Reading]:
-        """A reading for each field of a port that subscribes and that nothing refers to."""
+        """A reading for each field of a subscribing port that nothing refers to."""
         followed = {reading.follows for reading in readings} | {
             found[1] for reading in readings for found in PLACEHOLDER.finditer(reading.text)
         }
@@ -276,7 +276,7 @@ class SimulatorReader:
 
 
 def _only_name(port: Port, field: str) -> str:
-    """The name of what is made up for a field: that of the port, with the field's behind it if there are several."""
+    """The name of a filled-in reading or control: the port's, followed by the field's if there are several."""
     return port.name if port.message is not None and len(port.message.fields) == 1 else f"{port.name}_{field}"
 
 

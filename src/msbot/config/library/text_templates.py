@@ -1,4 +1,4 @@
-"""Texts with sources in braces: `turn-on {output:d}`; the form behind a colon is that of Python's `format`."""
+"""Texts with sources in braces: `turn-on {output:d}`; the form after a colon is that of Python's `format`."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ PLACEHOLDER = re.compile(r"\{([^{}:]+)(?::([^{}]*))?\}")
 """A source in a text: its name, and a form if there is one."""
 
 _WHOLE = "bcdoxX"
-"""Forms that want a whole number."""
+"""Forms that need a whole number."""
 
 
 def format_text(text: str, values: Mapping[str, Scalar]) -> str:
-    """The text with its sources filled in; a value that has not the form's kind is written as it is."""
+    """The text with its sources filled in; a value that does not suit its form is written as it is."""
 
     def fill(found: re.Match[str]) -> str:
         value, form = values[found[1]], found[2]
@@ -38,5 +38,5 @@ def can_format(value: Scalar, form: str) -> bool:
 
 
 def _plain(value: Scalar, form: str) -> Scalar:
-    """The value as the form wants it."""
+    """The value in the type that the form needs."""
     return round(value) if form[-1] in _WHOLE and not isinstance(value, str) else value

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 VERSION_SIGN = "@"
-"""Stands between part number and version in what a part shows."""
+"""Separates part number and version in what a part shows."""
 
 _VERSION = re.compile(r"\d{1,6}(\.\d{1,6}){0,3}")
 _RULE = re.compile(r"(>=|<=|==|!=|<|>)\s*(\S+)")
@@ -28,7 +28,8 @@ class Versions:
     """Pairs of a sign and a version."""
 
     def __contains__(self, version: object) -> bool:
-        """Whether a version, as text, is in the range; what is not a version is in no range but the one of all."""
+        """Whether a version, as text, is in the range; a text that is no version is only in the range of all
+        versions."""
         if not self.rules:
             return True
         numbers = parse_version(version) if isinstance(version, str) else None
@@ -48,7 +49,7 @@ def parse_version(text: str) -> tuple[int, ...] | None:
 
 
 def parse_versions(text: str) -> Versions | None:
-    """A range from its text, or None when it is none."""
+    """A range from its text, or None when it is not a range."""
     rules = []
     for rule in filter(None, (piece.strip() for piece in text.split(","))):
         found = _RULE.fullmatch(rule)
@@ -66,7 +67,7 @@ def split_number(shown: str) -> tuple[str, str]:
 
 
 def _compare(one: tuple[int, ...], other: tuple[int, ...]) -> int:
-    """Below, equal or above zero; missing places count as 0, so 1 is 1.0."""
+    """Negative, zero or positive, like a comparison; missing places count as 0, so 1 equals 1.0."""
     length = max(len(one), len(other))
     left, right = (numbers + (0,) * (length - len(numbers)) for numbers in (one, other))
     return (left > right) - (left < right)

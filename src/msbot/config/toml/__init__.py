@@ -1,1 +1,1 @@
-"""TOML files of people: every mistake is found and told with its line."""
+"""TOML files written by people: every mistake is found and reported with its line."""

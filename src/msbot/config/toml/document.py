@@ -1,4 +1,4 @@
-"""A TOML file on its way in: its text, its values, the line of every key, or a clear word why not."""
+"""A TOML file being read: its text, its values, the line of every key, or a clear message why it cannot be read."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def read_document(path: Path, problems: Problems, *, if_missing: str = "name ano
 def parse_document(text: str, file: str, problems: Problems) -> Document | None:
     """Parse a TOML text; `file` is its name in messages. None after a problem.
 
-    What is larger or deeper than any file of a person is not parsed at all, see `limits`.
+    A text larger or deeper than anything written by a person is not parsed at all, see `limits`.
     """
     if refused := too_much(text):
         problems.add(TextPlace(file, refused[0]), refused[1])
@@ -121,13 +121,13 @@ _SYNTAX_WORDS = (
     ("Invalid statement", "this line is neither key = value nor [table]; put # before a comment"),
     ("Invalid date or datetime", 'this is not a date; put quotes around it if it is text, as in released = "8-4-2021"'),
 )
-"""Beginnings or marks of the parser's messages, and what to tell a person instead."""
+"""Phrases in the parser's messages, and what to tell a person instead."""
 
 _POSITION = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)\s*$")
 
 
 def _syntax_problem(text: str, file: str, message: str) -> tuple[TextPlace, str, str]:
-    """Where it is, a sentence, and the line itself."""
+    """The place, a sentence, and the line itself."""
     position = _POSITION.search(message)
     words = next((ours for theirs, ours in _SYNTAX_WORDS if theirs in message), None)
     if words is None:

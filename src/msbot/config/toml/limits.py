@@ -1,7 +1,7 @@
-"""How large and how deep a TOML text may be, found out before it is parsed, in time that grows with its length only.
+"""How large and how deep a TOML text may be, checked before it is parsed, in time that grows only with its length.
 
 A parser builds what a text asks for: forty kilobytes of dots are a table forty thousand levels deep. So the text is
-looked through first, strings and comments aside, and refused when it asks for more than any file of a person does.
+scanned first, ignoring strings and comments, and refused when it asks for more than any file written by a person.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ MOST_BYTES = 256_000
 """Largest text that is read; a blueprint has a few thousand bytes, one of a thousand slots about a hundred thousand."""
 MOST_LINES = 20_000
 MOST_ENTRIES = 20_000
-"""Keys and list items of one text."""
+"""Most keys and list items of one text."""
 DEEPEST = 8
-"""Levels of lists and tables, and steps of a key with dots."""
+"""Most levels of lists and tables, and steps of a dotted key."""
 
 _MARKS = re.compile("[\"'#\\n.,=\\[\\]{}]")
 
 
 def too_much(text: str) -> tuple[int | None, str] | None:
-    """Why a text is not parsed, with the line where that shows; None when it may be.
+    """Why a text must not be parsed, with the line that shows it; None when it may be parsed.
 
-    A text that is no TOML may pass: the parser says so then.
+    A text that is not TOML may pass: the parser then says so.
     """
     if len(text) > MOST_BYTES or len(text.encode("utf-8", "replace")) > MOST_BYTES:
         return None, f"is larger than {MOST_BYTES:,} bytes; no file of this kind is: name another"
@@ -32,7 +32,7 @@ def too_much(text: str) -> tuple[int | None, str] | None:
 
 
 class _Walk:
-    """One way through a text, from mark to mark."""
+    """One pass through a text, from mark to mark."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -49,7 +49,7 @@ class _Walk:
             match mark:
                 case '"' | "'":
                     if not self._skip_string(found.start(), mark):
-                        return None  # it is not closed: the parser says so
+                        return None  # it is not closed: the parser will say so
                 case "#":
                     end = self._text.find("\n", self._at)
                     self._at = len(self._text) if end < 0 else end
@@ -78,7 +78,7 @@ class _Walk:
         self._entries += mark in "=,["
 
     def _skip_string(self, start: int, quote: str) -> bool:
-        """Go behind a string; False when it has no end."""
+        """Skip a string; False when it has no end."""
         if self._text.startswith(quote * 3, start):
             fence, begin = quote * 3, start + 3
         else:

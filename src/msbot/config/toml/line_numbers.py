@@ -1,7 +1,7 @@
 """On which line of a TOML text each key is.
 
-The standard library's parser keeps no positions, so the text is walked once more. It has been parsed before and is
-known to be valid; the walk only needs to tell keys, tables, lists and strings apart.
+The standard library's parser keeps no positions, so the text is walked once more. It has already been parsed and is
+known to be valid; the walk only needs to distinguish keys, tables, lists and strings.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def key_lines(text: str) -> dict[KeyPath, int]:
 
 
 class _Scanner:
-    """A cursor over the text; each method starts at its construct and ends behind it."""
+    """A cursor over the text; each method starts at its construct and ends after it."""
 
     def __init__(self, text: str) -> None:
         self.lines: dict[KeyPath, int] = {}
@@ -79,7 +79,7 @@ class _Scanner:
         self._value(path)
 
     def _keys(self) -> list[str]:
-        """A key with its dots, up to the character behind it and its blanks."""
+        """A dotted key, up to the first character after it and its blanks."""
         keys = []
         while True:
             self._skip(across_lines=False)
@@ -146,7 +146,7 @@ class _Scanner:
             self._at += 1
 
     def _skip(self, *, across_lines: bool) -> None:
-        """Go over blanks, and over line ends and comments where they mean nothing."""
+        """Skip blanks, and line ends and comments where they mean nothing."""
         while self._at < len(self._text):
             character = self._text[self._at]
             if across_lines and character == "#":
@@ -158,7 +158,7 @@ class _Scanner:
                 return
 
     def _peek(self) -> str:
-        """The character under the cursor; a NUL, which TOML forbids, behind the end."""
+        """The character under the cursor; after the end a NUL, which TOML forbids."""
         return self._text[self._at] if self._at < len(self._text) else "\0"
 
     def _line(self) -> int:

@@ -1,4 +1,4 @@
-"""Everything wrong with the files people write, gathered and told in one go.
+"""Everything wrong with the files that people write, collected and reported at once.
 
 A reader does not stop at the first mistake: it adds a problem, goes on with a harmless value, and raises at the end.
 Each problem says where it is (file, line, path of the key), what is wrong, and what would be right.
@@ -13,15 +13,15 @@ from difflib import get_close_matches
 from msbot.errors import ConfigError
 
 MOST_TOLD = 50
-"""This many mistakes are reported; reading ends there."""
+"""Most mistakes that are reported; reading ends there."""
 LONGEST_SENTENCE = 600
 LONGEST_STEP = 60
-"""Characters of a sentence, and of one key in a path, that are shown."""
+"""Most characters shown of a sentence, and of one key in a path."""
 MOST_COMPARED = 200
 LONGEST_COMPARED = 40
-"""This many known words, of this many characters at most, are looked at for one that is like a wrong one."""
+"""Most known words, and most characters of each, that are compared with a wrong one."""
 MOST_LISTED = 12
-"""How many known words are listed when none is near."""
+"""How many known words are listed when none is similar."""
 
 KeyPath = tuple[str | int, ...]
 """The way to a value: table names, keys, and positions in lists (counted from 0, as Python does)."""
@@ -29,7 +29,7 @@ KeyPath = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True)
 class TextPlace:
-    """Where in which file something is."""
+    """A place in a file."""
 
     file: str
     line: int | None = None
@@ -70,7 +70,7 @@ class FoundProblems(ConfigError):
         self.problems = tuple(problems)
 
     def __reduce__(self) -> tuple[type[FoundProblems], tuple[str, tuple[Problem, ...]]]:
-        """So that it can come from another process."""
+        """Makes the error picklable, so that it can come from another process."""
         return FoundProblems, (str(self), self.problems)
 
 
@@ -89,7 +89,7 @@ class Problems:
             excerpt: the line itself, shown below.
 
         Raises:
-            ConfigError: it is one too many: what follows is not looked at.
+            ConfigError: there are too many mistakes: the rest is not read.
         """
         shown = _harmless(sentence)
         shown = shown if len(shown) <= LONGEST_SENTENCE else f"{shown[:LONGEST_SENTENCE]} ..."
@@ -134,7 +134,7 @@ def path_words(path: KeyPath) -> str:
 
 
 def _harmless(text: str) -> str:
-    """The text without characters that a terminal would obey."""
+    """The text without characters that would control a terminal."""
     return text if text.isprintable() else "".join(one if one.isprintable() else "?" for one in text)
 
 
@@ -144,7 +144,7 @@ def quoted(words: Iterable[str], joint: str = ", ") -> str:
 
 
 def nearest(word: str, known: Iterable[str], limit: int = 3) -> list[str]:
-    """The known words that look most like `word`, best first; capitals do not matter."""
+    """The known words most similar to `word`, best first; case does not matter."""
     if len(word) > LONGEST_COMPARED:
         return []
     by_folded: dict[str, list[str]] = {}

@@ -1,7 +1,7 @@
 """One table of a TOML file, read key by key; every mistake becomes a problem and reading goes on.
 
 A method returns the value when it is right; otherwise it notes a problem and returns a harmless value of the same
-type, which nobody sees because the problems are raised at the end. `finish` notes every key that nobody asked for.
+type, which nobody sees because the problems are raised at the end. `finish` notes every key that was not read.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ from msbot.config.toml.document import Document
 from msbot.config.toml.problems import KeyPath, Problems, TextPlace, path_words, quoted, suggestion
 
 MOST_OCTETS = 254
-"""Longest text in octets of UTF-8: the thesis keeps every string in 255 characters, the closing NUL included (3.12)."""
+"""Longest text in octets of UTF-8: the thesis stores every string in 255 characters, including the closing NUL
+(3.12)."""
 
 Scalar = bool | int | float | str
 """What a setting, a default or a safe value can be."""
 
 
 class Table:
-    """A table and its place in the document; see the module docstring."""
+    """A table and its place in the document (see the module's docstring)."""
 
     def __init__(
         self,
@@ -141,7 +142,7 @@ class Table:
         return default
 
     def names(self, key: str, example: str, *, required: bool = False) -> list[str]:
-        """A list of texts, each as `name` wants them."""
+        """A list of texts, each as `name` requires."""
         if required and key not in self:
             self._missing(key, f'["{example}"]')
         value = self._get(key)
@@ -201,7 +202,7 @@ class Table:
         return found
 
     def finish(self) -> None:
-        """Note every key that nobody asked for, with the nearest one that exists."""
+        """Note every key that was not read, with the most similar one that exists."""
         for key in self._values:
             if key not in self._asked:
                 right = suggestion(key, sorted(set(self._asked)), none_known="remove it")
