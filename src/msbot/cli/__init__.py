@@ -62,7 +62,7 @@ class LazyGroup(click.Group):
     """A group whose commands are imported when they are called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
-        """The commands in the order of a first day with MsBOT."""
+        """The commands in the order in which a newcomer needs them."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
@@ -75,7 +75,7 @@ class LazyGroup(click.Group):
         return command
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """The commands that begin so, from the table above; click would import them all."""
+        """The commands that begin with `incomplete`, from the table above; click would import them all."""
         if not incomplete.startswith("-"):
             return [
                 CompletionItem(name, help=words) for name, (_, words) in COMMANDS.items() if name.startswith(incomplete)

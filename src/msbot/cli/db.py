@@ -62,13 +62,13 @@ def backup(target: Path, db: str | None, *, keep: int | None) -> None:
 
 def _make_folder(folder: Path) -> None:
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # the keys of parts are in a backup
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # a backup contains the keys of parts
     except OSError as error:
         raise ConfigError(f"{folder} cannot be used for backups: {error.strerror}; name another folder") from None
 
 
 def _older(folder: Path, stem: str, keep: int) -> list[Path]:
-    """All backups of a database but the newest; files of other names are nobody's business."""
+    """All backups of a database but the newest; files with other names are left alone."""
     named = re.compile(re.escape(stem) + r"-\d{8}-\d{6}\.db")
     found = sorted((path for path in folder.iterdir() if named.fullmatch(path.name)), key=lambda path: path.name)
     return found[:-keep]

@@ -19,7 +19,7 @@ from msbot.part.join.uid import kept_file, parse_uid, stored_uid
 from msbot.registry import KeyRecord, PartRecord, Registry, open_registry
 
 QR_VERSION = "MSBOT1"
-"""What the text in the QR code begins with."""
+"""Prefix of the text in the QR code."""
 WHO = "msbot key"
 
 

@@ -68,14 +68,14 @@ def robot_options(function: _C) -> _C:
 
 
 def answer_options(function: _C) -> _C:
-    """The options of a command whose answer is told in words, or as it is: which robot, and `--json`."""
+    """The options of a command that answers in words or as JSON: which robot, and `--json`."""
     as_json = click.option("--json", "as_json", is_flag=True, expose_value=False, callback=_note_json,
                            help="Print the answer as a JSON object.")  # fmt: skip
     return robot_options(as_json(function))
 
 
 def wants_json() -> bool:
-    """Whether the command that runs was given the `--json` of `answer_options`."""
+    """Whether the running command was given the `--json` of `answer_options`."""
     return bool(click.get_current_context().meta.get(_JSON))
 
 
@@ -92,7 +92,7 @@ def database_beside(blueprint: Path) -> str:
 
 
 def database_identity(db: str) -> str:
-    """One spelling for each database: the whole path of a file; a server's address without user and password."""
+    """A unique spelling for each database: the full path of a file; a server's address without user and password."""
     scheme, separator, rest = db.partition("://")
     if not separator:
         return str(Path(db).absolute())
@@ -116,11 +116,11 @@ def existing_database(db: str | None) -> str:
 
 
 def library_here(folders: Sequence[Path]) -> Library:
-    """The part library for a command that takes no blueprint: what MsBOT brings, what the robot.toml here names, and
-    `folders`.
+    """The part library for a command that takes no blueprint: MsBOT's own types, those that the robot.toml here names,
+    and `folders`.
 
     Raises:
-        ConfigError: something of it is wrong.
+        ConfigError: something in it is wrong.
     """
     from msbot.config import library_folders, load_library
 
@@ -128,7 +128,7 @@ def library_here(folders: Sequence[Path]) -> Library:
 
 
 def user_name() -> str:
-    """Who gives a command, for the record of what people change."""
+    """Who gives the command, for the record of changes."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):

@@ -39,7 +39,7 @@ def command() -> None:
 
 
 def common_options(function: Command) -> Command:
-    """What every kind of agent takes, handed over as `wishes`."""
+    """The options of every kind of agent, passed on as `wishes`."""
 
     @click.option("-m", "--middleware", type=click.Choice(["ced", "dds", "rtps"]),
                   help="ced: any reference or XML is a topic's name. dds and rtps are taken for the sake of start "
@@ -89,7 +89,7 @@ def check_host(host: str, *, ip: int, name: str) -> None:
     """Make sure that an address is one of the command's kind of IP; names may be either.
 
     Raises:
-        ConfigError: it is one of the other.
+        ConfigError: it is an address of the other kind.
     """
     try:
         version = ipaddress.ip_address(host.partition("%")[0]).version
@@ -111,7 +111,7 @@ baudrate_option = click.option(
 
 
 def port_options(function: Command) -> Command:
-    """What both serial commands take, handed over as `link`."""
+    """The options of both serial commands, passed on as `link`."""
 
     @click.option("-D", "--dev", "--devs", "ports", metavar="PORT", multiple=True,
                   help=f"Serial port, for example /dev/ttyUSB0; {AUTO} = every USB serial port.")  # fmt: skip
@@ -138,7 +138,7 @@ def port_names(ports: tuple[str, ...], list_file: Path | None) -> list[str]:
     """The ports that were named, on the command line or in a file.
 
     Raises:
-        ConfigError: there are none, or both were given, or the file cannot be read.
+        ConfigError: neither or both were given, or the file cannot be read.
     """
     if bool(ports) == bool(list_file):
         raise ConfigError(f"name the serial ports with --dev or in a --file, one of the two; --dev {AUTO} takes all")
@@ -182,7 +182,7 @@ def pseudoterminal(*, path: str | None, baudrate: int, wishes: Wishes) -> None: 
 
 
 def id_option(function: Command) -> Command:
-    """`-I`, which the genuine agent takes for `canfd` and does nothing with."""
+    """`-I`, which eProsima's agent accepts for `canfd` and ignores."""
 
     @click.option("-I", "--id", "can_id", metavar="ID",
                   help="Taken for the sake of start scripts; each client is answered with its own.")  # fmt: skip

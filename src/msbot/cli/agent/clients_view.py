@@ -11,7 +11,7 @@ from rich.table import Table
 from msbot.agent import AgentStatus, ClientView, StreamView
 
 PIPE_WIDTH = 1000
-"""Columns when the output is not a terminal: nothing is cut or wrapped that a program may want to find."""
+"""Columns when the output is not a terminal, so that nothing is cut or wrapped that a program may look for."""
 
 
 def show(statuses: Iterable[AgentStatus], console: Console | None = None) -> None:
@@ -48,7 +48,7 @@ def footlines(status: AgentStatus) -> list[str]:
 
 
 def duration(seconds: float) -> str:
-    """A time as people say it: `0.2 s`, `12 s`, `3 min`, `2 h`, `5 d`."""
+    """A time in words for people: `0.2 s`, `12 s`, `3 min`, `2 h`, `5 d`."""
     if seconds < 10:
         return f"{seconds:.1f} s"
     for unit, size in (("d", 86_400), ("h", 3_600), ("min", 60)):
@@ -63,7 +63,7 @@ def counts(numbers: dict[str, int]) -> str:
 
 
 def objects_words(view: ClientView) -> str:
-    """How many objects, and the topics among them; those that the gate keeps out in brackets."""
+    """How many objects, and the topics among them; those that the gate rejects in brackets."""
     topics: dict[str, bool] = {}
     for item in view.objects:
         if item.topic is not None:

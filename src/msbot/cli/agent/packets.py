@@ -1,4 +1,4 @@
-"""Packets on the terminal: octets and what they say (`msbot agent -v 6`)."""
+"""Packets on the terminal: octets and their meaning (`msbot agent -v 6`)."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ OCTETS_A_LINE = 32
 
 
 def packet_tap(link: Link, say: Callable[[str], None]) -> Tap:
-    """A tap that says every packet of a link."""
+    """A tap that prints every packet of a link."""
 
-    def tap(now: float, way: str, peer: Peer, packet: bytes) -> None:  # noqa: ARG001 - people want the time of day
+    def tap(now: float, way: str, peer: Peer, packet: bytes) -> None:  # noqa: ARG001 - prints the time of day
         say(packet_text(datetime.now(), way, link.describe(peer), packet))
 
     return tap

@@ -1,4 +1,4 @@
-"""Runs a DDS-XRCE agent on one link, as `msbot agent` was asked to."""
+"""Runs a DDS-XRCE agent on one link for `msbot agent`."""
 
 from __future__ import annotations
 
@@ -38,36 +38,36 @@ MOST_DOMAIN = 232
 """The highest domain whose ports exist (DDSI-RTPS 2.5 §9.6.1)."""
 
 FILES_BESIDES = 64
-"""Files a process needs besides its connections."""
+"""Files that a process needs in addition to its connections."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """What the user asked for, whatever the link."""
+    """The user's options that do not depend on the link."""
 
     verbose: int
     middleware: str | None
     refs: Path | None
     dead_after_s: float
-    """Infinite: silent clients stay."""
+    """Infinite: silent clients are kept."""
     space: SpaceAddress = field(default_factory=SpaceAddress)
 
 
 @dataclass(frozen=True, slots=True)
 class Discovery:
-    """Where clients are told of the agent."""
+    """Where and how clients can discover the agent."""
 
     port: int
     interface: str | None
     """IPv4 address of the one interface on which clients ask; None = all."""
     told: str | None = None
-    """IPv6 address that is told; None = the IPv4 addresses of the interfaces, or for an agent on IPv6 all of them."""
+    """IPv6 address to announce; None = the IPv4 addresses of the interfaces, or for an agent on IPv6 all addresses."""
     ip: int = 4
     """The agent's kind of IP."""
 
 
 def serve(link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hint: str = "") -> None:
-    """Run an agent on that link until Ctrl-C or SIGTERM; `hint` is said with its greeting.
+    """Run an agent on that link until Ctrl-C or SIGTERM; `hint` is printed with its greeting.
 
     Raises:
         ConfigError: the profile file cannot be used.
@@ -75,7 +75,7 @@ def serve(link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hin
     """
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])
     logging.getLogger().setLevel(max(LEVELS[wishes.verbose], logging.WARNING))
-    logging.getLogger("msbot").setLevel(LEVELS[wishes.verbose])  # the details of libraries are of no use here
+    logging.getLogger("msbot").setLevel(LEVELS[wishes.verbose])  # the details of other libraries are of no use here
     references = None if wishes.refs is None else read_references(wishes.refs)
     if isinstance(link, TcpServerLink):
         _allow_connections()
@@ -102,7 +102,7 @@ def discovery_for(host: str, port: int | None) -> Discovery | None:
     """Discovery on a port for an agent that listens at that host; None without a port.
 
     Raises:
-        ConfigError: the agent has no IPv4 address that could be told.
+        ConfigError: the agent has no IPv4 address that could be announced.
     """
     if port is None:
         return None
@@ -120,7 +120,7 @@ def discovery_for(host: str, port: int | None) -> Discovery | None:
 
 
 def domain_override(text: str | None) -> int:
-    """The domain that the environment names; 0 without one.
+    """The domain set in the environment; 0 if there is none.
 
     Raises:
         ConfigError: it is not a domain.
@@ -133,7 +133,7 @@ def domain_override(text: str | None) -> int:
 
 
 def _allow_connections() -> None:
-    """Let the process have as many open files as it may: each TCP connection is one."""
+    """Raise the process's limit of open files as far as allowed: each TCP connection is one."""
     try:
         import resource
     except ImportError:
@@ -194,7 +194,7 @@ async def _answer_questions(link: Link, up: asyncio.Event, discovery: Discovery)
 def _greet(link: Link, reason: str, *, wishes: Wishes, hint: str) -> None:
     name = link.info.name
     if isinstance(link, UdpServerLink | TcpServerLink):
-        name = f"{name.rpartition(':')[0]}:{link.port}"  # where port 0 was asked for
+        name = f"{name.rpartition(':')[0]}:{link.port}"  # if port 0 was asked for
         reason = ""
     words = ", ".join(filter(None, (f"agent on {name}", reason, hint)))
     click.echo(f"{words}; Ctrl-C ends it")

@@ -1,1 +1,1 @@
-"""The commands about blueprints: write, check, compare, put into force, export."""
+"""The commands about blueprints: write, check, compare, apply, export."""

@@ -1,4 +1,4 @@
-"""`msbot apply`: put a changed blueprint into force."""
+"""`msbot apply`: apply a changed blueprint."""
 
 from __future__ import annotations
 
@@ -68,10 +68,10 @@ def _agreed() -> bool:
 def put_in_force(
     registry: Registry, wanted: Blueprint, library: Library, blueprint: Path, folders: tuple[Path, ...]
 ) -> str:
-    """Store a blueprint; a running robot changes at once. Gives what was done, in words.
+    """Store a blueprint; a running robot changes at once. Returns what was done, in words.
 
     Raises:
-        ConfigError: it is another robot's, or the master refuses it.
+        ConfigError: it is another robot's blueprint, or the master refuses it.
         RegistryError: it cannot be stored; nothing has changed.
     """
     robot = registry.robots.find(wanted)
@@ -81,7 +81,7 @@ def put_in_force(
         arguments = {"path": str(blueprint.resolve()), "folders": [str(folder.resolve()) for folder in folders]}
         return str(perform(registry.database, robot.name, "apply", arguments)["words"])
     if robot is not None:
-        registry.runs.begin(robot)  # no master may start in between
+        registry.runs.begin(robot)  # so that no master starts in between
     made = registry.robots.apply_blueprint(wanted, library, user_name())
     if robot is None:
         return f"robot {made.name} is in the database now"

@@ -1,4 +1,4 @@
-"""`msbot check`: is a blueprint in order?"""
+"""`msbot check`: is a blueprint correct?"""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def command(blueprint: Path, folders: tuple[Path, ...], *, as_json: bool) -> Non
 
 
 def hints(blueprint: Blueprint, library: Library) -> list[str]:
-    """What is allowed and perhaps not meant."""
+    """What is allowed but perhaps unintended."""
     bound = {str(end) for binding in blueprint.bindings for end in binding.ends}
     told = []
     for slot in blueprint.slots:

@@ -1,4 +1,4 @@
-"""`msbot diff`: a blueprint and the database against each other."""
+"""`msbot diff`: compare a blueprint with the database."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the commands about blueprints show what differs."""
+"""How the commands about blueprints show differences."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from msbot.config import Blueprint, Difference
 
 
 def empty_like(blueprint: Blueprint) -> Blueprint:
-    """A robot of the same name without slots and wires: what a new robot is compared with."""
+    """A robot of the same name without slots and wires, with which a new robot is compared."""
     return Blueprint(blueprint.robot, (), (), blueprint.timing, blueprint.options)
 
 

@@ -1,4 +1,4 @@
-"""`msbot export`: the database's knowledge of a robot as a blueprint."""
+"""`msbot export`: write a robot of the database as a blueprint."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`msbot slot`: new roles in a robot, written into its blueprint and put into force at once."""
+"""`msbot slot`: new roles in a robot, written into its blueprint and applied at once."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def add(
         with open_registry(address) as registry:
             words = put_in_force(registry, wanted, library, blueprint, folders)
     except Exception:
-        _replace(blueprint, before)  # the file says what holds
+        _replace(blueprint, before)  # the file must say what is in force
         raise
     if as_json:
         click.echo(json.dumps({"words": words, "slot": name, "part": part}))

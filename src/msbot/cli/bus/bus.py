@@ -15,7 +15,7 @@ from msbot.link.can.sim import DEFAULT_NAME
 _C = TypeVar("_C", bound=Callable[..., object])
 
 MOST_BYTES = 65_535
-"""Largest sample a forecast is made for."""
+"""Largest sample for which a forecast is made."""
 
 
 @click.group("bus")

@@ -31,11 +31,11 @@ class FrameCost:
 
 
 def costs(texts: Sequence[str]) -> list[FrameCost]:
-    """What each frame costs.
+    """The cost of each frame.
 
     Raises:
-        ConfigError: one is written wrongly; the text says what would be right.
-        LocalProtocolError: one is an error report, which is never on the wire.
+        ConfigError: a frame is malformed; the text says what would be right.
+        LocalProtocolError: a frame is an error report, which is never on the wire.
     """
     frames = [(text, parse_frame(text)) for text in texts]
     return [FrameCost(text, frame, phase_bits(frame)) for text, frame in frames]

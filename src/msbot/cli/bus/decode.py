@@ -14,7 +14,7 @@ from msbot.pnp import FrameListener
 def decode_log(
     name: str, listener: FrameListener, manner: Manner, say: Callable[[str], None], complain: Callable[[str], None]
 ) -> None:
-    """Say every frame of a log with what it means; what could not be read is a complaint at the end.
+    """Print every frame of a log with its meaning; what could not be read is reported at the end.
 
     Args:
         name: the file, or `-` for standard input.
@@ -37,5 +37,5 @@ def decode_log(
 
 
 def complain(text: str) -> None:
-    """Say something that is not part of the answer."""
+    """Print something that is not part of the answer."""
     click.echo(f"msbot: {text}", err=True)

@@ -18,7 +18,7 @@ from msbot.link.can.protocol import NODES, CanIds, Frame, LogLine
 from msbot.pnp import FrameListener, FrameWords
 
 COLOURS: Final = ("cyan", "green", "yellow", "magenta", "blue", "bright_cyan", "bright_green", "bright_yellow")
-"""Of the frames to and from a node, by its number, on a terminal."""
+"""Colours of the frames to and from a node, by its number, on a terminal."""
 
 _IDS = CanIds()
 _NO_WORDS: Final = FrameWords((), ())
@@ -26,7 +26,7 @@ _NO_WORDS: Final = FrameWords((), ())
 
 @dataclass(frozen=True, slots=True)
 class DumpWishes:
-    """What the user asked for."""
+    """The user's options."""
 
     decode: bool = True
     manner: Manner = Manner.PROTOCOL
@@ -52,11 +52,11 @@ class Dump:
 
     @property
     def finished(self) -> bool:
-        """Whether as many frames were shown as were asked for."""
+        """Whether as many frames as requested were shown."""
         return self._wishes.count is not None and self._shown >= self._wishes.count
 
     def show(self, line: LogLine) -> None:
-        """One frame; what is filtered out is understood, too, because it may be part of what comes later."""
+        """Show one frame; frames that are filtered out are decoded, too, because later frames may depend on them."""
         if self.finished:
             return
         words = self._listener.hear(line.frame, line.at or 0.0) if self._wishes.decode else _NO_WORDS

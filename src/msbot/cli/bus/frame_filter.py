@@ -15,7 +15,7 @@ _WORDS = re.compile(r"([0-9A-Fa-f]{1,8})(?:([:~])([0-9A-Fa-f]{1,8}))?")
 
 @dataclass(frozen=True, slots=True)
 class FrameFilter:
-    """One wish; a frame is shown when it meets at least one."""
+    """One filter; a frame is shown when it matches at least one."""
 
     can_id: int
     mask: int
@@ -58,5 +58,5 @@ class FilterType(click.ParamType[tuple[FrameFilter, ...]]):
 
 
 def wanted(frame: Frame, filters: tuple[FrameFilter, ...]) -> bool:
-    """Whether a frame meets a filter, or there are none."""
+    """Whether a frame matches a filter, or there are no filters."""
     return not filters or any(wish.matches(frame) for wish in filters)

@@ -1,4 +1,4 @@
-"""Frames of a bus as a candump log: writing them, and reading them whatever program has written them."""
+"""Frames of a bus as a candump log: writing it, and reading logs of many programs."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     import can.io.generic
 
 LONGEST_LINE = 4096
-"""Characters of a line that are read; one with a CAN FD frame has some two hundred."""
+"""Most characters of a line that are read; a line with a CAN FD frame has some two hundred."""
 OWN_FORMAT = ".log"
 """Ending of log files as `candump -l` writes them."""
 FOREIGN_FORMATS = (".asc", ".blf", ".trc", ".csv", ".db", ".mf4")
 """Endings of log files that python-can reads and writes for us."""
 TEXT_FORMAT = ".txt"
-"""Ending of files with what python-can prints; they are written only."""
+"""Ending of files with the output of python-can's printer; they can only be written."""
 
 
 class FrameLog:
@@ -41,15 +41,15 @@ class FrameLog:
 
 
 class FrameReader:
-    """The frames of a log, in their order; lines that are none are counted and told about, not obeyed."""
+    """The frames of a log, in order; lines that are not frames are counted and reported."""
 
     def __init__(self) -> None:
         self.frames = 0
         """Frames read so far."""
         self.unreadable = 0
-        """Lines that were none."""
+        """Lines that were not frames."""
         self.first_problem = ""
-        """What was wrong with the first of them."""
+        """What was wrong with the first unreadable line."""
 
     def read(self, name: str) -> Iterator[LogLine]:
         """Every frame in the file of that name, or, with `-`, on standard input.
@@ -90,7 +90,7 @@ class FrameReader:
             import can
         except ImportError:
             raise _needs_python_can("reading", path) from None
-        # Opened here, because python-can leaves files open in which it finds nonsense; SQLite wants the name.
+        # Opened here, because python-can leaves files open when it finds errors in them; SQLite needs the name.
         readers: dict[str, tuple[str, Callable[..., Iterable[can.Message]]]] = {
             ".asc": ("r", partial(can.ASCReader, relative_timestamp=False)),
             ".blf": ("rb", can.BLFReader),
@@ -114,7 +114,7 @@ class FrameReader:
 
 
 def _lines(stream: IO[str]) -> Iterator[str]:
-    """Every line, cut where it is longer than any frame's, and without what a terminal would obey."""
+    """Every line, cut where it is longer than any frame's, and without characters that would control a terminal."""
     while text := stream.readline(LONGEST_LINE):
         rest = text
         while rest and not rest.endswith("\n"):

@@ -21,7 +21,7 @@ FULL = 0.8
 
 @dataclass(frozen=True, slots=True)
 class Bus:
-    """The bus that is asked about."""
+    """The bus for which the forecast is made."""
 
     bitrate: int
     data_bitrate: int
@@ -33,7 +33,7 @@ class Bus:
         return Framing(self.fd, self.fd, compress if compression else None)
 
     def load(self, found: Forecast, bitrate: int | None = None) -> float:
-        """Busy part of the time, 1 = always."""
+        """Share of the time that the bus is busy, 1 = always."""
         return found.load(bitrate or self.bitrate, self.data_bitrate if self.fd else None)
 
     def words(self) -> str:

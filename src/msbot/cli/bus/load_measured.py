@@ -13,9 +13,9 @@ from msbot.errors import ConfigError, LocalProtocolError
 from msbot.link.can.protocol import NODES, CanIds, Frame, frame_bits, is_joining
 
 WINDOW_S: Final = 1.0
-"""The load is that of a second."""
+"""The load is measured over one second."""
 MOST_ROWS: Final = 16
-"""Identifiers shown for a second; the rest is added up."""
+"""Most identifiers shown for a second; the rest is summed up."""
 
 _IDS = CanIds()
 
@@ -59,14 +59,14 @@ class Second:
         return _sum("together", self.by_id.values())
 
     def rows(self) -> list[tuple[str, Traffic]]:
-        """The busiest identifiers first, what is left in one row."""
+        """The busiest identifiers first, the rest in one row."""
         ordered = sorted(self.by_id.items(), key=lambda item: (-item[1].busy_s, item[0]))
         rest = [traffic for _, traffic in ordered[MOST_ROWS:]]
         return ordered[:MOST_ROWS] + ([("", _sum(f"{len(rest)} more", rest))] if rest else [])
 
 
 def who_says(frame: Frame) -> str:
-    """Who sends frames with this identifier, as far as it is ours."""
+    """Who sends frames with this identifier, if it is one of ours."""
     if not frame.extended:
         for base, words in ((_IDS.up, "node {} to master"), (_IDS.down, "master to node {}")):
             if 0 < frame.can_id - base <= NODES:
@@ -82,13 +82,13 @@ def show_load(
     address: str, *, bitrate: int, data_bitrate: int, seconds: float | None, as_json: bool,
     say: Callable[[str], None], complain: Callable[[str], None],
 ) -> None:  # fmt: skip
-    """Say each second how busy a bus is, until Ctrl-C.
+    """Print every second how busy a bus is, until Ctrl-C.
 
     Args:
         address: the bus.
-        bitrate: nominal bit rate, used when the bus does not tell its own.
+        bitrate: nominal bit rate, used when the bus does not report its own.
         data_bitrate: the same for the data phase of CAN FD.
-        seconds: end by itself after that time.
+        seconds: stop after this time.
         as_json: one JSON object for each second.
         say: takes a line of the answer.
         complain: takes what goes wrong on the bus.

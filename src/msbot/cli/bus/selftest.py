@@ -12,7 +12,7 @@ from msbot.runtime.virtual_time import run_virtual
 
 
 def run_selftest(bitrate: int, frames: int, say: Callable[[str], None], *, as_json: bool = False) -> bool:
-    """Make all checks on a simulated bus in virtual time; whether all went well."""
+    """Make all checks on a simulated bus in virtual time; returns whether all passed."""
 
     async def main() -> tuple[list[CheckResult], SimBus]:
         driver = SimBusDriver(SimBus(bitrate))

@@ -17,17 +17,17 @@ LOOK_S: Final = 0.001
 
 
 def send(address: str, texts: Sequence[str], repeat: int, period_s: float, complain: Callable[[str], None]) -> None:
-    """Send frames, this often, and wait until the last has left.
+    """Send frames `repeat` times, and wait until the last has left.
 
     Args:
         address: the bus.
         texts: frames in the notation of can-utils.
         repeat: how often all of them are sent.
-        period_s: from one time to the next, in seconds.
+        period_s: seconds from one time to the next.
         complain: takes what goes wrong on the bus.
 
     Raises:
-        ConfigError: there is no such bus, or a frame is none that it carries.
+        ConfigError: there is no such bus, or it cannot carry one of the frames.
         LinkDown: the bus cannot be opened, or nobody acknowledges.
     """
     frames = [parse_frame(text) for text in texts]

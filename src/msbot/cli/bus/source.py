@@ -20,12 +20,12 @@ SCHEMES = ("can", "sim")
 
 
 def is_log(name: str) -> bool:
-    """Whether a name is that of a log (or standard input) and not that of a bus."""
+    """Whether a name means a log (or standard input) and not a bus."""
     return name == "-" or Path(name).suffix.lower() in (OWN_FORMAT, *FOREIGN_FORMATS) or Path(name).is_file()
 
 
 def is_bus(name: str) -> bool:
-    """Whether a name is that of a bus and not that of a file."""
+    """Whether a name means a bus and not a file."""
     scheme, colon, _ = name.partition(":")
     return bool(colon and scheme.lower() in SCHEMES) or not (Path(name).exists() or Path(name).suffix)
 
@@ -57,15 +57,15 @@ def open_bus(address: str, *, node: str, listen_only: bool = False) -> CanDriver
 
 
 class Listening:
-    """Runs a controller until Ctrl-C, SIGTERM, or `finish`, and tells times since 1970."""
+    """Runs a controller until Ctrl-C, SIGTERM, or `finish`, and converts times to seconds since 1970."""
 
     def __init__(self, bus: CanDriver, complain: Callable[[str], None]) -> None:
-        """Prepare; what goes wrong on the bus is a complaint."""
+        """Prepare; `complain` gets what goes wrong on the bus."""
         self.bus = bus
         self.opened = asyncio.Event()
         """The bus is open."""
         self.state = BusState.GONE
-        """Of the controller."""
+        """State of the controller."""
         self._ended = asyncio.Event()
         self._complain = complain
         self._epoch_s = 0.0
@@ -73,14 +73,15 @@ class Listening:
         bus.attach(state=self._state)
 
     def on_frame(self, handler: Callable[[Frame, float], None]) -> None:
-        """Set the handler for frames; the times are seconds since 1970. What it raises ends `run`, which raises it."""
+        """Set the handler for frames; the times are seconds since 1970. An exception in the handler ends `run`, which
+        raises it."""
 
         def heard(frame: Frame, now: float) -> None:
             if self._failure is not None:
                 return
             try:
                 handler(frame, now + self._epoch_s)
-            except Exception as error:  # of the handler, not of the bus: a controller must not be hit by it
+            except Exception as error:  # from the handler, not the bus: the controller must not be affected
                 self._failure = error
                 self.finish()
 
@@ -117,7 +118,7 @@ class Listening:
             self._complain(f"{self.bus.info.name}: {reason} ({count} times)")
 
     async def run_with(self, work: Coroutine[object, object, None]) -> None:
-        """Listen as long as something else works.
+        """Listen as long as `work` runs.
 
         Raises:
             LinkDown: the bus cannot be opened.

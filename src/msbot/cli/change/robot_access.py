@@ -1,4 +1,4 @@
-"""How a command reaches a robot: its running master if there is one, else its database, while nobody runs it."""
+"""How a command reaches a robot: through its running master if there is one, else through its database."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ MASTER = "master"
 
 
 def details_of(master: Master, db: str, *, page: str = "", trouble: str | None = None) -> dict[str, str]:
-    """What a master says of itself to the other programs of its user.
+    """What a master says about itself to other programs of its user.
 
     Args:
         master: the robot.
-        db: its database: so that `perform` finds it.
+        db: its database, so that `perform` finds it.
         page: the address of its page; empty when it has none.
         trouble: what is wrong with its database.
     """
@@ -49,13 +49,13 @@ def details_of(master: Master, db: str, *, page: str = "", trouble: str | None =
 
 
 def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> dict[str, object]:
-    """Have something done to a robot, and give the answer.
+    """Have an operation carried out on a robot, and return the answer.
 
     Args:
         db: its database; None: robot.db here, or else the one robot that runs on this computer.
-        robot: its name; None: it is clear which one is meant.
+        robot: its name; None: the only one.
         do: the operation, see `msbot.operations.table`.
-        args: what it takes.
+        args: its arguments.
 
     Raises:
         ConfigError: it is not clear which robot is meant, or the operation says what is wrong.
@@ -73,7 +73,7 @@ def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, objec
 
 
 def say(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> None:
-    """Have something done, and print what came of it: in words, or with `--json` as it is."""
+    """Have an operation carried out, and print its outcome in words, or with `--json` as JSON."""
     answer = perform(db, robot, do, args)
     if wants_json():
         click.echo(json.dumps(answer))
@@ -83,7 +83,7 @@ def say(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) 
 
 
 def running_master(db: str | None, robot: str | None) -> RunningProcess | None:
-    """The master that runs the robot with that database, or None.
+    """The master that is running the robot of that database, or None.
 
     Raises:
         ConfigError: several could be meant.
@@ -94,9 +94,9 @@ def running_master(db: str | None, robot: str | None) -> RunningProcess | None:
 
 
 def until_stored(db: str) -> None:
-    """Before a database is read: have the masters that run with it store what they have said.
+    """Before a database is read, have the masters that use it store what is waiting.
 
-    What cannot be stored is said on standard error: what is read then is older than the robot.
+    A warning on standard error says what cannot be stored: what is then read is older than the robot's state.
     """
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])
     for master in running_processes():
@@ -111,7 +111,7 @@ def until_stored(db: str) -> None:
 
 
 def database_to_read(db: str | None, robot: str | None) -> str:
-    """The database that a command reads: the one that is named, robot.db here, or that of the master that runs here.
+    """The database that a command reads: the one named, robot.db here, or that of the master running here.
 
     Raises:
         ConfigError: there is none, or several could be meant.

@@ -1,4 +1,4 @@
-"""`msbot stop`: all parts go to their safe states; who has obeyed, and who has not."""
+"""`msbot stop`: all parts go to their safe states; shows which have obeyed and which have not."""
 
 from __future__ import annotations
 

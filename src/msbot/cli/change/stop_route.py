@@ -1,4 +1,4 @@
-"""How STOP and GO reach a master: by a socket of their own where there is one, else as every other command does."""
+"""How STOP and GO reach a master: by a socket of their own if there is one, else like every other command."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ Answer = dict[str, object]
 
 
 def say_stop(db: str | None, robot: str | None, reason: str) -> Answer:
-    """STOP to the robot that is meant; where nobody said which, to every robot of this user that runs here.
+    """Say STOP to the robot named; if none is named, to every running robot of this user on this computer.
 
     Raises:
-        ConfigError: no master takes it; the text says so plainly.
+        ConfigError: no master accepts it; the text says so plainly.
     """
     answers = _ask("stop", db, robot, reason)
     return _together(answers) if answers else _by_the_ordinary_way("stop", {"reason": reason}, db, robot)
 
 
 def say_go(db: str | None, robot: str | None) -> Answer:
-    """GO to the one robot that is meant.
+    """Say GO to the one robot that is meant.
 
     Raises:
-        ConfigError: several could be meant, nobody said STOP, or no master takes it.
+        ConfigError: several could be meant, nobody said STOP, or no master accepts it.
     """
     meant = _ask("status", db, robot)
     if len(meant) > 1:
@@ -49,7 +49,7 @@ def _ask(do: str, db: str | None, robot: str | None, reason: str = "") -> list[A
     """The answers of the masters that are meant: of that robot and database; else of the robot.db here; else all.
 
     Raises:
-        ConfigError: none answers, though some run; or what a master says is wrong.
+        ConfigError: none answers although some are running, or a master reports an error.
     """
     if not IS_THERE:
         return []
@@ -67,14 +67,14 @@ def _ask(do: str, db: str | None, robot: str | None, reason: str = "") -> list[A
 
 
 def _by_the_ordinary_way(do: str, args: dict[str, object], db: str | None, robot: str | None) -> Answer:
-    from msbot.cli.change.robot_access import perform  # so that STOP itself loads nothing that takes time
+    from msbot.cli.change.robot_access import perform  # imported late, so that STOP itself loads nothing slow
 
     answer = perform(db, robot, do, args)
     return answer if do == "stop_report" else perform(db, robot, "stop_report", {})
 
 
 def _together(answers: list[Answer]) -> Answer:
-    """The answers of several robots as one; parts then have their robot's name in front."""
+    """Combine the answers of several robots; parts then have their robot's name in front."""
     if len(answers) == 1:
         return answers[0]
     first = next((answer for answer in answers if answer["stopped"]), answers[0])

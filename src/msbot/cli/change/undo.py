@@ -1,4 +1,4 @@
-"""`msbot undo`: take a change back."""
+"""`msbot undo`: undo a change."""
 
 from __future__ import annotations
 

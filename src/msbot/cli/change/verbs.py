@@ -12,11 +12,11 @@ from msbot.cli.options import answer_options
 from msbot.operations.table import OPERATIONS, Argument, ArgumentKind, Operation
 
 WRITTEN_BY_HAND = ("adopt", "set", "undo", "stop", "go")
-"""Commands that do more than one operation; each has a file of its name."""
+"""Commands that do more than one operation; each has its own file."""
 
 
 def verb(name: str) -> click.Command:
-    """The command that does an operation."""
+    """The command that carries out an operation."""
     if name in WRITTEN_BY_HAND:
         command = importlib.import_module(f"msbot.cli.change.{name}").command
         assert isinstance(command, click.Command)
@@ -36,12 +36,12 @@ def verb(name: str) -> click.Command:
 
 
 def _arguments(operation: Operation, given: Mapping[str, object]) -> dict[str, object]:
-    """What the person typed, as the operation takes it."""
+    """What the person typed, in the form that the operation takes."""
     wish: dict[str, object] = {}
     for argument in operation.arguments:
         value = given[argument.passed_as]
         if argument.kind is ArgumentKind.FLAG:
-            value = bool(value) != argument.default  # the option says what is not so by default
+            value = bool(value) != argument.default  # the option reverses the default
         wish[argument.name] = list(value) if isinstance(value, tuple) else value
     return wish
 

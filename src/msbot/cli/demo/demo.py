@@ -48,7 +48,7 @@ STATUS_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class ScriptStep:
-    """One thing to do on time."""
+    """One thing to do at a given time."""
 
     at_s: float
     verb: str
@@ -162,7 +162,7 @@ def command(
         library = load_library()
         blueprint = load_blueprint(path, library)
         address = str(db or Path(folder) / "robot.db")
-        with open_registry(address) as registry:  # which may take its time: no event loop waits for it
+        with open_registry(address) as registry:  # may be slow, so no event loop waits for it
             robot = registry.robots.apply_blueprint(blueprint, library)
             store, node_ids = registry.runs.begin(robot), registry.runs.node_ids(robot, "demo")
             asyncio.run(_main(options, blueprint, library, (registry, store, node_ids, address)))
@@ -227,7 +227,7 @@ def _answering(
     page: Callable[[], str],
     trouble: Callable[[], str | None],
 ) -> StatusServer:
-    """What lets the other commands see the robot and change it."""
+    """The server that lets other commands see the robot and change it."""
     profile = robot.master.profile
     return StatusServer(
         robot.master.agent,
@@ -239,12 +239,12 @@ def _answering(
 
 
 class _Notes:
-    """Lines for the person at the terminal that come while the robot runs: where the page is."""
+    """Lines for the person at the terminal while the robot runs, such as the page's address."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
         self.say: Callable[[str], None] | None = None
-        """Takes a line at once; None: whoever draws the screen shows `lines`."""
+        """Prints a line at once; None: the screen shows `lines`."""
 
     def add(self, line: str) -> None:
         self.lines.append(line)
@@ -267,7 +267,7 @@ def _make_page(
 
 
 async def _run_beside(work: Coroutine[object, object, None], beside: Iterable[Coroutine[object, object, None]]) -> None:
-    """Run the robot, and what helps it as long as it runs."""
+    """Run the robot, and its helpers as long as it runs."""
     try:
         async with asyncio.TaskGroup() as tasks:
             helping = [tasks.create_task(helper) for helper in beside]
@@ -283,7 +283,7 @@ async def _run_served(
     work: Callable[[], Coroutine[object, object, None]],
     beside: list[Coroutine[object, object, None]],
 ) -> None:
-    """Let other programs join the bus meanwhile."""
+    """Let other programs join the bus while the robot runs."""
 
     async def when_served() -> None:
         await server.ready.wait()
@@ -313,7 +313,7 @@ def _check_script(script: list[ScriptStep], robot: DemoRobot) -> None:
 
 
 def _deeds(robot: DemoRobot, operations: RunningOperations, notes: _Notes) -> _Deeds:
-    """What the steps of a script do."""
+    """The actions of the steps of a script."""
 
     undoing: set[asyncio.Task[None]] = set()
 

@@ -14,7 +14,7 @@ if sys.platform != "win32":
 
 
 class KeyPresses:
-    """While open, calls `pressed` in the event loop with every key; does nothing where stdin is not a terminal."""
+    """While open, calls `pressed` in the event loop with every key; does nothing if stdin is not a terminal."""
 
     def __init__(self, pressed: Callable[[str], None]) -> None:
         self._pressed = pressed

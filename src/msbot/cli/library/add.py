@@ -70,10 +70,10 @@ _ODD = re.compile(r"[^A-Za-z0-9._-]")
 
 
 def add_file(source: Path, folder: Path) -> Path:
-    """Check a file together with the library it will be part of, and copy it; gives the copy's path.
+    """Check a file together with the library that it will be part of, and copy it; returns the path of the copy.
 
     Raises:
-        ConfigError: it is wrong, there already, or cannot be written.
+        ConfigError: it has mistakes, already exists, or cannot be written.
     """
     others = [path for path in sorted(folder.glob("*.toml")) if path.name != source.name]
     load_library(*others, source)
@@ -81,10 +81,10 @@ def add_file(source: Path, folder: Path) -> Path:
 
 
 def add_template(number: str, folder: Path) -> Path:
-    """Write a file to fill in for a new part number; gives its path.
+    """Write a template for a new part number; returns its path.
 
     Raises:
-        ConfigError: the number is taken or makes no sense, the file is there already or cannot be written.
+        ConfigError: the number is taken or invalid, or the file already exists or cannot be written.
     """
     if not number.strip() or not number.isprintable() or any(sign in number for sign in '@"\\'):
         raise ConfigError(f'{number!r} cannot be a part number: use letters, digits and "-"')

@@ -102,7 +102,7 @@ def write_picture(part_type: PartType, path: Path) -> None:
 
 
 def hints(part_type: PartType) -> list[str]:
-    """What is right in a type but could be better."""
+    """What is correct in a type but could be better."""
     found = []
     for port in part_type.ports:
         if port.direction is Direction.SUBSCRIBE and port.safe is None and port.type_name not in _SAFE_BY_ITSELF:
@@ -163,7 +163,7 @@ def _blocks(part_type: PartType) -> Iterable[tuple[str, str]]:
 
 
 def wire_words(wire: DriverPin) -> str:
-    """Where a wire goes unless told otherwise."""
+    """Where a wire goes by default."""
     if wire.default is None:
         return "not wired unless told"
     return f"channel {wire.default}" if wire.analog else f"GPIO {wire.default}"
@@ -224,7 +224,7 @@ def _width() -> int:
 
 
 def _plain(cell: str) -> str:
-    """A cell whose brackets are no markup."""
+    """A cell whose brackets are not read as markup."""
     from rich.markup import escape
 
     return escape(cell)

@@ -1,1 +1,1 @@
-"""The commands that only look: the parts of a robot, why a part is as it is, the robots of a database."""
+"""The commands that only look: the parts of a robot, why a part is in its state, the robots of a database."""

@@ -1,4 +1,4 @@
-"""How commands look into a robot's database: quickly where that is possible, else by the registry."""
+"""How commands look into a robot's database: quickly if possible, else through the registry."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class Look(Protocol):
         """The database, for messages."""
 
     def robots(self) -> list[RobotRecord]:
-        """All robots, the one whose blueprint was applied last first."""
+        """All robots, the one with the most recently applied blueprint first."""
 
     def is_run(self, robot: RobotRecord) -> bool:
-        """Whether a master runs this robot now."""
+        """Whether a master is running this robot now."""
 
     def slot_names(self, robot: RobotRecord) -> list[str]:
         """The slots of a robot."""

@@ -1,4 +1,4 @@
-"""`msbot parts`: what a robot's database knows of its parts."""
+"""`msbot parts`: what a robot's database knows about its parts."""
 
 from __future__ import annotations
 

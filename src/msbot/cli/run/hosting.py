@@ -25,7 +25,7 @@ class Endable(Protocol):
     """Something that runs until it is told to end."""
 
     def end(self) -> None:
-        """End politely."""
+        """End cleanly."""
 
 
 def connect(part: Part, link: str) -> Link:
@@ -37,18 +37,18 @@ def identify(part: Part, *, uid: str | None = None, key: str | None = None) -> N
     """Give a part its UID and its key: those given, or those kept on this computer.
 
     Raises:
-        ConfigError: one of them makes no sense.
+        ConfigError: one of them is malformed.
     """
     part.uid = stored_uid(part.part_number, part.local_name) if uid is None else parse_uid(uid)
     part.key = given_key(key, part.part_number, part.local_name)
 
 
 def run_until_told(make: Callable[[], tuple[Endable, Coroutine[object, object, None]]], *, quiet: bool) -> None:
-    """Run what `make` gives, on a loop of its own, until it ends, or a signal ends it politely.
+    """Run what `make` returns, on a loop of its own, until it ends or a signal ends it cleanly.
 
     Args:
-        make: called on the loop: what is told to end, and what to run.
-        quiet: say only what is wrong.
+        make: called on the loop; returns what to tell to end, and what to run.
+        quiet: print only what is wrong.
     """
     logging.basicConfig(level=logging.WARNING if quiet else logging.INFO, handlers=[TerminalHandler()])
 

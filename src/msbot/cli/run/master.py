@@ -73,7 +73,7 @@ def command(
     logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[TerminalHandler()])
     robot, library = open_blueprint(blueprint, *folders)
     for address in addresses:
-        open_link(address, serve=True, can=CAN)  # what is wrong is told before the database is touched
+        open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
     with contextlib.suppress(KeyboardInterrupt):
         _with_database(robot, library, addresses, space, db or database_beside(blueprint), page)
 
@@ -81,7 +81,7 @@ def command(
 def _with_database(  # noqa: PLR0917 - what the command was given
     blueprint: Blueprint, library: Library, addresses: Sequence[str], where: SpaceAddress, db: str, page: PageWishes
 ) -> None:
-    """Opening and closing a database may take its time: no event loop runs meanwhile, and Ctrl-C ends it."""
+    """Opening and closing a database may be slow: no event loop runs during that time, and Ctrl-C ends it."""
     profile = profile_of(blueprint)
     kept = held.bring_back_held(db)
     if kept is not None:

@@ -25,19 +25,19 @@ _C = TypeVar("_C", bound=Callable[..., object])
 
 @dataclass(frozen=True, slots=True)
 class PageWishes:
-    """What the user asked for."""
+    """The user's options."""
 
     host: str
     port: int
     or_any_port: bool
-    """Take any free port when nobody asked for a certain one and the usual one is taken."""
+    """Take any free port if no specific one was requested and the usual one is taken."""
     off: bool
     certificate: Path | None
     key: Path | None
     names: tuple[str, ...] = ()
 
     def settings(self) -> WebSettings:
-        """The same as the web room takes it; imports that room."""
+        """The same in the form that the web room takes; imports that room."""
         from msbot.web.server import WebSettings
 
         return WebSettings(self.host, self.port, self.or_any_port, self.certificate, self.key, self.names)
@@ -90,9 +90,9 @@ def page_wishes(
 
 @contextmanager
 def made_to_stay() -> Iterator[None]:
-    """While the page is loaded and made: look for garbage neither meanwhile nor, in what was made, ever after.
+    """Suspend garbage collection while the page is loaded and made, and exempt all that was made from it for good.
 
-    A sixth of the time of the start, and no long pause later while the robot runs.
+    This saves a sixth of the start-up time, and long pauses later while the robot runs.
     """
     gc.disable()
     try:
@@ -106,7 +106,7 @@ async def serve_page(room: WebRoom, ready: asyncio.Event, wishes: PageWishes, sa
     """Serve the page until cancelled; say where it is as soon as the robot is up.
 
     Args:
-        room: the page. It is made before the robot runs: what that takes would be time in which nothing beats.
+        room: the page. It is made before the robot runs, because no beats are sent during that time.
         ready: set when the robot is up.
         wishes: the options.
         say: takes the lines for the person at the terminal.

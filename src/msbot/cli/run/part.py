@@ -108,7 +108,7 @@ def _stand_in(
     if slot is None:
         library_here(folders).require(number)
     called = local_name or (number if slot is None else slot.wanted_name)
-    # Not the UID of the real one: both may be there, and the robot must be able to tell them apart.
+    # Not the UID of the real one: both may be present, and the robot must be able to distinguish them.
     uid = uid or stored_uid(number, f"{called}, simulated").hex()
     if slot is not None and not quiet:
         click.echo(f"For slot {name}; while another part holds it: msbot swap {name} {uid}")

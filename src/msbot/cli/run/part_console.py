@@ -1,4 +1,4 @@
-"""The console of a simulated part: says what changes at it, and takes what a person types, `control=value`."""
+"""The console of a simulated part: prints what changes, and takes what a person types, `control=value`."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from msbot.errors import ConfigError
 from msbot.sim import SimulatedPart
 
 LOOK_S = 0.2
-"""How often it is looked whether a reading has changed."""
+"""Period in which readings are checked for changes."""
 MOST_TYPED = 4096
-"""Octets taken from the terminal at once."""
+"""Most octets read from the terminal at once."""
 SHARE = 0.02
 SIGMAS = 8
-"""A number is said again when it has changed by more than this share of itself and by so much of its noise; without
-noise also when it stays still at another value than was said: the last small step of a ramp."""
+"""A number is printed again when it has changed by more than a share of itself and by this multiple of its noise;
+without noise also when it comes to rest at a value other than the one printed: the last small step of a ramp."""
 
 
 class PartConsole:
@@ -49,7 +49,7 @@ class PartConsole:
         part.every(LOOK_S)(self.look)
 
     def look(self) -> None:
-        """Say which readings have changed."""
+        """Print which readings have changed."""
         readings = self._simulated.readings()
         changed = {name: value for name, value in readings.items() if self._is_news(name, value)}
         self._seen = dict(readings)
@@ -58,7 +58,7 @@ class PartConsole:
             self._say(", ".join(self._words(name, value) for name, value in changed.items()))
 
     def typed(self, line: str) -> None:
-        """Do what a person typed; what makes no sense is answered with a sentence."""
+        """Do what a person typed; invalid input is answered with a sentence."""
         if not line.strip():
             return
         try:
@@ -111,7 +111,7 @@ def _is_ours(source: TextIO) -> bool:
     try:
         return os.tcgetpgrp(source.fileno()) == os.getpgrp()
     except OSError:
-        return True  # a terminal, but not the one this program was started from: nobody stops it there
+        return True  # a terminal, but not the one this program was started from, so reading does not stop it
 
 
 def apply_settings(simulated: SimulatedPart, settings: Iterable[str]) -> None:
@@ -129,7 +129,7 @@ def apply_settings(simulated: SimulatedPart, settings: Iterable[str]) -> None:
 
 
 def controls_words(simulated: SimulatedPart) -> str:
-    """What can be set, in a sentence."""
+    """The controls that can be set, in a sentence."""
     from msbot.cli.library.view import control_values
 
     known: Mapping[str, str] = {control.name: control_values(control) for control in simulated.controls}

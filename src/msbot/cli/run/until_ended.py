@@ -14,16 +14,16 @@ async def run_until_signal(
     work: Coroutine[object, object, None], *, beside: Iterable[Coroutine[object, object, None]] = (),
     ready: asyncio.Event | None = None, say: Callable[[], None] | None = None,
 ) -> None:  # fmt: skip
-    """Run until the work ends or SIGINT or SIGTERM comes, which is a clean end.
+    """Run until the work ends, or until SIGINT or SIGTERM, which end it cleanly.
 
     Args:
         work: what to run.
-        beside: what else runs as long as the work does.
+        beside: what else to run as long as the work runs.
         ready: set by the work when it is up.
         say: called then.
 
     Raises:
-        MsbotError: what ended the work, taken out of the group it came in.
+        MsbotError: the error that ended the work, taken out of its exception group.
     """
     loop = asyncio.get_running_loop()
     try:

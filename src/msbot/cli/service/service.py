@@ -135,17 +135,17 @@ def _service(
     blueprint: Path, *, for_all: bool, addresses: tuple[str, ...] = (), db: str | None = None, host: str | None = None,
     port: int | None = None, backup_at: str = "", backups: Path | None = None, keep: int = KEEP,
 ) -> RobotService:  # fmt: skip
-    """What is asked for, with everything that does not depend on the folder one is in.
+    """The service that the user asked for, independent of the current folder.
 
     Raises:
-        ConfigError: the blueprint is wrong.
+        ConfigError: the blueprint has mistakes.
     """
     from msbot.config import open_blueprint
     from msbot.link import open_link
 
     robot, _ = open_blueprint(blueprint)
     for address in addresses:
-        open_link(address, serve=True)  # what is wrong is told before anything is installed
+        open_link(address, serve=True)  # report mistakes before anything is installed
     path = blueprint.absolute()
     chosen = [word for address in addresses for word in ("--link", address)]
     chosen += ["--host", host] if host else []

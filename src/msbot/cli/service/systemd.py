@@ -33,11 +33,11 @@ def _run(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
 
 
 class Systemd:
-    """Speaks to systemd by its own command.
+    """Talks to systemd through its own command.
 
     Args:
         for_all: the computer's services, not the user's.
-        run: runs a command; the real thing if absent.
+        run: runs a command; really runs it if absent.
     """
 
     def __init__(self, *, for_all: bool, run: Run = _run) -> None:
@@ -65,7 +65,7 @@ class Systemd:
         self._systemctl("restart", *started)
 
     def remove(self, unit: str) -> list[str]:
-        """Stop the units of a robot and remove their files; gives the files that are gone.
+        """Stop the units of a robot and remove their files; returns the removed files.
 
         Raises:
             ConfigError: systemd refuses, or a file cannot be removed.
@@ -84,12 +84,12 @@ class Systemd:
         return [path.name for path in found]
 
     def files(self, unit: str) -> list[Path]:
-        """The unit files that are there."""
+        """The unit files that exist."""
         names = (f"{unit}.service", f"{unit}-backup.timer", f"{unit}-backup.service")
         return [path for name in names if (path := self.folder / name).is_file()]
 
     def properties(self, unit: str) -> dict[str, str]:
-        """What systemd knows of one unit.
+        """What systemd knows about one unit.
 
         Raises:
             ConfigError: it cannot be asked.
@@ -98,7 +98,7 @@ class Systemd:
         return dict(line.partition("=")[::2] for line in answer.splitlines() if "=" in line)
 
     def logs_command(self, unit: str) -> str:
-        """What shows the log."""
+        """The command that shows the log."""
         return f"journalctl {'' if self._for_all else '--user '}-u {unit} -f"
 
     def _systemctl(self, *arguments: str) -> str:

@@ -43,7 +43,7 @@ class RobotService:
         return made
 
     def started(self) -> list[str]:
-        """The units that are to be started, and to start with the computer."""
+        """The units to start now, and whenever the computer starts."""
         return [f"{self.unit}.service", *([f"{self.unit}-backup.timer"] if self.backup_at else [])]
 
     def _master(self) -> str:
@@ -104,7 +104,7 @@ def quoted(word: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """A text in which systemd replaces nothing, on one line."""
+    """A text on one line, escaped so that systemd substitutes nothing in it."""
     return " ".join(text.split("\n")).replace("%", "%%")
 
 

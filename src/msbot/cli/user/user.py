@@ -162,7 +162,7 @@ def _write_rows(stream: TextIO, rows: list[tuple[str, str, str]]) -> None:
 
 
 def _password(*, from_stdin: bool, generate: bool) -> str:
-    """The new password, however it comes.
+    """The new password, typed, read or generated.
 
     Raises:
         ConfigError: there is nobody to ask.
