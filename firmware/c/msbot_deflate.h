@@ -16,7 +16,7 @@ typedef struct {
     size_t tails;
 } msbot_text;
 
-/* Compresses a text to fewer than `most` octets; 0 = not possible. The time grows with the square of its length. */
+/* Compresses a text to fewer than `most` octets; 0 = not possible. The time grows with the length squared. */
 size_t msbot_deflate(uint8_t *octets, size_t most, const msbot_text *text);
 /* Restores the text from all these octets; -1 = they are not one, or there is no room for it. */
 int msbot_inflate(uint8_t *text, size_t room, const uint8_t *octets, size_t size);

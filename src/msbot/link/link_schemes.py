@@ -1,7 +1,7 @@
 """Addresses of links as people write them: `udp:127.0.0.1:8888`, `serial:/dev/ttyUSB0?baudrate=115200`.
 
-What precedes the first colon chooses the kind of link; every kind reads the rest in its own way. Options come
-behind a question mark.
+What precedes the first colon chooses the kind of link; every kind reads the rest in its own way. Options follow a
+question mark.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ class Scheme:
     example: str
     """An address that a person can copy."""
     open: Callable[[str, bool, CanSettings], Link]
-    """`(rest of the address, serve, what CAN needs)`: makes the link without opening it; raises ConfigError."""
+    """`(rest of the address, serve, what CAN needs)`: makes the link but does not open it; raises ConfigError."""
 
 
 def open_link(address: str, *, serve: bool = False, can: CanSettings | None = None) -> Link:
-    """Make the link of an address; it opens when it runs.
+    """Make the link for an address; it opens when it runs.
 
     Args:
         address: for example `udp:192.168.1.20:8888` or `udp:[::1]:8888`.
-        serve: True for the side that many peers come to (the master), False for a part.
-        can: what a link on a CAN bus needs besides its address.
+        serve: True for the side that serves many peers (the master), False for a part.
+        can: what a link on a CAN bus needs in addition to its address.
 
     Raises:
         ConfigError: the address makes no sense; the text shows a right one.
@@ -70,11 +70,11 @@ def parse_host_and_port(text: str, *, any_port: bool = False) -> tuple[str, int]
     """`127.0.0.1:8888`, `name:8888` or `[::1]:8888` as host and port.
 
     Args:
-        text: what is in the address.
-        any_port: whether port 0, "any free one", makes sense here.
+        text: this part of the address.
+        any_port: whether port 0, "any free one", is allowed here.
 
     Raises:
-        ConfigError: it is nothing of the kind.
+        ConfigError: it is not a host and a port.
     """
     match = _HOST_AND_PORT.fullmatch(text)
     if match is None:
@@ -118,11 +118,11 @@ def _open_page_link(address: str, serve: bool) -> Link:
 
 
 def parse_options(text: str, **defaults: int) -> tuple[str, dict[str, int]]:
-    """`/dev/ttyUSB0?baudrate=9600&address=2` as what precedes the question mark, and the numbers behind it.
+    """`/dev/ttyUSB0?baudrate=9600&address=2` as the part before the question mark, and its numeric options.
 
     Args:
-        text: what is in the address.
-        defaults: the options there are, with the values of those that are left out.
+        text: this part of the address.
+        defaults: all options, with their default values.
 
     Raises:
         ConfigError: there is no such option, or its value is not a number.

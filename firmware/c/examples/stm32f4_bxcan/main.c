@@ -27,7 +27,7 @@
 
 static void can_sent_handler(void) { bxcan_interrupt(); }
 
-/* A frame only has to wake the processor; `main` reads it. The interrupt stays pending until then, so it is disabled. */
+/* A frame only wakes the processor; `main` reads it. The interrupt stays pending until then, so it is disabled. */
 static void can_received_handler(void) { REGISTER(0xE000E180U) = 1U << 20; }
 
 __attribute__((section(".vectors"), used)) const vector VECTORS[16 + 21] = {

@@ -2,7 +2,7 @@
 
 Theory of operation. The bus runs on the event loop's clock (`SimBusDriver`), so frames of other programs take part in
 arbitration at the moment they arrive here. A program may hand over as many frames as a controller holds; each is
-answered when it has left, in that order. A program that only listens is not a controller: it gets every transmitted
+answered when it has left the controller. A program that only listens is not a controller: it gets every transmitted
 frame, and the bus does not notice it. A program that sends nonsense is dropped, counted and logged once. One that does
 not read loses frames, like a controller with a full receive buffer, and is told how many; until it reads again, nothing
 more is accepted from it.
