@@ -30,14 +30,14 @@ from msbot.web.timeline import Timeline
 from msbot.web.views import BusMeter, Views
 
 SESSIONS_S = 1.0
-"""How often to look who may still be signed in."""
+"""Period in which to check who may still be signed in."""
 LOOK_S = 0.25
-"""The robot is looked at that often, whether or not a page is open: for beat intervals and newly bound topics."""
+"""Period in which the robot is observed, even if no page is open: for beat intervals and newly bound topics."""
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What of a robot is there to be seen besides the master itself."""
+    """What can be shown of a robot in addition to its master."""
 
     frames: FrameRing
     """Fed by the bus, or never."""
@@ -66,8 +66,8 @@ class WebRoom:
     Args:
         master: the robot.
         operations: what can be done to it.
-        library: what part numbers are.
-        database: its database; None: neither journal nor users last.
+        library: where part numbers are looked up.
+        database: its database; None: neither journal nor users are stored.
         seen: its bus and its simulated parts.
         settings: where the pages are served.
         entry_link: a link signs people in as administrator, without a password: for the demo.
@@ -179,7 +179,7 @@ def _describer(master: Master, operations: RunningOperations) -> Callable[[], Ro
 
 
 def _known_object(master: Master, node: Hashable, object_id: int) -> KnownObject | None:
-    """What the master knows of an object of the client at a node, though nobody listened when it was made."""
+    """What the master knows about an object of the client at a node whose creation nobody heard."""
     found = master.agent.topic_at(node, object_id)
     if found is None:
         return None

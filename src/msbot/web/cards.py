@@ -1,4 +1,4 @@
-"""The cards of the slots: which part holds a slot, how it stands, and what it does at this moment.
+"""The cards of the slots: which part holds a slot, its state, and what it does at this moment.
 
 What an actuator does is not always what it was told: under STOP, and without its partner, it applies its safe values.
 That is shown only as far as it is known: a part that has not confirmed STOP may still move.
@@ -19,9 +19,9 @@ from msbot.web.live import Live, TopicWatch
 from msbot.web.simulated.bench import Bench
 
 STALE_PERIODS = 3
-"""A value is stale when so many of its periods have gone by without another."""
+"""A value is stale when this many of its periods have passed without a new one."""
 SHORTEST_PERIOD_S = 0.2
-"""What comes more often is not called stale for a hiccup."""
+"""A value that comes more often is not called stale because of a hiccup."""
 
 
 SaidByHand = Callable[[], Mapping[tuple[str, str], Mapping[str, Scalar]]]
@@ -121,7 +121,7 @@ class SlotCards:
         )
 
     def _is_stale(self, watch: TopicWatch, binding: Binding, look: _Look) -> bool:
-        """Whether a value says how it was, not how it is."""
+        """Whether a value is out of date."""
         if watch.at is None:
             return False
         source = look.infos.get(binding.source.slot)
@@ -175,7 +175,7 @@ class _Look:
 
 
 def _held(look: _Look, slot: str, binding: Binding) -> str:
-    """Why the part in a slot does not do what comes in on a topic; see `PortLine.held`."""
+    """Why the part in a slot does not obey what comes in on a topic; see `PortLine.held`."""
     info = look.infos.get(slot)
     if info is None or not info.state.is_registered:
         return ""

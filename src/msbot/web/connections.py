@@ -49,7 +49,7 @@ class Connections:
         return len(self._open)
 
     def begin(self, connection: WatchedConnection, address: str) -> bool:
-        """Take a new connection in; False: there is no room, and nobody idle who could make some."""
+        """Accept a new connection; False: there is no room, and no idle one that could make room."""
         for one in [one for one in self._open if one.is_closing()]:
             del self._open[one]
         same = [one for one, where in self._open.items() if where == address]
@@ -79,7 +79,7 @@ class Connections:
 
 
 class WatchedConnection(HttpToolsProtocol):
-    """A connection with time limits; what a websocket makes of it afterwards is the websocket's.
+    """A connection with time limits, until it becomes a websocket.
 
     Args:
         connections: the others.
@@ -98,7 +98,7 @@ class WatchedConnection(HttpToolsProtocol):
         self._is_websocket = False
 
     def is_idle(self) -> bool:
-        """Whether no request of it is being worked on."""
+        """Whether no request on it is being processed."""
         return not self._is_websocket and (self.cycle is None or self.cycle.response_complete)
 
     def is_closing(self) -> bool:
@@ -199,7 +199,7 @@ class PageAcceptor:
     async def _begin(self, connection: socket.socket) -> None:
         loop = asyncio.get_running_loop()
         try:
-            # A peer that fails at TLS, or is gone again, is not worth a word.
+            # A peer that fails at TLS, or is gone again, is not worth reporting.
             with contextlib.suppress(OSError, ssl.SSLError):
                 await loop.connect_accepted_socket(
                     self._make, connection, ssl=self._tls, ssl_handshake_timeout=HEAD_S if self._tls else None

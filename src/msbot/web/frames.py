@@ -1,7 +1,7 @@
 """The frames of a CAN bus for the bus page: counters are exact, the table shows the newest few thousand.
 
-Taking a frame in costs an append; who sent what, and what it means, is worked out only for the rows that somebody
-looks at. Every frame has a number that counts up, so a page asks for "what came after number N".
+Taking in a frame costs one append; its sender and meaning are worked out only for the rows that somebody looks at.
+Every frame has a number that counts up, so a page asks for "what came after number N".
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class FrameRing:
         objects: Callable[[Hashable, int], KnownObject | None] | None = None,
         units: Callable[[str], Mapping[str, str]] | None = None,
     ) -> None:
-        """Understand samples of these types, too, and sessions that began before anybody listened.
+        """Also decode samples of these types, and sessions that began before anybody listened.
 
         To be called before the first frame is looked at.
 
@@ -109,7 +109,7 @@ class FrameRing:
             line.truncate()
 
     def _decode(self) -> None:
-        """Work out what came since the last look; what has already left the ring is lost for the decoder too."""
+        """Decode what came since the last call; frames that have already left the ring are lost to the decoder, too."""
         new = min(self.total - self._decoded, len(self._ring))
         number = self.total - new
         for at, sender, frame in islice(self._ring, len(self._ring) - new, None):

@@ -1,4 +1,4 @@
-"""HTML from templates. Whatever is put into them is escaped; what is HTML already says so by its type, `Markup`."""
+"""HTML from templates. Every value is escaped unless its type, `Markup`, says that it is already HTML."""
 
 from __future__ import annotations
 

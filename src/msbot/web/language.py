@@ -33,18 +33,18 @@ class Language:
     code: str
     """As in RFC 5646: `en`, `de`."""
     name: str
-    """In its own words: `English`, `Deutsch`."""
+    """Its own name for itself: `English`, `Deutsch`."""
     texts: Mapping[str, str] = field(default_factory=dict)
     """English text -> text in this language."""
     decimal: str = "."
-    """What stands between the whole part of a number and its fraction."""
+    """The decimal separator of a number."""
     thousands: str = ","
     """What stands between groups of three digits."""
 
     def say(self, text: str, /, **values: object) -> str:
         """The text in this language; `{name}` is replaced by the value of that name.
 
-        What is a `Sentence` brings its values along, which are said in this language, too.
+        A `Sentence` brings its own values, which are also put into this language.
         """
         if isinstance(text, Sentence):
             return self._put_in(self.texts.get(text.form, text.form), text.values)

@@ -1,7 +1,7 @@
 """The values on a robot's topics as people see them: the latest one, how often they come, and a while of history.
 
-A listener in the data space, one per bound topic. What arrives is kept as octets; it is taken apart only when a page
-asks, so a topic that nobody looks at costs a counter.
+A listener in the data space, one per bound topic. What arrives is kept as octets and decoded only when a page asks, so
+a topic that nobody looks at costs only a counter.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class _Kept:
 
 
 class TopicWatch:
-    """What is known of one topic."""
+    """What is known about one topic."""
 
     def __init__(self, name: str, type_name: str, clock: Callable[[], float]) -> None:
         self.name = name
@@ -181,8 +181,8 @@ class Live:
     def series(self, name: str, field: str) -> list[tuple[float, float]]:
         """(time, value) of a numeric field, oldest first, every value of the last minutes; empty if it is not a number.
 
-        What has not been taken apart yet is, a part of it each time: after a long silence of the pages it takes a few
-        looks until all is there.
+        Values not decoded yet are decoded in batches: if no page has asked for long, it takes a few calls until all are
+        there.
         """
         watch = self._watches.get(name)
         if watch is None:

@@ -1,4 +1,4 @@
-"""The masters of this computer, as the class view needs them: who is there, and one STOP for all.
+"""The masters on this computer, for the class view: who is there, and one STOP for all.
 
 They are asked over STOP's own socket (`msbot.runtime.stop_datagram`), all at once and in a thread, so that a master
 that hangs keeps no page waiting.
@@ -32,7 +32,7 @@ class LocalMaster:
 
 @dataclass(frozen=True, slots=True)
 class StopForAll:
-    """What came of one STOP for all robots."""
+    """The outcome of one STOP for all robots."""
 
     told: tuple[str, ...]
     """Robots whose master has taken it."""

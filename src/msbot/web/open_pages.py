@@ -1,6 +1,6 @@
 """Pages that are open, each belonging to the session it was opened by.
 
-NiceGUI takes whoever knows a page's number for its owner. Here every message of a websocket is checked against the
+NiceGUI treats anybody who knows a page's number as its owner. Here every message of a websocket is checked against the
 session of that very socket, and when a session ends or its role changes, the server closes its pages and sockets.
 """
 
@@ -84,7 +84,7 @@ class OpenPages:
         return checked
 
     def _close_pages(self, session: Session) -> None:
-        """Close what a session has open: soon, so that what is being done for one of the pages comes to its end."""
+        """Close a session's pages soon, but let running actions of these pages finish."""
         asyncio.get_running_loop().call_soon(self._close_now, session)
 
     def _close_now(self, session: Session) -> None:

@@ -1,7 +1,7 @@
-"""Where parts come in by the page: `/api/link`, one WebSocket for each part (docs/reference/links.md).
+"""Where parts come in through the page: `/api/link`, one WebSocket for each part (docs/reference/links.md).
 
-The guard has checked host, origin and session; here it is checked, now and again, that the person may have parts. What
-the packets mean is the agent's business: a part that comes by here meets the same gate as any other.
+The guard has checked host, origin and session; this file checks, repeatedly, that the person may have parts. Only the
+agent interprets the packets: a part that comes in here meets the same gate as any other.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from msbot.web.access.sessions import Session
 from msbot.web.language import language_of
 
 CHECK_S = 3.0
-"""How long at most a part stays after its person was signed out, or lost the right to run parts."""
+"""Longest time that a part stays after its person was signed out, or lost the right to run parts."""
 REFUSED = 4403
 WRONG = 4400
 AGAIN = 4503
-"""Not for long: whoever gets this may try again."""
+"""Closing code of a temporary refusal: the client may try again."""
 
 
 class PartSocket:

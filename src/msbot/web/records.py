@@ -29,7 +29,7 @@ from msbot.web.api.models import JournalLine, Robot, RobotTile
 
 @dataclass(frozen=True, slots=True)
 class Records:
-    """What the database knows, as functions, so that a robot without one has pages, too."""
+    """What the database knows, as functions, so that a robot without a database also has pages."""
 
     journal: Callable[[int, str | None], Awaitable[list[JournalLine]]]
     robots: Callable[[], Awaitable[list[RobotTile]]]
@@ -88,7 +88,7 @@ def registry_records(
     """
 
     aside = DaemonThreads(1, "msbot backup")  # one at a time: each takes a copy of everything
-    workshop = Workshop()  # what strangers write is read by another process, see there
+    workshop = Workshop()  # what strangers write is read by another process, see `Workshop`
 
     async def diff(toml: str) -> list[str]:
         present = await registry.storage.in_time(registry.robots.blueprint, robot, by_hand=False)

@@ -113,7 +113,7 @@ class WebServer:
 
     @property
     def mark(self) -> str:
-        """Tells this robot's page from others on this computer: eight hexadecimal digits."""
+        """Distinguishes this robot's page from others on this computer: eight hexadecimal digits."""
         return hashlib.sha256(f"{self._service.robot_id}\n{self.port}".encode()).hexdigest()[:8]
 
     @property
@@ -212,7 +212,7 @@ async def _not_there(_request: Request, _error: Exception) -> Response:
 
 
 def _names_of(settings: WebSettings) -> tuple[str, ...]:
-    """Under which names the page may be asked for: what a hostile site's own name leads to is not answered."""
+    """The host names that the page answers to; a hostile site's name that leads here gets no answer."""
     if settings.host in LOOPBACK:
         return LOOPBACK
     own = socket.gethostname()

@@ -39,7 +39,7 @@ from msbot.web.records import Records
 from msbot.web.views import Views
 
 SHARED_S = 0.2
-"""How long one look at the robot serves every page."""
+"""How long one snapshot of the robot serves every page."""
 MAX_BLUEPRINT = 256 * 1024
 """Octets of a blueprint."""
 CLASS_S = 2.0
@@ -85,7 +85,7 @@ class Service:
 
     @property
     def robot_id(self) -> str:
-        """What tells this robot from others: name and serial number."""
+        """What identifies this robot: name and serial number."""
         robot = self._robot()
         return f"{robot.name} {robot.serial_number}"
 
@@ -167,7 +167,7 @@ class Service:
         return await self._records.export()
 
     async def blueprint_diff(self, session: Session, toml: str) -> BlueprintDiff:
-        """What applying another blueprint would change; who may not apply it need not know.
+        """What applying another blueprint would change; only for those who may apply it.
 
         Raises:
             ConfigError: it is wrong; the text says where.
@@ -199,7 +199,7 @@ class Service:
         return Done(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))
 
     def may_undo(self, session: Session, edit: EditLine) -> bool:
-        """Whether to offer it: students take back their own settings only."""
+        """Whether to offer undo: students undo only their own settings."""
         is_own = edit.who == session.name and edit.kind == "value" and session.may(Right.SET)
         return edit.undoable and (is_own or session.may(Right.ARRANGE))
 
@@ -308,7 +308,7 @@ def _check_size(toml: str) -> None:
 
 
 def done_of(outcome: Outcome) -> Done:
-    """What came of an operation, for page and API."""
+    """The outcome of an operation, for page and API."""
     return Done(words=outcome.words, edit=outcome.edit_id)
 
 

@@ -42,7 +42,7 @@ class Timeline:
             del self._spans[next(iter(self._spans))]
 
     def look(self, infos: Iterable[PartInfo], now: float) -> None:
-        """Work out the intervals between beats from how the inventory stands; to be called a few times a second."""
+        """Derive the intervals between beats from the inventory; to be called a few times a second."""
         seen: dict[int, tuple[int, float]] = {}
         for info in infos:
             if info.beat_age_s is None or not info.slot:

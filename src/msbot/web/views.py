@@ -1,4 +1,4 @@
-"""What pages and API show: the robot's objects turned into `models`, at the moment of asking."""
+"""What pages and API show: the robot's objects turned into `models` on request."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Views:
         self._rate: tuple[float, int, float] = (clock(), 0, 0.0)
 
     def look(self) -> None:
-        """Notice what only repeated looking shows (beat intervals, bound topics); a few times a second."""
+        """Observe what only polling shows (beat intervals, bound topics); call it a few times a second."""
         self._timeline.look(self._master.inventory.view(self._clock()), self._clock())
         self.live.watch(self._blueprint().topics())
 
@@ -198,7 +198,7 @@ class Views:
         return lines
 
     def mark(self) -> object:
-        """Another object whenever somebody has changed the robot's slots, wires or settings."""
+        """A mark that is a new object whenever somebody has changed the robot's slots, wires or settings."""
         return self._blueprint()
 
     def ports(self) -> list[WirePort]:

@@ -1,7 +1,7 @@
-"""Who is signed in: users, sessions, API tokens. Time is handed in; the database is not asked.
+"""Who is signed in: users, sessions, API tokens. Time is passed in; the database is not queried.
 
-All users are held in memory: a request, and above all STOP, never waits for a database. What the administrators of
-another program change there comes in by `load`. A changed role and a removed user take effect at once.
+All users are held in memory: a request, and above all STOP, never waits for a database. Changes made there by
+administrators in other programs come in through `load`. A changed role and the removal of a user take effect at once.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class NotAllowed(MsbotError):
 
 
 class SignedOut(MsbotError):
-    """The session has ended meanwhile."""
+    """The session has ended."""
 
 
 class Accounts:
@@ -61,13 +61,13 @@ class Accounts:
         self._entry_token = ""
         self._device_key = secrets.token_bytes(32)
         self._changing = asyncio.Lock()
-        """Held from looking at somebody until the change is stored: no other change comes in between."""
+        """Held from reading a user until the change is stored, so that no other change comes in between."""
         self.load(store.users())
 
     def load(self, users: Iterable[User]) -> None:
-        """Take what the store holds now; sessions of people who are not there any more end.
+        """Take over the present content of the store; sessions of removed people end.
 
-        While somebody is being changed here nothing is taken: what the store holds would be half of it.
+        Does nothing while a user is being changed here: the store would have only half of the change.
         """
         if not self._changing.locked():
             self._take(users)
@@ -104,7 +104,7 @@ class Accounts:
 
         Raises:
             SignInRefused: it is not the link's word, or somebody has used it.
-            ConfigError: the name or the password will not do.
+            ConfigError: the name or the password is not acceptable.
         """
         if not self._setup_token or not hmac.compare_digest(token.encode(), self._setup_token.encode()):
             raise SignInRefused(
@@ -156,7 +156,7 @@ class Accounts:
         if wait_s:
             await asyncio.sleep(wait_s)
         user = self._users.get(name)
-        # A name that is not there takes as long as a wrong password.
+        # An unknown name takes as long as a wrong password.
         self._decoy = self._decoy or await self._hasher.hash(_NOBODYS_PASSWORD)
         stored = self._decoy if user is None else user.password_hash
         is_right = await self._hasher.matches(stored, password[: LONGEST + 1])
@@ -170,7 +170,7 @@ class Accounts:
         return self.sessions.begin(user.name, user.role)
 
     async def _hash_anew(self, user: User, password: str) -> None:
-        """Keep a better hash of the same password; if that cannot be, the next time they sign in will do."""
+        """Store a better hash of the same password; if that fails, it is done at the next sign-in."""
         hashed = await self._hasher.hash(password)
         with contextlib.suppress(RegistryError):
             async with self._changing:
@@ -184,7 +184,7 @@ class Accounts:
 
     @property
     def device_key(self) -> bytes:
-        """What device words are made with; kept over restarts with the sessions."""
+        """The key for making device words; kept over restarts with the sessions."""
         return self._device_key
 
     @device_key.setter
@@ -214,7 +214,7 @@ class Accounts:
         return self.sessions.is_fresh(session) and (session.is_lasting or session.name in self._users)
 
     def by_api_token(self, token: str) -> Session | None:
-        """A passing session for whoever shows a user's API token."""
+        """A temporary session for a program that shows a user's API token."""
         name = self._token_users.get(digest_of(token))
         if name is None:
             return None
@@ -262,11 +262,11 @@ class Accounts:
         check_password(password)
         hashed = await self._hasher.hash(password)
         async with self._changing:
-            self._check_name(name)  # meanwhile somebody else may have taken it
+            self._check_name(name)  # somebody else may have taken it in the meantime
             await self._keep(who, User(name, role, hashed))
 
     async def add_people(self, people: Iterable[Newcomer], *, who: str) -> None:
-        """Let a whole class sign in: all of them, or nobody.
+        """Let a whole class sign in: all of them or none.
 
         Raises:
             ConfigError: a name is taken or makes no sense.
@@ -327,7 +327,7 @@ class Accounts:
             self._take([user for user in self._users.values() if user.name != name])
 
     async def new_token(self, name: str, purpose: str, *, who: str) -> str:
-        """Make an API token; this is the only moment it can be read.
+        """Make an API token; this is the only time it can be read.
 
         Raises:
             ConfigError: there is no such user, or the purpose is taken or makes no sense.
@@ -360,7 +360,7 @@ class Accounts:
     # Helpers
 
     async def _keep(self, who: str, *users: User) -> None:
-        """What the store did not take does not count."""
+        """Store users; a change that the store refuses does not take effect."""
         await self._store.keep_users(users, who)
         self._users.update({user.name: user for user in users})
         self._token_users = {digest: one.name for one in self._users.values() for _, digest in one.tokens}

@@ -1,4 +1,4 @@
-"""Wrong passwords: how long who has to wait. Pure: time is handed in.
+"""Wrong passwords: who has to wait, and how long. Pure: time is passed in.
 
 Three rules, so that guessing is slow and nobody is locked out by somebody else:
 
@@ -31,7 +31,7 @@ ADDRESS_STEP_S, ADDRESS_BURST = 0.5, 40
 TOTAL_STEP_S, TOTAL_BURST = 0.2, 80
 """The same for all addresses together."""
 LONGEST_WAIT_S = 10.0
-"""How long at most an attempt waits for its turn; more are turned away at once."""
+"""Longest wait of an attempt for its turn; further ones are turned away at once."""
 _EVERYWHERE = "everywhere"
 
 
@@ -84,7 +84,7 @@ class Attempts:
             now: seconds.
 
         Returns:
-            Seconds to wait before the password is looked at.
+            Seconds to wait before the password is checked.
 
         Raises:
             SignInRefused: too many wrong ones; it says how long to wait.

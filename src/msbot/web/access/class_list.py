@@ -83,12 +83,12 @@ def read_people(octets: bytes, path: str) -> list[Listed]:
 
 
 def newcomers(octets: bytes, path: str, role: Role) -> list[Newcomer]:
-    """The people of a CSV file with all that they need; see `read_people`.
+    """The people of a CSV file, complete with role and password; see `read_people`.
 
     Args:
         octets: what is in the file.
         path: the file's name, for messages.
-        role: of those for whom the file has none.
+        role: the role of those for whom the file has none.
 
     Raises:
         ConfigError: as `read_people`; a role that there is not, or a password that is too easy.

@@ -1,4 +1,4 @@
-"""The one gate in front of every page, API call and websocket: who is it, and does the request come from our own page.
+"""The one gate in front of every page, API call and websocket: who is asking, and from our own page?
 
 It stands outside of everything else, so that a page that is forgotten here is closed, not open. What it refuses:
 
@@ -6,7 +6,7 @@ It stands outside of everything else, so that a page that is forgotten here is c
 * anything without a session, but for signing in, the health check and files without secrets;
 * a changing request that only a cookie vouches for, without the session's CSRF word or from another origin;
 * a websocket from another origin (cross-site websocket hijacking), and an upload to somebody else's page;
-* bodies that are larger than what the path may take.
+* bodies that are larger than the path allows.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ OPEN_PATHS = (
 )  # fmt: skip
 """What may be had without signing in: forms to do so, and files that are the same for everybody."""
 BEAT_PATH = "/beat"
-"""What open pages ask for all the time: whether the robot is there. Answered here, in no time."""
+"""Requested by open pages all the time, to see whether the robot is there. Answered here, at once."""
 UPLOAD_PATH = "/_nicegui/client/"
-"""Where NiceGUI takes what is handed in on a page; the page's number follows."""
+"""Where NiceGUI takes files uploaded on a page; the page's number follows."""
 SOCKET_PATH = "/_nicegui_ws/"
 """Where the websockets of the pages come in."""
 ANY_ADDRESS = "*address*"
@@ -79,7 +79,7 @@ class AccessGuard:
         hosts: host names under which this server may be addressed.
         cookies: what the cookies are called.
         owns: whether the page of that number belongs to a session.
-        beat: what open pages are told when they ask whether the robot is there.
+        beat: the answer to open pages that ask whether the robot is there.
         is_tls: whether it is served by TLS: browsers are told to ask for that always.
     """
 
@@ -129,7 +129,7 @@ class AccessGuard:
     def _check_host(self, headers: Headers) -> tuple[int, str] | None:
         try:
             host = (urlsplit(f"//{headers.get('host', '')}").hostname or "").casefold()
-        except ValueError:  # a bracket without its partner
+        except ValueError:  # an unmatched bracket
             host = ""
         if host in self._hosts or (ANY_ADDRESS in self._hosts and _is_address(host)):
             return None
@@ -228,7 +228,8 @@ def _cookie_in(header: str, name: str) -> str:
 
 
 def _is_own_origin(headers: Headers) -> bool:
-    """Browsers say where a changing request comes from; what says nothing is not a browser, and has no cookie to steal."""
+    """Whether a changing request comes from our own page. A client that names no origin is no browser, with no cookie
+    to steal."""
     origin = headers.get("origin")
     if origin is None:
         return headers.get("sec-fetch-site", "same-origin") in ("same-origin", "none")
@@ -252,15 +253,16 @@ def _check_length(path: str, headers: Headers, session: Session | None) -> tuple
 
 
 def is_left(scope: Scope, error: Exception) -> bool:
-    """Whether this error only says that the visitor went before the answer, as browsers do all the time.
+    """Whether this error only means that the visitor left before the answer, as browsers often do.
 
-    Starlette's middleware takes that for a fault of the application.
+    Starlette's middleware treats that as a fault of the application.
     """
     return bool(scope.get("state", {}).get("left")) and str(error) == "No response returned."
 
 
 def _limited(scope: Scope, receive: Receive, most: int) -> Receive:
-    """Count what really comes: a chunked body has no length in its header. Notes when the visitor leaves."""
+    """Count the octets that really come, because a chunked body has no length in its header. Notes when the visitor
+    leaves."""
     left = most
 
     async def limited() -> Message:

@@ -40,7 +40,7 @@ class SessionFile:
         self._has_failed = False
 
     def bring_back(self) -> None:
-        """Let the sessions of the run before hold again; a file that makes no sense is none."""
+        """Restore the sessions of the previous run; an invalid file is ignored."""
         try:
             check_owner(self._path.parent)
             if self._path.stat().st_size > LARGEST:

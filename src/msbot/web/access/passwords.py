@@ -17,7 +17,7 @@ SHORTEST = 8
 """Characters a password must have (NIST SP 800-63B)."""
 LONGEST = 256
 AT_ONCE = 2
-"""Hashes that are worked out at the same time; each takes a processor core and 19 MiB for some 35 ms."""
+"""Hashes that are computed at the same time; each takes a processor core and 19 MiB for some 35 ms."""
 
 _MEMORY_KIB, _PASSES, _LANES = 19 * 1024, 2, 1
 """19 MiB and two passes: the OWASP minimum."""

@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 from msbot.operations.rights import Right, Role
 
 IDLE_S = 8 * 3600.0
-"""A session that is not used for that long ends: a school day."""
+"""A session that is not used for this long ends: a school day."""
 LONGEST_S = 7 * 24 * 3600.0
 """No session is longer than a week, however busy."""
 MOST_SESSIONS = 1000
-"""When there are more, the person with the most loses the one that was not used longest: nobody ends another's."""
+"""If there are more, the person with the most loses their longest unused one: nobody ends another's."""
 
 
 @dataclass(slots=True, eq=False)
@@ -35,7 +35,7 @@ class Session:
     token: str = ""
     """The cookie's word; known only where the session began."""
     csrf: str = field(default_factory=lambda: secrets.token_urlsafe(24))
-    """What a changing request has to show besides the cookie."""
+    """What a changing request has to show in addition to the cookie."""
     is_lasting: bool = False
     """True: no user of the store stands behind it (the demo's own administrator)."""
 
@@ -51,7 +51,7 @@ class Session:
 
 @dataclass(frozen=True, slots=True)
 class KeptSession:
-    """What of a session outlives the master: nothing that could be shown instead of the cookie."""
+    """The part of a session that outlives the master: nothing that could be used instead of the cookie."""
 
     key: str
     name: str
@@ -119,7 +119,7 @@ class Sessions:
                 self._tell(session)
 
     def end_old(self) -> None:
-        """End the sessions whose time is over; to be called once in a while."""
+        """End the sessions whose time is over; to be called now and then."""
         for session in list(self._by_key.values()):
             if not self.is_fresh(session):
                 self.end(session)
@@ -129,7 +129,7 @@ class Sessions:
         return [one for one in self._by_key.values() if one.name == name and not one.is_lasting]
 
     def kept(self) -> list[KeptSession]:
-        """What is to outlive the master."""
+        """The sessions that should outlive the master."""
         now = self._clock()
         return [
             KeptSession(one.key, one.name, one.csrf, now - one.began_at, now - one.used_at)
@@ -138,7 +138,7 @@ class Sessions:
         ]
 
     def bring_back(self, kept: Iterable[KeptSession], away_s: float, role_of: Callable[[str], Role | None]) -> None:
-        """Let sessions of an earlier run hold again.
+        """Restore sessions of an earlier run.
 
         Args:
             kept: what `kept` gave.

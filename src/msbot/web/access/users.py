@@ -23,7 +23,7 @@ class User:
 class UserStore(Protocol):
     """Where users are kept: the registry, or memory. Methods may raise `RegistryError`.
 
-    Whoever changes something waits until it is stored; an event loop goes on meanwhile.
+    A change waits until it is stored, without blocking the event loop.
     """
 
     def users(self) -> list[User]:

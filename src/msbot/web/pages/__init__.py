@@ -1,4 +1,4 @@
-"""The pages: each file is one of them; they are thin, what they show and do comes from `Service`."""
+"""The pages: one file each; they are thin, because `Service` provides what they show and do."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Administration: who may sign in, API tokens, backup and restore. What changes people is asked once more first."""
+"""Administration: who may sign in, API tokens, backup and restore. Changes to people need a confirmation."""
 
 from __future__ import annotations
 

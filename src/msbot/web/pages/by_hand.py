@@ -50,7 +50,7 @@ class _Lever:
         self._values: dict[str, Scalar] = {name: kind.zero for name, kind in message.fields.items()}
         self._values |= dict(port.safe or {})
         self._saying = asyncio.Lock()
-        """A value is said before the next one is: the last one set is the last one said."""
+        """Values are sent one after the other, so that the last one set is the last one sent."""
         with ui.element("div").style("margin-top:.6rem;width:100%"):
             self._held = ui.switch(page.say("{port} by hand", port=port.name), on_change=self._switched)
             with ui.element("div").style("padding-left:1rem;width:100%") as self._fields:
@@ -90,7 +90,7 @@ class _Lever:
             await self._page.act("let_go", quiet=True, port=self._where)
 
     async def _gone(self) -> None:
-        """The page is closed, or cannot be reached: nobody holds the lever."""
+        """The page is closed or cannot be reached: nobody holds the control any more."""
         if self._held.value:
             self._renewing.active = False
             await self._let_go()

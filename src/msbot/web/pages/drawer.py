@@ -1,4 +1,4 @@
-"""The drawer of one slot: identity, settings, wiring, rhythm, history, and why it stands as it does."""
+"""The drawer of one slot: identity, settings, wiring, rhythm, history, and the reasons for its state."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _state(page: Page, slot: str) -> None:
         rows = [(page.say("part number"), f"{card.part_number} {page.say(card.type_name)}".strip())]
         if part is not None:
             rows += [(page.say("part"), part.part), (page.say("UID"), part.uid or "–")]
-            if page.may(Right.ARRANGE):  # who knows them can pretend to be that part
+            if page.may(Right.ARRANGE):  # knowing them lets somebody impersonate that part
                 rows += [(page.say("address"), part.address), (page.say("session"), part.client_key)]
             rows += [
                 (page.say("beats"), f"{part.beats}"),

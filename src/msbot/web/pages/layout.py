@@ -1,4 +1,4 @@
-"""What every page has around it: the robot's name, the way to the other pages, STOP, and who is signed in."""
+"""What surrounds every page: the robot's name, links to the other pages, STOP, and who is signed in."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from msbot.web.service import Service, done_of
 _log = logging.getLogger(__name__)
 
 LOOK_S = 0.5
-"""Pages look at the robot that often."""
+"""Period in which pages are refreshed."""
 CHECK_S = 3.0
-"""How long at most a page stays open after its person was signed out elsewhere, or removed."""
+"""Longest time that a page stays open after its person was signed out elsewhere, or removed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ MENU = (
 
 
 Refresh = Callable[[], Coroutine[object, object, None] | None]
-"""Shows what is so now; waits only where it is a coroutine."""
+"""Shows the present state; waits only if it is a coroutine."""
 
 
 @dataclass(slots=True)
@@ -168,7 +168,7 @@ class Page:
         self.later(finish())
 
     def here(self) -> AbstractContextManager[object]:
-        """What is shown now is shown in the page itself: what was clicked may be gone by now."""
+        """Show what follows in the page itself, because the element that was clicked may be gone by now."""
         return self.client or nullcontext()
 
     def refresh(self) -> None:
@@ -198,7 +198,7 @@ class Page:
             ui.run_javascript("msbotSignIn()")
 
     def _say_once(self, words: str) -> None:
-        """What cannot be shown now is tried again at the next look; the log says so when it begins."""
+        """Log once that something cannot be shown; the next refresh tries again."""
         if words != self.trouble:
             self.trouble = words
             _log.warning("the page of %s shows what it showed before: %s", self.session.name, words)
@@ -317,7 +317,7 @@ def _who(page: Page, dark: ui.dark_mode) -> None:
 
 
 def _banner(page: Page, banner: ui.column) -> None:
-    """What everybody has to know, on every page: STOP and who has confirmed it, and what is not being stored."""
+    """What everybody must know, on every page: STOP and who has confirmed it, and what is not being stored."""
     shown: list[object] = []
 
     def show() -> None:

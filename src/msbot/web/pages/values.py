@@ -1,6 +1,6 @@
 """The parameters of one slot as a form: kind, range, unit, default and origin; a change is live at once.
 
-What is in a field is what holds: a refused value goes back to it, and what others change shows here, too.
+A field shows the value in force: a refused input reverts to it, and changes by others appear, too.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ def worker_rules(host: str) -> str:
     """What a program may reach: the VM's files and the robot's link, nothing else.
 
     A program may be somebody else's, opened by a link, and MicroPython lets it use what a worker of the page can. It
-    must not do in the name of whoever runs it what that person may do on the page.
+    must not be able to act on the page in the name of the person who runs it.
     """
     reach = " ".join(
         [*(f"{scheme}://{host}/api/link" for scheme in ("ws", "wss")),

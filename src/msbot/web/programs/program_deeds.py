@@ -41,7 +41,7 @@ class ProgramDeeds:
             raise
 
     async def versions(self, session: Session, name: str) -> Sequence[ProgramVersion]:
-        """What is kept of a program, the newest first."""
+        """The stored versions of a program, the newest first."""
         self._accounts.require(session, Right.OPERATE)
         return await self._shelf.versions(session.name, name)
 

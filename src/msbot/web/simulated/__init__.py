@@ -1,1 +1,1 @@
-"""What the page needs of simulated parts that run in its own process."""
+"""What the page needs from simulated parts that run in its own process."""

@@ -1,4 +1,4 @@
-"""What the page needs of simulated parts that run in this process: plug, unplug, operate, look."""
+"""What the page needs from simulated parts that run in this process: plug, unplug, operate, look."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Bench(Protocol):
         """Plug a part in; nothing happens if it is."""
 
     def unplug(self, slot: str) -> None:
-        """Pull a part out, without a word to anybody."""
+        """Pull a part out, without a goodbye."""
 
     def controls(self, slot: str) -> tuple[ControlLine, ...]:
         """What a person can do to that part."""

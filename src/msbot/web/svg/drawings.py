@@ -21,7 +21,7 @@ Drawing = Mapping[str, object]
 UNDER_WORDS = ("on", "off", "nothing")
 """What may stand under a picture in place of a number."""
 CALM = 0.05
-"""A small curve is at least this share of its values high."""
+"""A small curve spans at least this share of its values."""
 STATE_ICONS = {
     "active": "●", "late": "◐", "lost": "✖", "refused": "⊘", "checking": "…", "new": "✦", "standby": "‖", "empty": "○", "left": "↩",
 }  # fmt: skip
