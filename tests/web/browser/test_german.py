@@ -110,6 +110,23 @@ def test_no_page_holds_an_english_sentence(german: BrowserContext, demo: Site, p
     page.close()
 
 
+def test_a_german_makes_a_slot_and_takes_none_out(german: BrowserContext, demo: Site) -> None:
+    page = german.new_page()
+    go(page, f"{demo.base}/wires")
+    page.get_by_role("button", name="Neuer Platz").click()
+    page.get_by_label("Suchen").fill("taster")
+    page.get_by_role("radio").first.click()
+    expect(page.get_by_text("Bleibt es leer, heißt er")).to_be_visible()
+    assert english_on(page) == []
+    page.get_by_role("button", name="Abbrechen").click()
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    page.get_by_role("button", name="Platz horn herausnehmen").click()
+    expect(page.get_by_text("Den Platz horn aus dem Roboter nehmen?")).to_be_visible()
+    assert english_on(page) == []
+    page.get_by_role("button", name="Abbrechen").click()
+    page.close()
+
+
 def test_a_german_reads_why_a_part_is_lost(german: BrowserContext, demo: Site) -> None:
     page = german.new_page()
     go(page, demo.base)

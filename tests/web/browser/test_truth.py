@@ -126,34 +126,6 @@ def test_a_master_that_is_frozen_or_gone_is_seen_and_stop_says_so(browser: Brows
         page.context.close()
 
 
-def test_wires_are_drawn_by_keyboard_and_by_mouse_and_undone(browser: Browser, demo: Site) -> None:
-    page = new_page(browser)
-    page.goto(demo.link)
-    go(page, f"{demo.base}/wires")
-    page.locator("[data-wired]").wait_for()  # the drawing listens
-    # By keyboard: hand.holding is wired to nothing yet, and fits what takes a Switch.
-    page.get_by_role("button", name="hand.holding (Switch): not wired").focus()
-    page.keyboard.press("Enter")
-    fits = page.locator(".port.fits")
-    expect(fits).to_have_count(2)  # headlight.on and horn.on
-    page.get_by_role("button", name="horn.on (Switch): hears obstacle").focus()
-    page.keyboard.press("Enter")
-    expect(page.get_by_role("button", name="horn.on (Switch): hears hand_holding")).to_be_visible()
-    # By mouse: back to the bumper.
-    page.get_by_role("button", name="bumper.near (Switch)").drag_to(page.get_by_role("button", name="horn.on (Switch)"))
-    horn = page.get_by_role("button", name="horn.on (Switch): hears obstacle")
-    expect(horn).to_be_visible()
-    horn.focus()
-    page.keyboard.press("Delete")
-    expect(page.get_by_role("button", name="horn.on (Switch): not wired")).to_be_visible()
-    go(page, f"{demo.base}/journal")
-    page.get_by_role("tab", name="Changes by people").click()
-    page.get_by_role("button", name="Undo").first.click()
-    go(page, f"{demo.base}/wires")
-    expect(page.get_by_role("button", name="horn.on (Switch): hears obstacle")).to_be_visible()
-    page.context.close()
-
-
 def test_values_over_time_have_a_range_a_cursor_and_a_table(page: Page, demo: Site, tmp_path: Path) -> None:
     page.set_viewport_size({"width": 1280, "height": 900})
     go(page, f"{demo.base}/timeline")

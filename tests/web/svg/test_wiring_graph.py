@@ -70,6 +70,15 @@ def test_a_port_without_a_wire_is_there_and_says_so() -> None:
     assert drawn.get("aria-label") == "fan.power (Level): not wired"
 
 
+def test_only_who_may_change_the_robot_is_offered_to_take_slots_out() -> None:
+    lines = [topic("speed", ["knob.turn"], ["fan.power"])]
+    for may_change, slots in ((True, ["knob", "fan"]), (False, [])):
+        root = read(wiring_svg(lines, ports_of(*lines), {}, ENGLISH, may_change=may_change))
+        crosses = root.findall(".//{*}g[@data-slot]")
+        assert [cross.get("data-slot") for cross in crosses] == slots
+        assert [cross.get("aria-label") for cross in crosses] == [f"Take slot {slot} out" for slot in slots]
+
+
 @settings(deadline=None)
 @given(
     st.lists(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
 from functools import partial
 
 from fastapi import Request
@@ -17,7 +16,7 @@ from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done, UserLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import file_button, heading, panel, set_html, show_dialog
+from msbot.web.pages.page_elements import ask_first, file_button, heading, panel, set_html, show_dialog
 from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
 
@@ -83,14 +82,14 @@ class _People:
             if role == user.role:
                 return
             words = say("Make {name} {role}?", name=user.name, role=say(role))
-            _ask(page, words, lambda: page.do(lambda session: service.change_role(session, user.name, role)), back)
+            ask_first(page, words, lambda: page.do(lambda session: service.change_role(session, user.name, role)), back)
 
         def back() -> None:
             chosen.value = user.role
 
         def remove() -> None:
             words = say("Remove {name}? Their sessions and API tokens end at once.", name=user.name)
-            _ask(page, words, lambda: page.do(lambda session: service.remove_user(session, user.name)))
+            ask_first(page, words, lambda: page.do(lambda session: service.remove_user(session, user.name)))
 
         with ui.element("div").classes("row spread w-full line"):
             ui.label(user.name).classes("ellipsis").style("font-weight:600;min-width:8rem")
@@ -123,7 +122,7 @@ class _People:
             return
         words = self._page.say("Let {count} people sign in: {names}?", count=len(people),
                                names=", ".join(one.name for one in people))  # fmt: skip
-        _ask(self._page, words, partial(self._let_in, people))
+        ask_first(self._page, words, partial(self._let_in, people))
 
     async def _let_in(self, people: list[Newcomer]) -> None:
         service = self._page.service
@@ -145,28 +144,6 @@ class _People:
 
 def _roles(page: Page) -> dict[str, str]:
     return {one.word: page.say(one.word) for one in Role}
-
-
-def _ask(
-    page: Page, words: str, deed: Callable[[], Awaitable[object]], refused: Callable[[], None] = lambda: None
-) -> None:
-    """Ask once more before something is done."""
-    with ui.dialog().props("persistent") as dialog, ui.card():
-        ui.label(words).props("role=heading aria-level=2")
-        with ui.element("div").classes("row"):
-
-            async def do() -> None:
-                dialog.close()
-                with page.here():  # the dialog is gone by then
-                    await deed()
-
-            def leave() -> None:
-                dialog.close()
-                refused()
-
-            ui.button(page.say("Yes"), on_click=do)
-            ui.button(page.say("Cancel"), on_click=leave).props("flat")
-    show_dialog(dialog)
 
 
 def _ask_password(page: Page, name: str) -> None:
@@ -230,7 +207,7 @@ def _remove_token(page: Page, name: str, purpose: str) -> None:
         if await page.do(lambda session: page.service.remove_token(session, name, purpose)) is not None:
             ui.navigate.to("/admin")
 
-    _ask(page, page.say("Remove the token of {name} for {purpose}?", name=name, purpose=purpose), remove)
+    ask_first(page, page.say("Remove the token of {name} for {purpose}?", name=name, purpose=purpose), remove)
 
 
 def _backup(page: Page) -> None:
@@ -241,7 +218,7 @@ def _backup(page: Page) -> None:
 
         async def restore(event: UploadEventArguments) -> None:
             words = say("Put this backup in force with the master's next start?")
-            _ask(page, words, lambda: page.do(lambda session: service.restore(session, event.file.iterate())))
+            ask_first(page, words, lambda: page.do(lambda session: service.restore(session, event.file.iterate())))
 
         with ui.element("div").classes("row").style("margin-top:.6rem"):
             ui.button(

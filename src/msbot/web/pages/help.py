@@ -61,7 +61,7 @@ HELP = {
     ),
     "/wires": PageHelp(
         "Parts do not know each other: a part publishes on a topic, and whoever is bound to it hears it. Green lines "
-        "carry samples now, dashed ones are silent. Click a slot to change where its ports are bound.",
+        "carry samples now, dashed ones are silent. A teacher joins ports, makes slots and takes them out.",
         "explain/plug_and_play",
     ),
     "/program": PageHelp(

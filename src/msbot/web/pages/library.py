@@ -42,7 +42,7 @@ def _catalogue(page: Page, search: str) -> None:
 
     def show() -> None:
         entries = []
-        for line in _found(page, str(find.value or "")):
+        for line in types_found(page, str(find.value or "")):
             found = page.service.views.library.get(line.number)
             entries.append((line, "" if found is None else picture_of(found)))
         grid.set_content(render("catalogue", say=page.say, counted=page.language.count, entries=entries))
@@ -51,7 +51,7 @@ def _catalogue(page: Page, search: str) -> None:
     show()
 
 
-def _found(page: Page, wanted: str) -> list[TypeLine]:
+def types_found(page: Page, wanted: str) -> list[TypeLine]:
     """The part types that fit, by their own words or by those of the person's language."""
     fitting, words = page.service.views.types(wanted), wanted.casefold().split()
     known = {line.number for line in fitting}

@@ -34,6 +34,35 @@ def show_dialog(dialog: ui.dialog, address: str = "") -> None:
     ui.run_javascript(f"msbot.opened({dialog.id}, {address!r})")
 
 
+def ask_first(
+    page: Page, words: str, deed: Callable[[], Awaitable[object]], refused: Callable[[], None] = lambda: None
+) -> None:
+    """Ask once more before something is done.
+
+    Args:
+        page: where.
+        words: the question.
+        deed: what a Yes does.
+        refused: what happens when the person would rather not.
+    """
+    with ui.dialog().props("persistent") as dialog, ui.card():
+        ui.label(words).props("role=heading aria-level=2")
+        with ui.element("div").classes("row"):
+
+            async def do() -> None:
+                dialog.close()
+                with page.here():  # the dialog is gone by then
+                    await deed()
+
+            def leave() -> None:
+                dialog.close()
+                refused()
+
+            ui.button(page.say("Yes"), on_click=do)
+            ui.button(page.say("Cancel"), on_click=leave).props("flat")
+    show_dialog(dialog)
+
+
 def heading(words: str) -> ui.html:
     """A heading inside a page."""
     return ui.html(render("heading", words=words), sanitize=False)

@@ -1,20 +1,21 @@
-"""The wires page: who publishes what to whom, drawn with rates; wired again by mouse or keyboard, each change undoable."""
+"""The wires page: who publishes what to whom, drawn with rates; changed by mouse or keyboard, each change undoable."""
 
 from __future__ import annotations
 
 import json
-from typing import Any
 
 from fastapi import Request
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from msbot.operations.rights import Right
-from msbot.web.api.models import TopicLine, WirePort
+from msbot.web.api.models import TopicLine
 from msbot.web.html import render
 from msbot.web.language import Language
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
+from msbot.web.pages.slots_by_hand import ask_for_slot, ask_to_take_out
+from msbot.web.pages.topics_by_hand import join
 from msbot.web.service import Service
 from msbot.web.svg.drawings import value_words
 from msbot.web.svg.wiring_graph import rate_words, wiring_svg
@@ -38,20 +39,24 @@ class _Drawing:
         self._page = page
         self._shown: object = None
         self._rates: dict[str, tuple[str, bool]] = {}
-        may_wire = page.may(Right.DESIGN)
+        self._may_change = page.may(Right.DESIGN)
         with ui.element("div").classes("panel"):
             with ui.element("div").classes("row spread"):
                 ui.label(page.say("Green: samples are flowing. Dashed: silence. Click a slot to open it.")).classes(
                     "soft"
                 )
-                ui.button(page.say("Picture (SVG)"), icon="image", on_click=self._save).props("flat")
-            if may_wire:
+                with ui.element("div").classes("row"):
+                    if self._may_change:
+                        ui.button(page.say("New slot"), icon="add", on_click=lambda: ask_for_slot(page))
+                    ui.button(page.say("Picture (SVG)"), icon="image", on_click=self._save).props("flat")
+            if self._may_change:
                 ui.label(page.say(
-                    "Drag from one port to another, or press Enter on both: ports that fit light up. Delete takes a "
-                    "port off its topic. The journal undoes each change."
+                    "Drag from one port to another, or click one after the other, or press Enter on both: ports that "
+                    "fit light up. Delete takes a port off its topic, the cross a slot out of the robot. The journal "
+                    "undoes each change."
                 )).classes("soft")  # fmt: skip
             self._element = ui.html("", sanitize=False).classes("w-full scroll").props("tabindex=0")
-            if may_wire:
+            if self._may_change:
                 self._element.on("wire", self._told)
                 ui.run_javascript(
                     f"msbotWires(getHtmlElement({self._element.id}), (deed) => "
@@ -67,7 +72,8 @@ class _Drawing:
         rates = {one.topic: (rate_words(one, self._page.language), one.rate_hz > 0) for one in topics}
         if wiring != self._shown:
             self._shown, self._rates = wiring, rates
-            self._element.set_content(wiring_svg(topics, ports, states, self._page.language))
+            drawing = wiring_svg(topics, ports, states, self._page.language, may_change=self._may_change)
+            self._element.set_content(drawing)
             return
         changed = {topic: rate for topic, rate in rates.items() if self._rates.get(topic) != rate}
         if changed:
@@ -82,28 +88,12 @@ class _Drawing:
     async def _told(self, event: GenericEventArguments) -> None:
         told = event.args["detail"]
         deed, start, end = str(told["deed"]), str(told["from"]), str(told["to"])
-        if deed == "cut":
+        if deed == "take_out":
+            ask_to_take_out(self._page, start)
+        elif deed == "cut":
             await self._page.act("unbind", topic=end, port=start)
-            return
-        ports = {f"{port.slot}.{port.port}": port for port in self._page.service.views.ports()}
-        if start not in ports or end not in ports:
-            return  # another blueprint holds by now
-        await _join(self._page, ports[start], ports[end])
-
-
-async def _join(page: Page, source: WirePort, target: WirePort) -> None:
-    """Have the target hear what the source publishes, on the topic it has or on a new one."""
-    topic = source.topic or f"{source.slot}_{source.port}"
-    if target.topic == topic:
-        ui.notify(page.say("These two are joined already."), type="info")
-        return
-    end = f"{target.slot}.{target.port}"
-    if target.topic and await page.act("unbind", quiet=True, topic=target.topic, port=end) is None:
-        return
-    arguments: dict[str, Any] = {"topic": topic, "type": source.type_name, "to": [end]}
-    if not source.topic:
-        arguments["from"] = f"{source.slot}.{source.port}"
-    await page.act("bind", **arguments)
+        else:
+            await join(self._page, start, end)
 
 
 def _table(page: Page) -> None:

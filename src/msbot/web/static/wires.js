@@ -1,9 +1,10 @@
 // Wires by mouse and by keyboard. Drag from one port to another that fits, or press Enter on both; Delete takes a port
-// off its topic. What it comes to is told to the page: {deed, from, to}.
+// off its topic; the cross of a slot takes it out. What it comes to is told to the page: {deed, from, to}.
 function msbotWires(root, tell) {
   if (root.dataset.wired) return;
   root.dataset.wired = "1";
   let picked = null, line = null, moved = false;
+  const crossAt = (target) => target && target.closest && target.closest(".take-out");
   const portAt = (target) => target && target.closest && target.closest(".port");
   const fits = (one, other) => one !== other && one.dataset.type === other.dataset.type && one.dataset.way !== other.dataset.way;
 
@@ -30,6 +31,10 @@ function msbotWires(root, tell) {
     const svg = root.querySelector("svg.wires"), point = new DOMPoint(event.clientX, event.clientY);
     return point.matrixTransform(svg.getScreenCTM().inverse());
   }
+  function takeOut(cross) {
+    drop();
+    tell({ deed: "take_out", from: cross.dataset.slot, to: "" });
+  }
   root.addEventListener("pointerdown", (event) => {
     const port = portAt(event.target);
     if (!port || event.button) return;
@@ -51,6 +56,9 @@ function msbotWires(root, tell) {
     line.setAttribute("x2", at.x);
     line.setAttribute("y2", at.y);
   });
+  addEventListener("pointercancel", () => {
+    if (line) drop();  // the finger scrolls
+  });
   addEventListener("pointerup", (event) => {
     if (!line) return;
     line.remove();
@@ -61,7 +69,8 @@ function msbotWires(root, tell) {
     else drop();
   });
   root.addEventListener("click", (event) => {
-    const port = portAt(event.target);
+    const port = portAt(event.target), cross = crossAt(event.target);
+    if (cross) return takeOut(cross);
     if (!port) return drop();
     if (picked && fits(picked, port)) join(port);
     else if (picked && picked !== port) pick(port);
@@ -69,8 +78,13 @@ function msbotWires(root, tell) {
   root.addEventListener("keydown", (event) => {
     const port = portAt(event.target);
     if (event.key === "Escape" && picked) return drop();
+    const cross = crossAt(event.target), isPress = event.key === "Enter" || event.key === " ";
+    if (cross && isPress) {
+      event.preventDefault();
+      return takeOut(cross);
+    }
     if (!port) return;
-    if (event.key === "Enter" || event.key === " ") {
+    if (isPress) {
       event.preventDefault();
       if (picked && fits(picked, port)) join(port);
       else if (picked === port) drop();

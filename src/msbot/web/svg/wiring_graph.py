@@ -29,7 +29,8 @@ class _Column:
 
 
 def wiring_svg(
-    topics: Sequence[TopicLine], ports: Sequence[WirePort], states: Mapping[str, str], language: Language
+    topics: Sequence[TopicLine], ports: Sequence[WirePort], states: Mapping[str, str], language: Language,
+    *, may_change: bool = False,
 ) -> Markup:  # fmt: skip
     """Slots that publish at the left, topics in the middle, slots that subscribe at the right.
 
@@ -38,6 +39,7 @@ def wiring_svg(
         ports: all ports of all slots.
         states: state of each slot by its name, for the colour of its edge.
         language: of the person.
+        may_change: each slot has a button that takes it out.
     """
     sources = _column([port for port in ports if port.publishes], states, _LEFT, language)
     targets = _column([port for port in ports if not port.publishes], states, _RIGHT, language)
@@ -50,7 +52,7 @@ def wiring_svg(
         wires += [_wire(topic, _LEFT + _BOX, sources.at[end], 365, y) for end in topic.publishers if end in sources.at]
         wires += [_wire(topic, 635, y, _RIGHT, targets.at[end]) for end in topic.subscribers if end in targets.at]
     return render(
-        "wires", height=round(height), words=_words(topics, language), wires=wires, boxes=[*sources.boxes, *targets.boxes],
+        "wires", height=round(height), may_change=may_change, words=_words(topics, language), wires=wires, boxes=[*sources.boxes, *targets.boxes],
         topics=[
             {"y": round(middle[topic.topic]), "full": topic.topic, "name": shortened(topic.topic, 32),
              "rate": rate_words(topic, language)}
@@ -82,8 +84,9 @@ def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, langua
             })  # fmt: skip
         height = _HEAD + _PORT * len(own) + 8
         column.boxes.append({
-            "x": x, "y": round(top), "height": height, "full": slot, "name": shortened(slot, 20),
+            "x": x, "y": round(top), "height": height, "full": slot, "name": shortened(slot, 16),
             "colour": STATE_COLOURS.get(states.get(slot, "empty"), "#888"), "ports": lines,
+            "take_out": language.say("Take slot {slot} out", slot=slot),
         })  # fmt: skip
         column.height += height + _GAP
     return column

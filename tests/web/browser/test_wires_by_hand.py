@@ -1,0 +1,138 @@
+"""Wires, topics and slots made and taken away on the wires page, by mouse and keyboard, and undone. In a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from tests.web.browser.accessible import hurdles
+from tests.web.browser.conftest import Site, go, new_page
+
+
+@pytest.fixture
+def page(browser: Browser, demo: Site) -> Iterator[Page]:
+    """The wires in a teacher's browser."""
+    visitor = new_page(browser)
+    visitor.goto(demo.link)
+    go(visitor, f"{demo.base}/wires")
+    visitor.locator("[data-wired]").wait_for()  # the drawing listens
+    yield visitor
+    visitor.context.close()
+
+
+def port(page: Page, words: str) -> Locator:
+    return page.get_by_role("button", name=words)
+
+
+def undo_newest(page: Page, demo: Site) -> None:
+    """Take the newest change back in the journal, in another tab; the wires follow by themselves."""
+    tab = page.context.new_page()
+    go(tab, f"{demo.base}/journal")
+    tab.get_by_role("tab", name="Changes by people").click()
+    tab.get_by_role("button", name="Undo").first.click()
+    expect(tab.get_by_role("alert").filter(has_text="undone")).to_be_visible()
+    tab.close()
+
+
+def test_wires_are_drawn_by_keyboard_and_by_mouse_and_undone(page: Page, demo: Site) -> None:
+    # By keyboard: hand.holding is wired to nothing yet, and fits what takes a Switch.
+    port(page, "hand.holding (Switch): not wired").focus()
+    page.keyboard.press("Enter")
+    expect(page.locator(".port.fits")).to_have_count(2)  # headlight.on and horn.on
+    port(page, "horn.on (Switch): hears obstacle").focus()
+    page.keyboard.press("Enter")
+    name = page.get_by_label("Name of the topic")
+    expect(name).to_have_value("hand_holding")
+    expect(name).to_be_focused()
+    name.fill("obstacle")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("alert").filter(has_text="There is a topic obstacle already")).to_be_visible()
+    name.fill("grab")
+    page.keyboard.press("Enter")
+    expect(port(page, "horn.on (Switch): hears grab")).to_be_visible()
+    expect(port(page, "hand.holding (Switch): publishes on grab")).to_be_visible()
+    # By mouse: back to the bumper, which has its topic; nobody is asked for a name.
+    port(page, "bumper.near (Switch)").drag_to(port(page, "horn.on (Switch)"))
+    horn = port(page, "horn.on (Switch): hears obstacle")
+    expect(horn).to_be_visible()
+    horn.focus()
+    page.keyboard.press("Delete")
+    expect(port(page, "horn.on (Switch): not wired")).to_be_visible()
+    undo_newest(page, demo)
+    expect(port(page, "horn.on (Switch): hears obstacle")).to_be_visible()
+
+
+def test_a_new_topic_is_dragged_named_and_taken_back_at_once(page: Page, demo: Site) -> None:
+    for free in ("hand.holding (Switch)", "horn.on (Switch)"):
+        port(page, free).focus()
+        page.keyboard.press("Delete")
+        expect(port(page, f"{free}: not wired")).to_be_visible()
+    port(page, "hand.holding (Switch)").drag_to(port(page, "horn.on (Switch)"))
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    expect(port(page, "horn.on (Switch): not wired")).to_be_visible()
+    port(page, "hand.holding (Switch)").drag_to(port(page, "horn.on (Switch)"))
+    page.get_by_label("Name of the topic").fill("beep when held")
+    page.get_by_role("button", name="Join").click()
+    expect(port(page, "horn.on (Switch): hears beep when held")).to_be_visible()
+    expect(page.get_by_role("cell", name="beep when held")).to_be_visible()
+    undo_newest(page, demo)
+    expect(port(page, "horn.on (Switch): not wired")).to_be_visible()
+    expect(port(page, "hand.holding (Switch): not wired")).to_be_visible()
+
+
+def test_a_slot_is_made_by_keyboard_and_taken_back(page: Page, demo: Site) -> None:
+    page.get_by_role("button", name="New slot").focus()
+    page.keyboard.press("Enter")
+    search, name = page.get_by_label("Search"), page.get_by_label("Name of the slot")
+    expect(search).to_be_focused()
+    page.keyboard.type("nothing like it")
+    expect(page.get_by_text("No part type fits these words")).to_be_visible()
+    page.get_by_role("button", name="Make the slot").click()
+    expect(page.get_by_role("alert").filter(has_text="Choose a part type first.")).to_be_visible()
+    search.fill("SG90")
+    expect(page.get_by_role("radio")).to_have_count(1)
+    search.press("Enter")
+    expect(page.get_by_text("Left empty, it is called servo.")).to_be_visible()
+    name.fill("horn")
+    name.press("Enter")
+    expect(page.get_by_role("alert").filter(has_text="there is a slot horn already")).to_be_visible()
+    name.fill("arm")
+    name.press("Enter")
+    expect(port(page, "arm.angle (Angle): not wired")).to_be_visible()
+    undo_newest(page, demo)
+    expect(port(page, "horn.on (Switch)")).to_be_visible()
+    expect(port(page, "arm.angle (Angle)")).to_have_count(0)
+
+
+def test_on_a_phone_a_slot_is_made_and_wired_and_another_taken_out_with_its_wires(page: Page, demo: Site) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.get_by_role("button", name="New slot").click()
+    page.get_by_label("Search").fill("push button")
+    page.get_by_role("radio", name="Push button · BUTTON").click()
+    expect(page.get_by_text("Left empty, it is called push_button.")).to_be_visible()
+    for dark in (False, True):
+        assert hurdles(page, dark=dark) == []
+    page.get_by_role("button", name="Make the slot").click()
+    # One port after the other is clicked: on a phone they do not fit on the screen together.
+    port(page, "push_button.pressed (Switch): not wired").click()
+    port(page, "headlight.on (Switch)").click()
+    page.get_by_role("button", name="Join").click()
+    expect(port(page, "headlight.on (Switch): hears push_button_pressed")).to_be_visible()
+    cross = page.get_by_role("button", name="Take slot headlight out")
+    cross.click()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    cross.focus()
+    page.keyboard.press("Enter")
+    expect(page.get_by_text("Take slot headlight out of the robot?")).to_be_visible()
+    page.get_by_role("button", name="Yes").click()
+    expect(cross).to_have_count(0)
+    expect(port(page, "headlight.on (Switch)")).to_have_count(0)
+    undo_newest(page, demo)
+    expect(port(page, "headlight.on (Switch): hears push_button_pressed")).to_be_visible()
+    go(page, demo.base)
+    expect(page.get_by_role("button", name="Open slot headlight")).to_contain_text("active")
+    expect(page.get_by_role("button", name="Open slot push_button")).to_contain_text("empty")

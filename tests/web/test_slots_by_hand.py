@@ -1,0 +1,30 @@
+"""Names that the wires page proposes for new slots and topics."""
+
+from __future__ import annotations
+
+import pytest
+
+from msbot.config import load_library
+from msbot.web.pages.slots_by_hand import slot_name
+from msbot.web.pages.topics_by_hand import free_name
+
+
+@pytest.mark.parametrize(
+    ("type_name", "name"),
+    [("Servo, 180 degrees", "servo"), ("Motion sensor (PIR)", "motion_sensor"), ("Push button", "push_button"),
+     ("Größe", "größe"), ("(?)", "slot"), ("", "slot")],
+)  # fmt: skip
+def test_a_slot_is_called_after_its_part_type(type_name: str, name: str) -> None:
+    assert slot_name(type_name) == name
+
+
+def test_every_part_type_of_the_library_makes_a_name_that_can_stand_before_a_dot() -> None:
+    for part_type in load_library():
+        assert slot_name(part_type.name).replace("_", "").isalnum()
+
+
+@pytest.mark.parametrize(
+    ("taken", "name"), [(set(), "fan"), ({"fan"}, "fan_2"), ({"fan", "fan_2", "fan_4"}, "fan_3"), ({"fan_2"}, "fan")]
+)
+def test_a_name_that_is_taken_gets_a_number(taken: set[str], name: str) -> None:
+    assert free_name("fan", taken) == name
