@@ -51,7 +51,7 @@ class AgentSettings:
     """Packets a second from one client, where the gate limits it; any beyond are thrown away."""
     max_packets_in_all_per_s: float = 30_000.0
     """The same for all clients together, before those that send most are limited further."""
-    max_outside_per_s: float = 4_000.0
+    max_outside_per_s: float = 10_000.0
     """Packets a second outside sessions (logins, questions, garbage) that are read, where the gate limits them; clients
     with a place in the robot may send as many in addition."""
     max_objects: int = 256

@@ -22,7 +22,7 @@ from msbot.agent.fair_share import fair_share
 WINDOW_S = 0.25
 MOST_ORIGINS = 1024
 """Addresses of a window that are told apart; those beyond share one part."""
-MOST_PEERS = 256
+MOST_PEERS = 2048
 """The same for the peers of an address."""
 TOLD_S = 60.0
 """This often at most it is told that packets are thrown away."""
