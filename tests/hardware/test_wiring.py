@@ -17,7 +17,6 @@ DRIVEN = [part_type for part_type in LIBRARY if part_type.driver.entry_point]
 
 
 def test_most_types_have_a_driver_and_the_others_say_why_not() -> None:
-    assert len(LIBRARY) == 46
     assert len(DRIVEN) >= 43
     assert all(part_type.driver.none for part_type in LIBRARY if part_type not in DRIVEN)
 

@@ -31,7 +31,7 @@ def texts_of_the_pages() -> set[str]:
                 found |= _strings(node.args[0])
             elif called == "count" and len(node.args) > 2:
                 found |= {text for form in node.args[1:3] for text in _strings(form)}
-            elif called == "Way":
+            elif called == "MenuEntry":
                 found |= _strings(node.args[2])
             elif called in ("PageHelp", "TourStep"):
                 found |= _strings(node.args[0])

@@ -2,7 +2,7 @@
 
 Commands, API calls, actions of the pages, requests of other processes and lines of the journal are made from it. To add
 an operation, add a row here and a method of the same name to the class that carries it out (`carried_out` says where to
-look); `tests/operations/test_table.py` reports what is missing.
+look); CONTRIBUTING names the pages and tests that follow.
 """
 
 from __future__ import annotations
