@@ -7,13 +7,15 @@ import inspect
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from msbot.errors import MsbotError, NotThere
 from msbot.operations.rights import Role
 from msbot.operations.table import OPERATIONS, ArgumentKind
 from msbot.web.access.accounts import NotAllowed, SignedOut
 from msbot.web.access.class_list import Newcomer
 from msbot.web.access.sessions import Session
-from msbot.web.api.models import Robot
+from msbot.web.api.models import Robot, SlotCard
 from msbot.web.records import no_records
 from msbot.web.service import CLASS_S, SHARED_S, Service
 from tests.operations.stage import AA_IS_A_DIAL
@@ -171,6 +173,25 @@ def test_one_look_serves_all_pages_until_somebody_does_something(tmp_path: Path)
         assert not second.stopped
         await rig.act(rig.session(Role.TEACHER), "go")
         assert not rig.service.robot().stopped
+
+    show(tmp_path, scene)
+
+
+def test_a_robot_that_takes_long_to_work_out_is_shared_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scene(rig: Rig) -> None:
+        service, late, worked_out = rig.service, 0.0, 0
+        clock, slots = service._clock, service.views.slots
+
+        def slow_slots() -> list[SlotCard]:
+            nonlocal late, worked_out
+            late, worked_out = late + 2 * SHARED_S, worked_out + 1
+            return slots()
+
+        monkeypatch.setattr(service, "_clock", lambda: clock() + late)
+        monkeypatch.setattr(service.views, "slots", slow_slots)
+        for _ in range(4):  # the menu, the toasts and the grid of one page, and another page
+            service.robot()
+        assert worked_out == 1
 
     show(tmp_path, scene)
 

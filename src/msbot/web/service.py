@@ -114,7 +114,8 @@ class Service:
         robot = self._robot().model_copy(
             update={"slots": slots, "arrivals": self.views.waiting(), "trouble": self._records.trouble()}
         )
-        self._seen_robot = (now, asked, robot)
+        # From the end of the work on: else a robot that takes longer than this to work out would never be shared.
+        self._seen_robot = (self._clock(), asked, robot)
         return robot
 
     async def values(self, slot: str) -> list[Value]:
