@@ -7,13 +7,14 @@ import os
 import queue
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryFile
 
-MSBOT = (sys.executable, "-m", "msbot")
+from tests.e2e.prepared import start
+
 PATIENCE_S = 30.0
 """How long a test waits for a line before it fails; nothing in the product is this slow."""
 
@@ -22,23 +23,20 @@ class Process:
     """One running command; its output is read line by line."""
 
     def __init__(self, *arguments: str, cwd: Path, env: dict[str, str] | None = None) -> None:
-        self._process = subprocess.Popen(
-            [*MSBOT, *arguments],
-            cwd=cwd,
-            env={**os.environ, "PYTHONUNBUFFERED": "1", **(env or {})},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            text=True,
-        )
+        read, write = os.pipe()
+        self._output = os.fdopen(read)
+        try:
+            whole = {**os.environ, "PYTHONUNBUFFERED": "1", **(env or {})}
+            self._process = start(arguments, cwd=cwd, env=whole, stdout=write, stderr=write)
+        finally:
+            os.close(write)
         self.lines: list[str] = []
         self._queue: queue.Queue[str | None] = queue.Queue()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
     def _read(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
+        for line in self._output:
             self._queue.put(line.rstrip("\n"))
         self._queue.put(None)
 
@@ -72,8 +70,7 @@ class Process:
             self._process.send_signal(number)
         status = self._process.wait(PATIENCE_S)
         self._reader.join(PATIENCE_S)
-        assert self._process.stdout is not None
-        self._process.stdout.close()
+        self._output.close()
         while not self._queue.empty():
             line = self._queue.get()
             if line is not None:
@@ -92,16 +89,21 @@ def running(*arguments: str, cwd: Path, env: dict[str, str] | None = None) -> It
 
 
 def run(
-    *arguments: str, cwd: Path | None = None, timeout_s: float = 60.0, env: dict[str, str] | None = None
+    *arguments: str,
+    cwd: Path | None = None,
+    timeout_s: float = 60.0,
+    env: dict[str, str] | None = None,
+    limits: tuple[int, int] | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    """A command that ends by itself."""
-    return subprocess.run(
-        [*MSBOT, *arguments],
-        cwd=cwd,
-        env={**os.environ, **(env or {})},
-        capture_output=True,
-        text=True,
-        timeout=timeout_s,
-        check=False,
-        stdin=subprocess.DEVNULL,
-    )
+    """A command that ends by itself, at the latest at its limits: processor seconds, octets of memory."""
+    whole = {**os.environ, **(env or {})}
+    with TemporaryFile() as out, TemporaryFile() as error:
+        process = start(arguments, cwd=cwd, env=whole, stdout=out, stderr=error, limits=limits)
+        try:
+            status = process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait(PATIENCE_S)
+            raise
+        said = [(file.seek(0), file.read().decode())[1] for file in (out, error)]
+    return subprocess.CompletedProcess(process.args, status, *said)

@@ -32,6 +32,7 @@ class Robot:
     def __init__(self, folder: Path, stack: ExitStack, db: str | None = None) -> None:
         self.folder, self.stack, self.db = folder, stack, db
         self.page = ""
+        self._browser = stack.enter_context(httpx.Client(timeout=PATIENCE_S))
         self.link = f"udp:127.0.0.1:{free_port()}"
         (folder / "run").mkdir(mode=0o700)
         self.env = {"XDG_STATE_HOME": str(folder / "state"), "XDG_RUNTIME_DIR": str(folder / "run")}
@@ -57,7 +58,7 @@ class Robot:
     def call(self, how: str, path: str, content: object = None) -> tuple[int, dict[str, object]]:
         """Ask the page's API; gives status and answer."""
         bearer = {"authorization": f"Bearer {TOKEN}"}
-        answer = httpx.request(how, f"{self.page}{path}", json=content, headers=bearer, timeout=PATIENCE_S)
+        answer = self._browser.request(how, f"{self.page}{path}", json=content, headers=bearer)
         found = answer.json()
         assert isinstance(found, dict)
         return answer.status_code, found

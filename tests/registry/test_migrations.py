@@ -4,14 +4,16 @@ import shutil
 from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import pytest
-from sqlalchemy import Engine, create_engine, make_url, text
+from sqlalchemy import Connection, Engine, create_engine, inspect, make_url, text
 
 from msbot.registry import open_registry
 from msbot.registry.database import schema
 from msbot.registry.database.engine import make_engine, parse_address
 from msbot.registry.database.schema import Migrations, bring_up_to_date, folder_migrations, own_migrations
+from msbot.registry.database.tables import metadata
 from msbot.registry.maintenance import upkeep
 from tests.registry.hand import Hand
 
@@ -89,3 +91,45 @@ def test_the_first_database_is_brought_up_to_date(old_address: str, first: Migra
         assert Hand(registry).set_value(robot, "left", "period_s", None, "Ann").words == (
             "period_s of left: 2 s -> 0.5 s (the library's)"
         )
+
+
+def test_a_new_database_is_the_same_as_one_that_went_through_all_migrations(old_address: str) -> None:
+    where = parse_address(old_address)
+    engine = make_engine(where, busy_timeout_s=1, read_only=False)
+    with engine.begin() as connection:
+        schema._upgrade(connection, own_migrations().location)
+        schema._write_comments(connection)
+        migrated = _tables(connection)
+        for name in inspect(connection).get_table_names():
+            connection.execute(text(f"DROP TABLE {name}" + (" CASCADE" if where.path is None else "")))
+    bring_up_to_date(engine, where, own_migrations())
+    with engine.connect() as connection:
+        assert _tables(connection) == migrated
+        assert len(migrated) == len(metadata.tables) + 1
+    engine.dispose()
+
+
+def _tables(connection: Connection) -> dict[str, dict[str, list[str]]]:
+    """All that a database says of its tables, in no order."""
+    see = inspect(connection)
+    looks = {
+        "columns": see.get_columns,
+        "key": see.get_pk_constraint,
+        "references": see.get_foreign_keys,
+        "unique": see.get_unique_constraints,
+        "indexes": see.get_indexes,
+        "rules": see.get_check_constraints,
+    }
+    return {
+        name: {what: _sorted(look(name)) for what, look in looks.items()} | {"rows": _version_rows(connection, name)}
+        for name in see.get_table_names()
+    }
+
+
+def _sorted(found: Any) -> list[str]:
+    rows = found if isinstance(found, list) else [found]
+    return sorted(str(sorted((key, str(value)) for key, value in row.items())) for row in rows)
+
+
+def _version_rows(connection: Connection, table: str) -> list[str]:
+    return [str(row) for row in connection.execute(text(f"SELECT * FROM {table}"))]

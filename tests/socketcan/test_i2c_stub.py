@@ -6,8 +6,8 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import signal
 import subprocess
-import sys
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -20,6 +20,7 @@ from msbot.link import open_link
 from msbot.master import Master
 from msbot.part import JoinState, Message, Part
 from msbot.sim import message_class
+from tests.e2e.prepared import Copy, start
 from tests.hardware import chips
 from tests.sim.robot import LIBRARY, blueprint_for, store_for
 from tests.socketcan.bus import SETTINGS, until
@@ -55,11 +56,11 @@ def i2c() -> Iterator[None]:
     unload("i2c-stub")
 
 
-def msbot(output: Path, *arguments: str) -> subprocess.Popen[bytes]:
+def msbot(output: Path, *arguments: str) -> subprocess.Popen[bytes] | Copy:
     """A command that runs beside; what it says is in the file."""
     environment = os.environ | {"XDG_STATE_HOME": str(output.parent)}
     with output.open("wb") as file:
-        return subprocess.Popen([sys.executable, "-m", "msbot", *arguments], stdout=file, stderr=file, env=environment)
+        return start(arguments, cwd=None, env=environment, stdout=file, stderr=file)
 
 
 @asynccontextmanager
@@ -121,7 +122,7 @@ async def test_the_data_sheets_example_reaches_a_partner_over_can_and_the_chip_c
             await until(lambda: len(heard["pressure"]) > before)
             assert "its hardware answers again" in said.read_text()
     finally:
-        part.terminate()
+        part.send_signal(signal.SIGTERM)
         await asyncio.to_thread(part.wait, 60)
     assert part.returncode == 0
 

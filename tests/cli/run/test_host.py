@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from tests.e2e.processes import run
 
 PARTS = """
 [[part]]
@@ -22,9 +23,7 @@ simulate = true
 
 
 def msbot(folder: Path, *arguments: str) -> tuple[int, str]:
-    environment = os.environ | {"XDG_STATE_HOME": str(folder / "state")}
-    command = [sys.executable, "-m", "msbot", *arguments]
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=60)
+    done = run(*arguments, cwd=folder, env={"XDG_STATE_HOME": str(folder / "state")})
     return done.returncode, done.stdout + done.stderr
 
 
@@ -90,8 +89,8 @@ for number in ("LED", "BMP280", "NUMATO-8"):
 
 
 def test_without_the_libraries_one_sentence_names_the_extra(tmp_path: Path) -> None:
-    run = subprocess.run([sys.executable, "-c", HIDE], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert run.stderr == ""
-    sentences = run.stdout.splitlines()
+    done = subprocess.run([sys.executable, "-c", HIDE], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    sentences = done.stdout.splitlines()
     assert len(sentences) == 3
     assert all("`pip install 'msbot[hardware]'` brings it" in sentence for sentence in sentences)

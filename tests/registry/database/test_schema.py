@@ -2,6 +2,7 @@
 
 import shutil
 import sqlite3
+import sys
 from collections.abc import Iterator
 from contextlib import closing
 from importlib.resources import files
@@ -58,8 +59,8 @@ def _rows(path: Path, query: str) -> list[tuple[object, ...]]:
 
 def test_the_migrations_make_the_tables_of_the_code(path: Path, engine: Engine) -> None:
     address = parse_address(path)
-    assert not check_schema(engine, address, own_migrations())
-    bring_up_to_date(engine, address, own_migrations())
+    with engine.begin() as connection:
+        schema._upgrade(connection, own_migrations().location)
     assert check_schema(engine, address, own_migrations())
     with engine.connect() as connection:
         context = MigrationContext.configure(connection, opts={"compare_type": True})
@@ -83,6 +84,12 @@ def test_a_second_process_that_was_quicker_is_noticed(path: Path, engine: Engine
     bring_up_to_date(engine, address, own_migrations())
     bring_up_to_date(engine, address, own_migrations())
     assert _rows(path, "SELECT version_num FROM alembic_version") == [(f"{NOW:04}",)]
+
+
+def test_making_a_database_needs_no_migration(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "alembic", None)
+    with open_registry(path) as registry:
+        assert registry.robots.all() == []
 
 
 def test_making_a_database_says_nothing(path: Path, capfd: pytest.CaptureFixture[str]) -> None:
