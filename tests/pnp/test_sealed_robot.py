@@ -30,14 +30,18 @@ class Spy(LossyLink):
         super().__init__(link, random=Random(1))
         self.up: list[bytes] = []
         self.down: list[bytes] = []
+        self.both: list[tuple[bool, bytes]] = []
+        """All packets in the order in which they came, and whether they went up."""
         self._numbers = {True: 0, False: 0}
 
     def send(self, packet: bytes, peer: Peer) -> None:
         self.up.append(packet)
+        self.both.append((True, packet))
         super().send(packet, peer)
 
     def _received(self, packet: bytes, peer: Peer, now: float) -> None:
         self.down.append(packet)
+        self.both.append((False, packet))
         super()._received(packet, peer, now)
 
     def recorded(self, *, up: bool) -> list[tuple[int, bytes]]:

@@ -20,11 +20,10 @@ from msbot.part.join.plug import (
     BindingDirection,
     ConfigurationMessage,
     ProfileMessage,
-    decode_reply,
-    decode_request,
 )
 from msbot.part.messages.message import fields_of
 from msbot.pnp import thesis_programs as compat
+from msbot.pnp.overheard_seals import OverheardSeals, Read
 from msbot.runtime.sentence import Sentence, said
 from msbot.xrce import explain
 from msbot.xrce.messages import (
@@ -117,6 +116,7 @@ class _Session:
         self._configuration: ConfigurationMessage | None = None
         """What the part was told that it does in this robot, if that was heard."""
         self._pieces: dict[bool, _Pieces] = {True: _Pieces(), False: _Pieces()}
+        self._seals = OverheardSeals()
 
     def notes(self, header: Header, submessage: Submessage, *, up: bool) -> list[str]:
         """What can be said about a submessage beyond its own contents."""
@@ -124,6 +124,7 @@ class _Session:
             case CreateClient():
                 self._objects.clear()
                 self._configuration = None
+                self._seals.begin()
                 self._pieces = {True: _Pieces(), False: _Pieces()}
             case Create():
                 self._created(submessage)
@@ -149,29 +150,35 @@ class _Session:
                 cls = self._types.get(type_name)
                 hears = isinstance(sample, Data)
                 known = known or self._configured(topic, hears=hears)
-                if known is not None and cls is not None:
-                    self._say(known, payload, cls, hears=hears)
-                return [f"{topic}: {_words(payload, cls.decode)}"] if cls else [f"{topic}: a {type_name}"]
+                if cls is None:
+                    return [f"{topic}: a {type_name}"]
+                return [f"{topic}: {self._read(known, payload, cls, hears=hears)}"]
             case RequesterDef():
                 if isinstance(sample, Data):
-                    self._replied(definition.service_name, payload[RELATED:])
-                    return _service_words(definition.service_name, "reply", payload[RELATED:])
-                return _service_words(definition.service_name, "request", payload)
+                    return self._service_words(definition.service_name, "reply", payload[RELATED:])
+                return self._service_words(definition.service_name, "request", payload)
             case ReplierDef():
                 kind = "request" if isinstance(sample, Data) else "reply"
-                return _service_words(definition.service_name, kind, payload[IDENTITY:])
+                return self._service_words(definition.service_name, kind, payload[IDENTITY:])
         return []
 
-    def _replied(self, service: str, body: bytes) -> None:
-        """Keep what the inventory tells the part of its slot and its topics."""
-        if service != INVENTORY_SERVICE:
-            return
+    def _service_words(self, service: str, kind: str, body: bytes) -> list[str]:
+        decoders: dict[tuple[str, str], Callable[[bytes], Read[object]]] = {
+            (INVENTORY_SERVICE, "request"): self._seals.request,
+            (INVENTORY_SERVICE, "reply"): self._seals.reply,
+            (compat.SERVICE, "request"): lambda octets: (compat.decode_request(octets), None),
+            (compat.SERVICE, "reply"): lambda octets: (compat.decode_reply(octets), None),
+        }
+        decode = decoders.get((service, kind))
+        if decode is None:
+            return [f"{kind} of {service}"]
         try:
-            reply = decode_reply(body)
-        except RemoteProtocolError:
-            return  # the words of the protocol say why
-        if isinstance(reply, ConfigurationMessage):
-            self._configuration = reply
+            message, seal = decode(body)
+        except RemoteProtocolError as error:
+            return [f"{kind} of {service}: makes no sense: {error}"]
+        if isinstance(message, ConfigurationMessage):
+            self._configuration = message
+        return [f"{kind} of {service}: {_by_type_name(message)}{_seal_words(seal)}"]
 
     def _configured(self, topic: str, *, hears: bool) -> KnownObject | None:
         """Whose a topic is in this session, by the configuration that was heard."""
@@ -181,15 +188,18 @@ class _Session:
                 return KnownObject(topic, binding.topic_type, self._configuration.slot, binding.port)
         return None
 
-    def _say(self, known: KnownObject, payload: bytes, cls: type[Message], *, hears: bool) -> None:
+    def _read(self, known: KnownObject | None, payload: bytes, cls: type[Message], *, hears: bool) -> str:
+        """A sample in the words of the protocol; of a known port also as a sentence."""
         try:
-            message = cls.decode(payload)
-        except RemoteProtocolError:
-            return  # the protocol's words already say why
-        values = message_words(message, self._units(cls.type_name))
-        port = f"{known.port} " if known.port else ""
-        form = "{slot} hears {port}{values}" if hears else "{slot} says {port}{values}"
-        self.sentences.append(said(form, slot=known.slot or known.topic, port=port, values=values))
+            message, seal = self._seals.sample(payload, cls.decode)
+        except RemoteProtocolError as error:
+            return f"makes no sense: {error}"
+        if known is not None:
+            values = message_words(message, self._units(cls.type_name))
+            port = f"{known.port} " if known.port else ""
+            form = "{slot} hears {port}{values}" if hears else "{slot} says {port}{values}"
+            self.sentences.append(said(form, slot=known.slot or known.topic, port=port, values=values))
+        return f"{message}{_seal_words(seal)}"
 
     def _topic(self, definition: WriterDef | ReaderDef) -> tuple[str, str]:
         if definition.topic_name is not None:
@@ -276,24 +286,8 @@ def value_words(value: object) -> str:
     return f"{{{spec}}}".format(shown)
 
 
-def _words(payload: bytes, decode: Callable[[bytes], object]) -> str:
-    try:
-        return str(decode(payload))
-    except RemoteProtocolError as error:
-        return f"makes no sense: {error}"
-
-
-def _service_words(service: str, kind: str, body: bytes) -> list[str]:
-    decoders: dict[tuple[str, str], Callable[[bytes], object]] = {
-        (INVENTORY_SERVICE, "request"): decode_request,
-        (INVENTORY_SERVICE, "reply"): decode_reply,
-        (compat.SERVICE, "request"): compat.decode_request,
-        (compat.SERVICE, "reply"): compat.decode_reply,
-    }
-    decode = decoders.get((service, kind))
-    if decode is None:
-        return [f"{kind} of {service}"]
-    return [f"{kind} of {service}: {_words(body, lambda octets: _by_type_name(decode(octets)))}"]
+def _seal_words(seal: int | None) -> str:
+    return "" if seal is None else f", seal {seal}"
 
 
 def _by_type_name(said: object) -> str:

@@ -1,0 +1,98 @@
+"""Who listens to a robot with sealed samples reads what is said, and nothing that is not."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msbot.errors import RemoteProtocolError
+from msbot.part import HelloWorld
+from msbot.part.join import plug
+from msbot.part.join.seal import SEAL_OCTETS, Seal
+from msbot.pnp import Overhearer
+from msbot.pnp.overheard_seals import AMBIGUOUS, OverheardSeals
+from tests.pnp.test_sealed_robot import Story, tell
+
+HELLO = HelloWorld(index=3, message="turn-on 2")
+OF_A_PART = Seal(b"secret", is_part=True)
+OF_THE_ROBOT = Seal(b"secret", is_part=False)
+
+
+@pytest.mark.parametrize("sealed", [False, True])
+@pytest.mark.parametrize("heard", ["from the beginning", "from the middle"])
+def test_every_sample_of_a_robot_is_read(sealed: bool, heard: str) -> None:
+    async def story(scene: Story) -> None:
+        wire, beginning = scene.wires[0], len(scene.wires[0].both)
+        scene.robot.service.stop_all("ann", "", 0)
+        await asyncio.sleep(2.5)
+        scene.robot.service.go_all("ann")
+        await asyncio.sleep(2.5)
+        listener = Overhearer()
+        lines: list[str] = []
+        sentences: list[str] = []
+        for place, (up, packet) in enumerate(wire.both):
+            if heard == "from the middle" and place == beginning:
+                lines.clear()
+                _forget_how_it_began(listener)
+            plain, words = listener.hear(packet, 1, up=up)
+            sentences += plain
+            lines += words
+        text = "\n".join(lines)
+        assert "makes no sense" not in text
+        assert "StoppedBeat(lease=" in text
+        assert ("seal " in text) is sealed
+        values = [int(found) for found in re.findall(r"AA says out index (\d+), message AA", "\n".join(sentences))]
+        assert values == list(range(values[0], values[-1] + 1))
+        assert len(values) >= 10
+
+    tell(story, sealed=sealed)
+
+
+def _forget_how_it_began(listener: Overhearer) -> None:
+    """As if nobody had heard the session's beginning; whose its topics are is known from elsewhere."""
+    (session,) = listener._sessions.values()
+    session._seals = OverheardSeals()
+
+
+def test_what_could_be_two_messages_is_not_taken_for_either() -> None:
+    beat = OF_A_PART.seal(0, plug.StoppedBeat(lease=7, number=1).encode())
+    seals = OverheardSeals()
+    with pytest.raises(RemoteProtocolError, match=AMBIGUOUS):
+        seals.request(beat)
+    seals.request(OF_A_PART.seal(0, plug.Beat(lease=7).encode()))
+    assert seals.request(beat) == (plug.StoppedBeat(lease=7, number=1), 1)
+    seals.begin()
+    proof = plug.Proof(proof=bytes(16))
+    assert seals.request(proof.encode()) == (proof, None)
+
+
+def test_claims_challenges_proofs_and_refusals_have_no_seal() -> None:
+    seals = OverheardSeals()
+    seals.begin()
+    refusal = plug.VerdictMessage(lease=0, reason=plug.Refusal.NO_KEY, beat_period_ms=0, configuration_version=0)
+    for reply in (plug.SealedChallenge(nonce=bytes(16)), refusal):
+        assert seals.reply(reply.encode()) == (reply, None)
+    proof = plug.SealedProof(proof=bytes(24))
+    assert seals.request(proof.encode()) == (proof, None)
+    notice = plug.BeatReply(configuration_version=2)
+    assert seals.reply(OF_THE_ROBOT.seal(0, notice.encode())) == (notice, 1)
+
+
+def test_what_makes_no_sense_with_and_without_a_seal_is_said_as_it_is() -> None:
+    with pytest.raises(RemoteProtocolError, match="left over after HelloWorld"):
+        OverheardSeals().sample(HELLO.encode() + bytes(SEAL_OCTETS + 8), HelloWorld.decode)
+
+
+@given(st.lists(st.tuples(st.booleans(), st.binary(max_size=60)), max_size=8))
+def test_whatever_is_heard_ends_in_a_message_or_in_no_sense(heard: list[tuple[bool, bytes]]) -> None:
+    seals = OverheardSeals()
+    for up, octets in heard:
+        try:
+            seals.request(octets) if up else seals.reply(octets)
+            seals.sample(octets, HelloWorld.decode)
+        except RemoteProtocolError:
+            continue
