@@ -1,12 +1,16 @@
-"""Who a STOP is meant for: all masters of the user, or those of one group."""
+"""Who a STOP is meant for, and how it gets there: all masters of the user, or those of one group."""
 
 from __future__ import annotations
 
+import json
 import os
 import socket
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 
 import pytest
 
+from msbot.runtime import stop_datagram
 from msbot.runtime.stop_datagram import GROUP_VARIABLE, IS_ABSTRACT, ask_masters, new_name
 
 pytestmark = pytest.mark.skipif(not IS_ABSTRACT, reason="names of sockets without files are known to Linux only")
@@ -39,3 +43,53 @@ def test_a_group_stops_its_own_and_nobody_else(monkeypatch: pytest.MonkeyPatch) 
 def test_signs_in_a_group_do_not_make_another_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(GROUP_VARIABLE, "../a b\n")
     assert "-ab-" in new_name()
+
+
+def test_a_queue_that_others_have_filled_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any user of the computer may send to the socket: that must not make a STOP fail that somebody else says."""
+    word = f"y{os.getpid()}"
+    with listening(monkeypatch, word) as master, socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:
+        other.setblocking(False)
+        filled = 0
+        with suppress(BlockingIOError):
+            while True:
+                other.sendto(b"noise", master.getsockname())
+                filled += 1
+        tries = 0
+
+        def no_room(*args: object) -> stop_datagram._Sent:
+            nonlocal tries
+            tries += 1
+            if tries == 3:
+                for _ in range(filled):
+                    assert master.recv(4096) == b"noise"
+            return send(*args)  # type: ignore[arg-type]
+
+        send = stop_datagram._send
+        monkeypatch.setattr(stop_datagram, "_send", no_room)
+        assert ask_masters({"do": "stop"}, 0.1) == ([], 1)
+        assert json.loads(master.recv(4096))["do"] == "stop"
+        assert tries == 3
+
+
+def test_a_master_that_takes_nothing_is_counted_and_keeps_no_other_from_answering(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    word = f"z{os.getpid()}"
+    with listening(monkeypatch, word) as stuck, listening(monkeypatch, word) as good:
+        good.setblocking(True)
+        good.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other, suppress(BlockingIOError):
+            other.setblocking(False)
+            while True:
+                other.sendto(b"noise", stuck.getsockname())
+
+        def serve() -> None:
+            _, sender = good.recvfrom(4096)
+            good.sendto(b"nonsense", sender)
+            good.sendto(json.dumps({"meant": True, "robot": "R"}).encode(), sender)
+
+        with ThreadPoolExecutor(1) as aside:
+            done = aside.submit(serve)
+            assert ask_masters({"do": "stop"}, 0.3) == ([{"meant": True, "robot": "R"}], 1)
+            done.result()

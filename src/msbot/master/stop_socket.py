@@ -16,6 +16,8 @@ import json
 import logging
 import socket
 from collections.abc import Callable, Mapping
+from math import inf
+from time import monotonic
 from typing import Final
 
 from msbot.errors import ConfigError
@@ -25,7 +27,9 @@ from msbot.runtime.stop_datagram import CREDENTIALS, IS_ABSTRACT, IS_THERE, is_o
 
 MAX_REQUEST: Final = 4096
 MAX_ANSWER: Final = 150_000
-"""Largest answer in octets; beyond that only the numbers of parts are reported."""
+"""Largest answer in octets; names of parts that do not fit are left out, and counted in `left_out`."""
+MARGIN: Final = 20
+"""Octets for the count of what is left out."""
 PER_TURN: Final = 8
 """Requests that are answered in one turn of the loop."""
 
@@ -97,6 +101,9 @@ class StopSocket:
                 # STOP is said at once, before anything that could fail; the answer follows when it is stored.
                 self._master.say_stop(who, str(request.get("reason") or "")[:200])
             elif do == "go":
+                if monotonic() > float(request.get("expires") or inf):
+                    _log.warning("a GO was not obeyed: it came while this program stood still, and nobody waits for it")
+                    return
                 self._master.say_go(who)
         except ConfigError as error:
             self._send(listening, sender, {"meant": True, "error": str(error)})
@@ -115,14 +122,11 @@ class StopSocket:
         self._send(listening, sender, self._answer(await self._master.until_stop_is_stored()))
 
     def _answer(self, status: StopStatus) -> dict[str, object]:
-        return {"meant": True, **self._details()} | answer_of(status)
+        return fitting({"meant": True, **self._details()} | answer_of(status))
 
     def _send(self, listening: socket.socket, sender: str | bytes, answer: Mapping[str, object]) -> None:
-        octets = json.dumps(answer).encode()
-        if len(octets) > MAX_ANSWER:
-            octets = json.dumps({**answer, "confirmed": [], "silent": []}).encode()
         try:
-            listening.sendto(octets, sender)
+            listening.sendto(json.dumps(answer).encode(), sender)
         except OSError as error:
             _log.debug("nobody waits for the answer about STOP: %s", error)
 
@@ -138,6 +142,31 @@ def answer_of(status: StopStatus) -> dict[str, object]:
         "told": status.told,
         "confirmed": [{"part": one.part, "ms": round(one.ms, 1)} for one in status.confirmed],
         "silent": list(status.silent),
+        "not_confirmed": len(status.silent),
         "stored": status.is_stored and not status.trouble,
         "trouble": status.trouble,
     }
+
+
+def fitting(answer: Mapping[str, object], most: int = MAX_ANSWER) -> dict[str, object]:
+    """The answer, or as much of it as one datagram takes: parts that have not confirmed come first.
+
+    Args:
+        answer: an answer with `confirmed` and `silent`.
+        most: largest size in octets.
+    """
+    if len(json.dumps(answer)) <= most:
+        return dict(answer)
+    short: dict[str, object] = {**answer, "left_out": 0}
+    left_out = 0
+    lists: dict[str, list[object]] = {"silent": [], "confirmed": []}
+    room = most - len(json.dumps({**short, **lists})) - MARGIN
+    for name, kept in lists.items():
+        whole = answer[name]
+        assert isinstance(whole, list)
+        for one in whole:
+            room -= len(json.dumps(one)) + len(", ")
+            if room >= 0:
+                kept.append(one)
+        left_out += len(whole) - len(kept)
+    return {**short, **lists, "left_out": left_out}

@@ -6,6 +6,7 @@ Imports nothing that is slow to load. For the master's end, and why it has a soc
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
@@ -15,6 +16,7 @@ import struct
 import sys
 import time
 from collections.abc import Mapping
+from enum import Enum, auto
 from pathlib import Path
 from typing import Final
 
@@ -27,6 +29,8 @@ IS_THERE: Final = hasattr(socket, "AF_UNIX")
 
 ANSWER_S: Final = 5.0
 """How long a command waits for an answer; a master whose loop runs gives it within milliseconds."""
+AGAIN_S: Final = 0.001
+"""After so long a request is sent again that a master had no room for: its queue holds ten, and others may fill it."""
 
 CREDENTIALS: Final = struct.Struct("3i")
 """Process, user and group of a sender, as the system reports them."""
@@ -34,12 +38,17 @@ CREDENTIALS: Final = struct.Struct("3i")
 GROUP_VARIABLE: Final = "MSBOT_STOP_GROUP"
 """A program with this variable set sends STOP only to masters with the same value; one without it reaches all."""
 _PREFIX = "msbot-stop-"
+MOST_OCTETS: Final = 1 << 18
+"""Longest answer that is read."""
 
 _log = logging.getLogger(__name__)
 
 
 def ask_masters(request: Mapping[str, object], timeout_s: float = ANSWER_S) -> tuple[list[dict[str, object]], int]:
     """Send one request to every master of this user on this computer at once.
+
+    A master that stands still may find the request when it goes on again. STOP is then still right; GO is not, as
+    whoever said it was told that nobody answers: `expires` says until when it holds, by the system's monotonic clock.
 
     Args:
         request: `do`: `stop`, `go` or `status`; `who`, `reason`; `robot` and `database` select the masters, None = any.
@@ -48,47 +57,79 @@ def ask_masters(request: Mapping[str, object], timeout_s: float = ANSWER_S) -> t
     Returns:
         The answers of the selected masters, and how many masters run but do not answer.
     """
-    names = set(_names())
-    if not names:
+    unsent = set(_names())
+    if not unsent:
         return [], 0
+    until = time.monotonic() + timeout_s
+    octets = json.dumps({**request, "expires": until}).encode()
     answers: list[dict[str, object]] = []
+    silent: set[str] = set()
     own = "" if IS_ABSTRACT else str(socket_folder() / f".asks-{os.getpid()}-{secrets.token_hex(2)}")
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asking:
             if IS_ABSTRACT:
                 asking.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
             asking.bind(own)
-            names -= {name for name in names if not _send(asking, name, request)}
-            until = time.monotonic() + timeout_s
-            while names and (left := until - time.monotonic()) > 0:
-                asking.settimeout(left)
-                octets, ancillary, _, sender = asking.recvmsg(1 << 18, socket.CMSG_SPACE(CREDENTIALS.size))
-                name = sender.decode() if isinstance(sender, bytes) else sender
-                if name not in names or (IS_ABSTRACT and not is_own(ancillary)):
-                    continue  # another user has taken such a name
-                names.discard(name)
-                answer = json.loads(octets)
-                if isinstance(answer, dict) and answer.get("meant"):
-                    answers.append(answer)
-    except (OSError, ValueError) as error:
+            while (unsent or silent) and (left := until - time.monotonic()) > 0:
+                for name in tuple(unsent):
+                    sent = _send(asking, name, octets)
+                    if sent is not _Sent.NO_ROOM:
+                        unsent.discard(name)
+                    if sent is _Sent.YES:
+                        silent.add(name)
+                if not unsent and not silent:
+                    break
+                answer = _receive(asking, min(left, AGAIN_S) if unsent else left)
+                if answer is None or answer[0] not in silent:
+                    continue  # nothing yet, or another user has taken such a name
+                silent.discard(answer[0])
+                if answer[1].get("meant"):
+                    answers.append(answer[1])
+    except OSError as error:
         _log.debug("no further answer about STOP: %s", error)
     finally:
         if own:
             Path(own).unlink(missing_ok=True)
-    return answers, len(names)
+    return answers, len(silent | unsent)
 
 
-def _send(asking: socket.socket, name: str, request: Mapping[str, object]) -> bool:
-    """Send it; False when nobody is there (any more). Never waits: the queue of a stuck master is full."""
+class _Sent(Enum):
+    YES = auto()
+    NO_ROOM = auto()
+    """The queue of the master is full: it stands still, or others fill it."""
+    NOBODY = auto()
+    """Nobody is there (any more)."""
+
+
+def _send(asking: socket.socket, name: str, octets: bytes) -> _Sent:
+    """Send a request, without waiting."""
     asking.setblocking(False)
     try:
-        asking.sendto(json.dumps(request).encode(), name)
+        asking.sendto(octets, name)
     except BlockingIOError:
-        return True  # it is there but takes nothing: no answer will come
+        return _Sent.NO_ROOM
     except OSError as error:
+        if error.errno == errno.ENOBUFS:  # the same, on macOS
+            return _Sent.NO_ROOM
         _log.debug("%r: %s", name, error)
-        return False
-    return True
+        return _Sent.NOBODY
+    return _Sent.YES
+
+
+def _receive(asking: socket.socket, timeout_s: float) -> tuple[str, dict[str, object]] | None:
+    """The next answer and the name it comes from; None: there is none, or it is not of this user."""
+    asking.settimeout(timeout_s)
+    try:
+        octets, ancillary, _, sender = asking.recvmsg(MOST_OCTETS, socket.CMSG_SPACE(CREDENTIALS.size))
+        answer = json.loads(octets)
+    except TimeoutError:
+        return None
+    except ValueError as error:
+        _log.debug("an answer about STOP that makes no sense: %s", error)
+        return None
+    if not isinstance(answer, dict) or (IS_ABSTRACT and not is_own(ancillary)):
+        return None
+    return (sender.decode() if isinstance(sender, bytes) else sender), answer
 
 
 def new_name() -> str:

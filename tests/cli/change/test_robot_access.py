@@ -231,7 +231,7 @@ def test_while_nobody_runs_the_database_is_changed(tmp_path: Path) -> None:
     scene_with(tmp_path, lambda _: None)
     assert command("release", "BB").startswith("BB is released from slot BB")
     assert command("undo").startswith("edit 1 undone")
-    assert "stop needs the robot's master" in command("stop")
+    assert "NOT delivered: no master of this robot runs here" in command("stop")
     assert "has the robots MSBOT_MASTER: say which one is meant" in command("undo", "--robot", "NOBODY")
     assert perform("robot.db", None, "edits", {})["edits"]
 

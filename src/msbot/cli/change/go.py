@@ -22,3 +22,5 @@ def command(db: str | None, robot: str | None, *, as_json: bool) -> None:
     click.echo("STOP is over: the parts may work again")
     if answer["trouble"]:
         click.echo(f"{answer['trouble']}; after a restart of the master STOP may hold again")
+    elif not answer["stored"]:
+        click.echo("this is not stored yet: if the master is started anew before, STOP may hold again")

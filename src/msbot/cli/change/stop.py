@@ -10,6 +10,7 @@ import click
 
 from msbot.cli.change.stop_route import say_stop, stop_status
 from msbot.cli.options import robot_options
+from msbot.errors import ConfigError
 
 PATIENCE_S = 2.0
 """How long the command waits for the parts to confirm."""
@@ -29,14 +30,18 @@ def command(reason: str, db: str | None, robot: str | None, *, only_status: bool
     said = say_stop(db, robot, reason)
     status = said
     until = time.monotonic() + PATIENCE_S
-    while status["silent"] and status["stopped"] and time.monotonic() < until:
+    while status["not_confirmed"] and status["stopped"] and time.monotonic() < until:
         time.sleep(LOOK_S)
         status = stop_status(db, robot)
+    status["unreached"] = said["unreached"]
     if as_json:
-        click.echo(json.dumps({name: status[name] for name in ("told", "confirmed", "silent", "stored")}))
-        return
-    for line in _words(status):
-        click.echo(line)
+        names = ["told", "confirmed", "silent", "stored", *(name for name in ("left_out",) if status.get(name))]
+        click.echo(json.dumps({name: status[name] for name in names}))
+    else:
+        for line in _words(status):
+            click.echo(line)
+    if status["unreached"]:
+        raise ConfigError(f"NOT delivered to {_others(status)}: cut the power of their robots")
 
 
 def _show_status(status: dict[str, object], *, as_json: bool) -> None:
@@ -51,22 +56,40 @@ def _show_status(status: dict[str, object], *, as_json: bool) -> None:
     click.echo(f"STOP since {datetime.fromtimestamp(since):%Y-%m-%d %H:%M:%S}, said by {status['by']}{why}")
     for line in _words(status):
         click.echo(line)
+    if status["unreached"]:
+        click.echo(f"not known: {_others(status)}")
 
 
 def _words(status: dict[str, object]) -> list[str]:
     confirmed, silent = status["confirmed"], status["silent"]
     assert isinstance(confirmed, list)
     assert isinstance(silent, list)
+    count, left_out = status["not_confirmed"], status.get("left_out", 0)
+    assert isinstance(count, int)
     lines = []
+    if not status["stopped"]:
+        return ["STOP has been ended meanwhile: `msbot go`, or the page"]
     if not status["told"]:
         lines.append("STOP holds; no part is in the robot")
-    elif silent:
-        lines.append(f"STOP: {len(confirmed)} of {status['told']} parts have confirmed it")
-        lines.append(f"NOT confirmed: {', '.join(silent)}: they may still move")
+    elif count:
+        told = status["told"]
+        assert isinstance(told, int)
+        lines.append(f"STOP: {told - count} of {told} parts have confirmed it")
+        others = f" and {count - len(silent)} others" if count > len(silent) else ""
+        lines.append(f"NOT confirmed: {', '.join(silent)}{others}: they may still move")
     else:
-        slowest = max(float(one["ms"]) for one in confirmed)
-        who = "the one part has" if len(confirmed) == 1 else f"all {len(confirmed)} parts have"
-        lines.append(f"STOP: {who} confirmed it within {slowest:.1f} ms")
+        slowest = max((float(one["ms"]) for one in confirmed), default=0.0)
+        time_words = "" if left_out else f" within {slowest:.1f} ms"
+        who = "the one part has" if status["told"] == 1 else f"all {status['told']} parts have"
+        lines.append(f"STOP: {who} confirmed it{time_words}")
     if status["trouble"]:
         lines.append(f"{status['trouble']}; it holds as long as this master runs")
+    elif not status["stored"]:
+        lines.append("STOP is not stored yet: as long as it is not, it ends with this master")
     return lines
+
+
+def _others(status: dict[str, object]) -> str:
+    """Masters that may be meant, in words."""
+    count = status["unreached"]
+    return "a master that runs here and does not answer" if count == 1 else f"{count} masters that do not answer"

@@ -14,11 +14,16 @@ Answer = dict[str, object]
 def say_stop(db: str | None, robot: str | None, reason: str) -> Answer:
     """Say STOP to the robot named; if none is named, to every running robot of this user on this computer.
 
+    Returns:
+        The state of STOP; `unreached` counts masters that run here and do not answer.
+
     Raises:
         ConfigError: no master accepts it; the text says so plainly.
     """
-    answers = _ask("stop", db, robot, reason)
-    return _together(answers) if answers else _by_the_ordinary_way("stop", {"reason": reason}, db, robot)
+    answers, silent = _ask("stop", db, robot, reason)
+    if answers:
+        return _together(answers) | {"unreached": silent}
+    return _by_the_ordinary_way("stop", {"reason": reason}, db, robot, "NOT delivered")
 
 
 def say_go(db: str | None, robot: str | None) -> Answer:
@@ -27,32 +32,40 @@ def say_go(db: str | None, robot: str | None) -> Answer:
     Raises:
         ConfigError: several could be meant, nobody said STOP, or no master accepts it.
     """
-    meant = _ask("status", db, robot)
+    meant, _ = _ask("status", db, robot)
     if len(meant) > 1:
         names = ", ".join(str(one["robot"]) for one in meant)
         raise ConfigError(f"{len(meant)} masters run here: say with --robot which one may go on: {names}")
-    answers = _ask("go", db, robot) if meant else []
-    return answers[0] if answers else _by_the_ordinary_way("go", {}, db, robot)
+    if not meant:
+        return _by_the_ordinary_way("go", {}, db, robot, "NOT delivered")
+    (one,) = meant  # to this one alone: another master may stand still, and would find it later
+    answers, _ = _ask("go", str(one["database"]), str(one["robot"]))
+    if not answers:
+        raise ConfigError("NOT delivered: the master has ended meanwhile")
+    return answers[0]
 
 
 def stop_status(db: str | None, robot: str | None) -> Answer:
-    """The state of STOP.
+    """The state of STOP; `unreached` as for `say_stop`.
 
     Raises:
         ConfigError: no master answers.
     """
-    answers = _ask("status", db, robot)
-    return _together(answers) if answers else _by_the_ordinary_way("stop_report", {}, db, robot)
+    answers, silent = _ask("status", db, robot)
+    if answers:
+        return _together(answers) | {"unreached": silent}
+    return _by_the_ordinary_way("stop_report", {}, db, robot, "whether STOP holds is not known")
 
 
-def _ask(do: str, db: str | None, robot: str | None, reason: str = "") -> list[Answer]:
-    """The answers of the masters that are meant: of that robot and database; else of the robot.db here; else all.
+def _ask(do: str, db: str | None, robot: str | None, reason: str = "") -> tuple[list[Answer], int]:
+    """The answers of the masters that are meant (of that robot and database; else of the robot.db here; else all), and
+    how many run here without an answer; 0 if the robot was named, as they are then of others.
 
     Raises:
         ConfigError: none answers although some are running, or a master reports an error.
     """
     if not IS_THERE:
-        return []
+        return [], 0
     if db is None and Path(beside := database_beside(DEFAULT_BLUEPRINT)).exists():
         db = beside
     database = None if db is None else database_identity(db)
@@ -63,14 +76,19 @@ def _ask(do: str, db: str | None, robot: str | None, reason: str = "") -> list[A
     for answer in answers:
         if "error" in answer:
             raise ConfigError(str(answer["error"]))
-    return answers
+    return answers, 0 if robot is not None else silent
 
 
-def _by_the_ordinary_way(do: str, args: dict[str, object], db: str | None, robot: str | None) -> Answer:
-    from msbot.cli.change.robot_access import perform  # imported late, so that STOP itself loads nothing slow
+def _by_the_ordinary_way(
+    do: str, args: dict[str, object], db: str | None, robot: str | None, without_master: str
+) -> Answer:
+    # Imported late, so that STOP itself loads nothing slow.
+    from msbot.cli.change.robot_access import perform, running_master
 
+    if running_master(db, robot) is None:  # the database could do nothing here, and a starting master may hold it
+        raise ConfigError(f"{without_master}: no master of this robot runs here; if one is just starting, say it again")
     answer = perform(db, robot, do, args)
-    return answer if do == "stop_report" else perform(db, robot, "stop_report", {})
+    return (answer if do == "stop_report" else perform(db, robot, "stop_report", {})) | {"unreached": 0}
 
 
 def _together(answers: list[Answer]) -> Answer:
@@ -84,6 +102,8 @@ def _together(answers: list[Answer]) -> Answer:
             one | {"part": f"{answer['robot']}/{one['part']}"} for answer in answers for one in _of(answer, "confirmed")
         ],
         "silent": [f"{answer['robot']}/{name}" for answer in answers for name in _of(answer, "silent")],
+        "not_confirmed": sum(_whole(answer["not_confirmed"]) for answer in answers),
+        "left_out": sum(_whole(answer.get("left_out", 0)) for answer in answers),
         "stored": all(answer["stored"] for answer in answers),
         "trouble": "; ".join(str(answer["trouble"]) for answer in answers if answer["trouble"]),
     }

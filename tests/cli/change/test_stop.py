@@ -1,0 +1,156 @@
+"""What `msbot stop` and `msbot go` say: what the masters have said, no more, and whom it did not reach."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import time
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msbot.cli.change import stop_route
+from msbot.cli.change.robot_access import details_of
+from msbot.cli.change.stop import _words
+from msbot.master import StopSocket
+from msbot.master.stop_socket import answer_of, fitting
+from msbot.pnp import StopStatus
+from msbot.pnp.emergency_stop import StopConfirmation
+from msbot.runtime.stop_datagram import IS_ABSTRACT, IS_THERE, ask_masters, new_name
+from tests.cli.change.test_robot_access import command, typed
+from tests.operations.stage import Stage, play
+
+needs_sockets = pytest.mark.skipif(not IS_THERE, reason="this system has no Unix sockets")
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "run").mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
+    monkeypatch.chdir(tmp_path)
+
+
+def with_socket(folder: Path, act: Callable[[Stage], Coroutine[None, None, None]]) -> None:
+    """A robot that takes STOP by its socket, as that of `msbot master` does."""
+
+    async def scene(stage: Stage) -> None:
+        sock = StopSocket(stage.master, lambda: details_of(stage.master, str(folder / "robot.db")))
+        task = asyncio.create_task(sock.run())
+        await asyncio.sleep(0.01)  # it listens
+        try:
+            await act(stage)
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+    play(folder, scene, parts=("AA=ABCD", "BB=EFGH"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("stop",), "NOT delivered: no master of this robot runs here"),
+        (("go",), "NOT delivered: no master of this robot runs here"),
+        (("stop", "--status"), "whether STOP holds is not known: no master of this robot runs here"),
+    ],
+)
+@pytest.mark.parametrize("has_database", [False, True])
+def test_without_a_master_the_database_is_not_even_opened(
+    words: tuple[str, ...], said: str, has_database: bool, tmp_path: Path
+) -> None:
+    if has_database:
+        (tmp_path / "robot.db").write_text("whoever opens this fails")
+    assert said in command(*words)
+
+
+@needs_sockets
+@pytest.mark.skipif(not IS_ABSTRACT, reason="names of sockets without files are known to Linux only")
+def test_a_master_that_stands_still_beside_one_that_answers_is_told_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stop_route, "ask_masters", lambda request: ask_masters(request, 0.2))
+    monkeypatch.setattr("msbot.cli.change.stop.PATIENCE_S", 0.0)
+
+    async def act(stage: Stage) -> None:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as stuck:
+            stuck.bind(new_name())
+            said = await typed("stop", "--db", str(tmp_path / "robot.db"))
+            assert "NOT delivered to a master that runs here and does not answer" in said
+            assert stage.parts["AA"].stopped
+            assert "not known: a master that runs here" in await typed("stop", "--status")
+            assert "STOP is over" in await typed("go")
+            stuck.setblocking(False)
+            heard = []
+            while True:
+                try:
+                    heard.append(json.loads(stuck.recv(4096)))
+                except BlockingIOError:
+                    break
+            assert [one["robot"] for one in heard if one["do"] == "go"] == [stage.master.profile.name]
+
+    with_socket(tmp_path, act)
+
+
+@needs_sockets
+def test_a_go_that_a_master_finds_when_it_goes_on_again_moves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def act(stage: Stage) -> None:
+        assert "have confirmed" in await typed("stop")
+        go = asyncio.to_thread(ask_masters, {"do": "go", "who": "ann"}, 0.05)
+        waiting = asyncio.create_task(go)
+        monkeypatch.setattr("msbot.master.stop_socket.monotonic", lambda: time.monotonic() + 0.1)
+        assert (await waiting)[0] == []
+        assert stage.parts["AA"].stopped
+        assert "a GO was not obeyed" in caplog.text
+        monkeypatch.setattr("msbot.master.stop_socket.monotonic", time.monotonic)
+        assert "STOP is over" in await typed("go")
+
+    with_socket(tmp_path, act)
+
+
+def status(confirmed: int, silent: int, name: str = "p") -> StopStatus:
+    return StopStatus(
+        True, 1, "ann", "", 1,
+        tuple(StopConfirmation(f"{name}{number}", 1.0) for number in range(confirmed)),
+        tuple(f"{name}{number}" for number in range(confirmed, confirmed + silent)),
+    )  # fmt: skip
+
+
+@given(st.integers(0, 30), st.integers(0, 30), st.sampled_from(["p", "ü" * 60]), st.integers(400, 3000))
+def test_an_answer_that_is_too_long_counts_what_it_leaves_out(
+    confirmed: int, silent: int, name: str, most: int
+) -> None:
+    whole = answer_of(status(confirmed, silent, name))
+    answer = fitting(whole, most)
+    assert len(json.dumps(answer)) <= most
+    shown = [answer["confirmed"], answer["silent"]]
+    assert isinstance(shown[0], list)
+    assert isinstance(shown[1], list)
+    left_out = answer.get("left_out", 0)
+    assert isinstance(left_out, int)
+    assert len(shown[0]) + len(shown[1]) + left_out == confirmed + silent
+    assert answer["not_confirmed"] == silent
+    words = "\n".join(_words(answer))
+    assert ("NOT confirmed" in words) is (silent > 0)
+    assert ("all " in words or "the one part" in words) is (silent == 0 < confirmed)
+
+
+@pytest.mark.parametrize(
+    ("status", "last"),
+    [
+        (
+            StopStatus(True, 1, is_stored=False),
+            "STOP is not stored yet: as long as it is not, it ends with this master",
+        ),
+        (StopStatus(True, 1, trouble="the disk is full"), "the disk is full; it holds as long as this master runs"),
+        (StopStatus(True, 1), "STOP holds; no part is in the robot"),
+        (StopStatus(False, 1), "STOP has been ended meanwhile: `msbot go`, or the page"),
+    ],
+)
+def test_what_is_not_stored_and_what_holds_no_more_is_said(status: StopStatus, last: str) -> None:
+    assert _words(answer_of(status))[-1] == last
