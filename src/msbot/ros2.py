@@ -4,7 +4,21 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from msbot import Exactly, Message, float32, float64, int8, int16, int32, int64, uint8, uint16, uint32, uint64
+from msbot import (
+    AtMost,
+    Exactly,
+    Message,
+    float32,
+    float64,
+    int8,
+    int16,
+    int32,
+    int64,
+    uint8,
+    uint16,
+    uint32,
+    uint64,
+)
 
 
 class Time(Message):
@@ -710,3 +724,191 @@ class Clock(Message):
     type_name = "rosgraph_msgs::msg::dds_::Clock_"
 
     clock: Time
+
+
+class FloatingPointRange(Message):
+    """The bounds of a parameter, both included."""
+
+    type_name = "rcl_interfaces::msg::dds_::FloatingPointRange_"
+
+    from_value: float64
+    to_value: float64
+    step: float64
+
+
+class IntegerRange(Message):
+    """`rcl_interfaces::msg::IntegerRange`."""
+
+    type_name = "rcl_interfaces::msg::dds_::IntegerRange_"
+
+    from_value: int64
+    to_value: int64
+    step: uint64
+
+
+class ParameterDescriptor(Message):
+    """`rcl_interfaces::msg::ParameterDescriptor`."""
+
+    type_name = "rcl_interfaces::msg::dds_::ParameterDescriptor_"
+
+    name: str
+    type: uint8
+    description: str
+    additional_constraints: str
+    read_only: bool
+    dynamic_typing: bool
+    floating_point_range: Annotated[list[FloatingPointRange], AtMost(1)]
+    integer_range: Annotated[list[IntegerRange], AtMost(1)]
+
+
+class ParameterValue(Message):
+    """The field that counts is the one that `type` names."""
+
+    type_name = "rcl_interfaces::msg::dds_::ParameterValue_"
+
+    type: uint8
+    bool_value: bool
+    integer_value: int64
+    double_value: float64
+    string_value: str
+    byte_array_value: bytes
+    bool_array_value: list[bool]
+    integer_array_value: list[int64]
+    double_array_value: list[float64]
+    string_array_value: list[str]
+
+
+class Parameter(Message):
+    """`rcl_interfaces::msg::Parameter`."""
+
+    type_name = "rcl_interfaces::msg::dds_::Parameter_"
+
+    name: str
+    value: ParameterValue
+
+
+class ParameterEvent(Message):
+    """`rcl_interfaces::msg::ParameterEvent`."""
+
+    type_name = "rcl_interfaces::msg::dds_::ParameterEvent_"
+
+    stamp: Time
+    node: str
+    new_parameters: list[Parameter]
+    changed_parameters: list[Parameter]
+    deleted_parameters: list[Parameter]
+
+
+class SetParametersResult(Message):
+    """`rcl_interfaces::msg::SetParametersResult`."""
+
+    type_name = "rcl_interfaces::msg::dds_::SetParametersResult_"
+
+    successful: bool
+    reason: str
+
+
+class ListParametersResult(Message):
+    """`rcl_interfaces::msg::ListParametersResult`."""
+
+    type_name = "rcl_interfaces::msg::dds_::ListParametersResult_"
+
+    names: list[str]
+    prefixes: list[str]
+
+
+class DescribeParameters_Request(Message):
+    """`rcl_interfaces::srv::DescribeParameters_Request`."""
+
+    type_name = "rcl_interfaces::srv::dds_::DescribeParameters_Request_"
+
+    names: list[str]
+
+
+class DescribeParameters_Response(Message):
+    """`rcl_interfaces::srv::DescribeParameters_Response`."""
+
+    type_name = "rcl_interfaces::srv::dds_::DescribeParameters_Response_"
+
+    descriptors: list[ParameterDescriptor]
+
+
+class GetParameters_Request(Message):
+    """`rcl_interfaces::srv::GetParameters_Request`."""
+
+    type_name = "rcl_interfaces::srv::dds_::GetParameters_Request_"
+
+    names: list[str]
+
+
+class GetParameters_Response(Message):
+    """`rcl_interfaces::srv::GetParameters_Response`."""
+
+    type_name = "rcl_interfaces::srv::dds_::GetParameters_Response_"
+
+    values: list[ParameterValue]
+
+
+class GetParameterTypes_Request(Message):
+    """`rcl_interfaces::srv::GetParameterTypes_Request`."""
+
+    type_name = "rcl_interfaces::srv::dds_::GetParameterTypes_Request_"
+
+    names: list[str]
+
+
+class GetParameterTypes_Response(Message):
+    """`rcl_interfaces::srv::GetParameterTypes_Response`."""
+
+    type_name = "rcl_interfaces::srv::dds_::GetParameterTypes_Response_"
+
+    types: bytes
+
+
+class ListParameters_Request(Message):
+    """`rcl_interfaces::srv::ListParameters_Request`."""
+
+    type_name = "rcl_interfaces::srv::dds_::ListParameters_Request_"
+
+    prefixes: list[str]
+    depth: uint64
+
+
+class ListParameters_Response(Message):
+    """`rcl_interfaces::srv::ListParameters_Response`."""
+
+    type_name = "rcl_interfaces::srv::dds_::ListParameters_Response_"
+
+    result: ListParametersResult
+
+
+class SetParameters_Request(Message):
+    """`rcl_interfaces::srv::SetParameters_Request`."""
+
+    type_name = "rcl_interfaces::srv::dds_::SetParameters_Request_"
+
+    parameters: list[Parameter]
+
+
+class SetParameters_Response(Message):
+    """`rcl_interfaces::srv::SetParameters_Response`."""
+
+    type_name = "rcl_interfaces::srv::dds_::SetParameters_Response_"
+
+    results: list[SetParametersResult]
+
+
+class SetParametersAtomically_Request(Message):
+    """`rcl_interfaces::srv::SetParametersAtomically_Request`."""
+
+    type_name = "rcl_interfaces::srv::dds_::SetParametersAtomically_Request_"
+
+    parameters: list[Parameter]
+
+
+class SetParametersAtomically_Response(Message):
+    """`rcl_interfaces::srv::SetParametersAtomically_Response`."""
+
+    type_name = "rcl_interfaces::srv::dds_::SetParametersAtomically_Response_"
+
+    result: SetParametersResult

@@ -8,13 +8,14 @@ from msbot.agent.endpoints import DataReader, DataWriter, Replier, Requester
 from msbot.agent.pending_requests import client_key_of, decode_identity, encode_identity
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.sample_filters import NoEchoShape
-from msbot.space import MemorySpace, Qos, Sample, Topic
+from msbot.space import MemorySpace, Owner, Qos, Sample, Topic
 from msbot.xrce.messages import DeliveryControl
 from tests.agent.hosts import FakeHost
 
 TOPIC = Topic("light", "Light")
 REQUEST = Topic("add_Request", "Q")
 REPLY = Topic("add_Reply", "A")
+OWNER = Owner(1, "p")
 REQUESTER = 0x0017
 REPLIER = 0x0018
 FOREVER = DeliveryControl()
@@ -27,9 +28,9 @@ class Service:
         space = MemorySpace()
         replies = ReplyExchange(space)
         self.server, self.asker, self.other = (FakeHost(space, key, replies) for key in (9, 1, 2))
-        self.replier = Replier(self.server, REPLIER, REQUEST, REPLY, Qos())
-        self.requester = Requester(self.asker, REQUESTER, REQUEST, REPLY, Qos(depth=4))
-        self.stranger = Requester(self.other, REQUESTER, REQUEST, REPLY, Qos(depth=4))
+        self.replier = Replier(self.server, REPLIER, REQUEST, REPLY, Qos(), OWNER)
+        self.requester = Requester(self.asker, REQUESTER, REQUEST, REPLY, Qos(depth=4), OWNER)
+        self.stranger = Requester(self.other, REQUESTER, REQUEST, REPLY, Qos(depth=4), OWNER)
         if read:
             for number, endpoint in enumerate((self.replier, self.requester, self.stranger), 1):
                 assert endpoint.incoming is not None
@@ -42,10 +43,10 @@ class Service:
 
 def test_a_writer_writes_and_a_reader_reads() -> None:
     host = FakeHost()
-    reader = DataReader(host, 0x0016, TOPIC, Qos(), None)
+    reader = DataReader(host, 0x0016, TOPIC, Qos(), OWNER, None)
     assert reader.incoming is not None
     reader.incoming.start(5, 1, FOREVER)
-    writer = DataWriter(host, 0x0015, TOPIC, Qos())
+    writer = DataWriter(host, 0x0015, TOPIC, Qos(), OWNER)
     writer.write(1, b"sample")
     assert host.sent == [(5, 0x0016, b"sample", 1)]
     assert (reader.topic, writer.topic) == ("light", "light")
@@ -53,17 +54,19 @@ def test_a_writer_writes_and_a_reader_reads() -> None:
 
 def test_a_reader_cannot_write() -> None:
     host = FakeHost()
-    DataReader(host, 0x0016, TOPIC, Qos(), None).write(1, b"nonsense")
+    DataReader(host, 0x0016, TOPIC, Qos(), OWNER, None).write(1, b"nonsense")
     assert host.dropped == {"WRITE_DATA for an object that cannot write": 1}
 
 
 def test_a_client_without_echo_does_not_get_its_own_samples() -> None:
     host = FakeHost()
-    writer = DataWriter(host, 0x0015, TOPIC, Qos())
+    writer = DataWriter(host, 0x0015, TOPIC, Qos(), OWNER)
     other = FakeHost(host.space, key=2)
-    reader = DataReader(host, 0x0016, TOPIC, Qos(depth=1), NoEchoShape(lambda guid: client_key_of(guid) == host.key))
+    reader = DataReader(
+        host, 0x0016, TOPIC, Qos(depth=1), OWNER, NoEchoShape(lambda guid: client_key_of(guid) == host.key)
+    )
     writer.write(1, b"own, before the read")
-    DataWriter(other, 0x0015, TOPIC, Qos()).write(1, b"other's")
+    DataWriter(other, 0x0015, TOPIC, Qos(), OWNER).write(1, b"other's")
     writer.write(1, b"own")
     assert reader.incoming is not None
     reader.incoming.start(1, 1, FOREVER)
@@ -179,7 +182,7 @@ def test_a_barred_requester_asks_in_vain_and_its_old_requests_are_over() -> None
 def test_who_may_ask_may_hear_the_answers_whatever_the_gate_says_of_the_reply_topic() -> None:
     host = FakeHost()
     host.barred |= {"add_Request", "add_Reply"}
-    requester = Requester(host, REQUESTER, REQUEST, REPLY, Qos())
+    requester = Requester(host, REQUESTER, REQUEST, REPLY, Qos(), OWNER)
     assert not requester.attached
     host.barred.remove("add_Request")
     requester.recheck()
@@ -199,7 +202,7 @@ def test_a_replier_in_this_process_may_answer_within_the_request() -> None:
 
     space.reader(REQUEST, Qos(), answer)
     host = FakeHost(space)
-    requester = Requester(host, REQUESTER, REQUEST, REPLY, Qos())
+    requester = Requester(host, REQUESTER, REQUEST, REPLY, Qos(), OWNER)
     assert requester.incoming is not None
     requester.incoming.start(1, 0x80, FOREVER)
     requester.write(0x0102, b"?")

@@ -6,7 +6,7 @@ import pytest
 
 from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.object_creation import ClientObject, Creator, NoSuchTopic, Participant
-from msbot.space import Deliver, Guid, MemorySpace, Qos, Reader, Space, Topic, Writer
+from msbot.space import THIS_PROGRAM, Deliver, Guid, MemorySpace, Owner, Qos, Reader, Space, Topic, Writer
 from msbot.xrce.objects import (
     ParticipantDef,
     PublisherDef,
@@ -25,15 +25,18 @@ class WatchedSpace:
 
     def __init__(self) -> None:
         self.made: list[tuple[Topic, Qos]] = []
+        self.owners: list[Owner] = []
         self._space = MemorySpace()
 
-    def writer(self, topic: Topic, qos: Qos, guid: Guid) -> Writer:
+    def writer(self, topic: Topic, qos: Qos, guid: Guid, owner: Owner = THIS_PROGRAM) -> Writer:
         self.made.append((topic, qos))
-        return self._space.writer(topic, qos, guid)
+        self.owners.append(owner)
+        return self._space.writer(topic, qos, guid, owner)
 
-    def reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> Reader:
+    def reader(self, topic: Topic, qos: Qos, deliver: Deliver, owner: Owner = THIS_PROGRAM) -> Reader:
         self.made.append((topic, qos))
-        return self._space.reader(topic, qos, deliver)
+        self.owners.append(owner)
+        return self._space.reader(topic, qos, deliver, owner)
 
 
 class Maker:
@@ -68,6 +71,13 @@ def writer(topic: int | str, *, keep_all: bool = False, depth: int | None = None
         keep_all=keep_all,
         depth=depth,
     )
+
+
+def test_what_a_client_makes_belongs_to_its_participant() -> None:
+    maker = Maker()
+    maker.topic(0x0012, "light", "Light")
+    maker.endpoint(writer("light"))
+    assert maker.space.owners == [Owner(1, "p")]
 
 
 def test_a_writer_names_its_topic_by_id_or_by_name() -> None:

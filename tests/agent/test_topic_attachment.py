@@ -7,11 +7,12 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from msbot.agent.topic_attachment import ReadSide, WriteSide
-from msbot.space import MemorySpace, Qos, Topic
+from msbot.space import MemorySpace, Owner, Qos, Topic
 from msbot.xrce.messages import DeliveryControl
 from tests.agent.hosts import FakeHost
 
 TOPIC = Topic("light", "Light")
+OWNER = Owner(1, "p")
 READER = 0x0016
 WRITER = 0x0015
 
@@ -20,8 +21,8 @@ def pair(*, depth: int = 16, latched: bool = False) -> tuple[FakeHost, WriteSide
     """A writer of one client and a reader of another."""
     space = MemorySpace()
     one, other = FakeHost(space, key=1), FakeHost(space, key=2)
-    writer = WriteSide(one, WRITER, TOPIC, Qos(transient_local=latched, depth=depth))
-    reader = ReadSide(other, READER, TOPIC, Qos(transient_local=latched, depth=depth))
+    writer = WriteSide(one, WRITER, TOPIC, Qos(transient_local=latched, depth=depth), OWNER)
+    reader = ReadSide(other, READER, TOPIC, Qos(transient_local=latched, depth=depth), OWNER)
     for side in (writer, reader):
         side.recheck()
     return one, writer, other, reader

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msbot.agent.pending_requests import IDENTITY_SIZE, PendingRequests, decode_identity
 from msbot.agent.sample_filters import ReplyShape, RequestShape
 from msbot.agent.topic_attachment import EndpointHost, ReadSide, Shape, WriteSide
-from msbot.space import Deliver, Qos, Reader, Topic
+from msbot.space import Deliver, Owner, Qos, Reader, Topic
 
 
 class Endpoint:
@@ -61,8 +61,8 @@ class DataWriter(Endpoint):
 
     __slots__ = ("_samples",)
 
-    def __init__(self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos) -> None:
-        self._samples = WriteSide(host, object_id, topic, qos)
+    def __init__(self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, owner: Owner) -> None:
+        self._samples = WriteSide(host, object_id, topic, qos, owner)
         super().__init__(host, self._samples, None)
 
     def write(self, request_id: int, payload: bytes) -> None:  # noqa: ARG002 - nobody answers a sample
@@ -75,8 +75,10 @@ class DataReader(Endpoint):
 
     __slots__ = ()
 
-    def __init__(self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, shape: Shape | None) -> None:
-        super().__init__(host, None, ReadSide(host, object_id, topic, qos, shape=shape))
+    def __init__(  # noqa: PLR0917 - what a definition says
+        self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, owner: Owner, shape: Shape | None
+    ) -> None:
+        super().__init__(host, None, ReadSide(host, object_id, topic, qos, owner, shape=shape))
 
 
 class Requester(Endpoint):
@@ -85,11 +87,13 @@ class Requester(Endpoint):
 
     __slots__ = ("_answers", "_pending", "_requests", "_shape")
 
-    def __init__(self, host: EndpointHost, object_id: int, request: Topic, reply: Topic, qos: Qos) -> None:
+    def __init__(  # noqa: PLR0917 - what a definition says
+        self, host: EndpointHost, object_id: int, request: Topic, reply: Topic, qos: Qos, owner: Owner
+    ) -> None:
         self._pending = PendingRequests(host.max_requests)
         self._shape = ReplyShape(object_id, self._pending)
-        self._requests = WriteSide(host, object_id, request, qos)
-        self._answers = ReadSide(host, object_id, reply, qos, shape=self._shape, open_reader=self._open_reader)
+        self._requests = WriteSide(host, object_id, request, qos, owner)
+        self._answers = ReadSide(host, object_id, reply, qos, owner, shape=self._shape, open_reader=self._open_reader)
         super().__init__(host, self._requests, self._answers)
 
     @property
@@ -121,7 +125,9 @@ class Requester(Endpoint):
         if guid is not None:
             self._answers.enter()
 
-    def _open_reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> Reader:  # noqa: ARG002 - one for all requesters
+    def _open_reader(
+        self, topic: Topic, qos: Qos, deliver: Deliver, owner: Owner  # noqa: ARG002 - one for all requesters
+    ) -> Reader:  # fmt: skip
         assert self._shape.guid is not None
         return self._host.replies.reader(topic, self._shape.guid, deliver)
 
@@ -131,9 +137,11 @@ class Replier(Endpoint):
 
     __slots__ = ("_replies",)
 
-    def __init__(self, host: EndpointHost, object_id: int, request: Topic, reply: Topic, qos: Qos) -> None:
-        self._replies = WriteSide(host, object_id, reply, qos)
-        super().__init__(host, self._replies, ReadSide(host, object_id, request, qos, shape=RequestShape()))
+    def __init__(  # noqa: PLR0917 - what a definition says
+        self, host: EndpointHost, object_id: int, request: Topic, reply: Topic, qos: Qos, owner: Owner
+    ) -> None:
+        self._replies = WriteSide(host, object_id, reply, qos, owner)
+        super().__init__(host, self._replies, ReadSide(host, object_id, request, qos, owner, shape=RequestShape()))
 
     def write(self, request_id: int, payload: bytes) -> None:  # noqa: ARG002 - a reply has no answer
         """Send a reply; one that is too short to name its request is dropped and counted."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.endpoints import DataReader, DataWriter, Endpoint, Replier, Requester
 from msbot.agent.topic_attachment import EndpointHost
-from msbot.space import Qos, Topic
+from msbot.space import Owner, Qos, Topic
 from msbot.xrce.messages import ObjectKind
 from msbot.xrce.objects import Definition, ParticipantDef, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef
 
@@ -20,6 +20,7 @@ class Participant:
     """A client's participant in one domain, and its topics: type and number of users by name."""
 
     domain: int
+    name: str = ""
     topics: dict[str, tuple[str, int]] = field(default_factory=dict)
 
     def use(self, name: str, type_name: str) -> Topic:
@@ -93,26 +94,31 @@ class Creator:
         """
         if parent is None:
             assert isinstance(definition, ParticipantDef)
-            return ClientObject(definition, Participant(self._domain(definition.domain_id)))
+            return ClientObject(definition, Participant(self._domain(definition.domain_id), definition.name))
         participant = parent.participant
+        owner = Owner(self._host.key, participant.name)
         match definition:
             case TopicDef():
                 topic = participant.use(definition.name, definition.type_name)
                 return ClientObject(definition, participant, topic)
             case WriterDef():
                 topic = self._topic_of(definition, participant, topics)
-                endpoint: Endpoint = DataWriter(self._host, object_id, topic, self._qos(definition))
+                endpoint: Endpoint = DataWriter(self._host, object_id, topic, self._qos(definition), owner)
                 return ClientObject(definition, participant, topic, endpoint)
             case ReaderDef():
                 topic = self._topic_of(definition, participant, topics)
                 qos = self._qos(definition, latched=self._host.is_latched(topic.name))
-                endpoint = DataReader(self._host, object_id, topic, qos, self._host.own_filter)
+                endpoint = DataReader(self._host, object_id, topic, qos, owner, self._host.own_filter)
                 return ClientObject(definition, participant, topic, endpoint)
             case RequesterDef():
-                endpoint = Requester(self._host, object_id, *_service(definition, participant), self._service_qos())
+                endpoint = Requester(
+                    self._host, object_id, *_service(definition, participant), self._service_qos(), owner
+                )  # fmt: skip
                 return ClientObject(definition, participant, endpoint=endpoint)
             case ReplierDef():
-                endpoint = Replier(self._host, object_id, *_service(definition, participant), self._service_qos())
+                endpoint = Replier(
+                    self._host, object_id, *_service(definition, participant), self._service_qos(), owner
+                )  # fmt: skip
                 return ClientObject(definition, participant, endpoint=endpoint)
         return ClientObject(definition, participant)
 

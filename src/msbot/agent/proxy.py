@@ -79,6 +79,7 @@ class Proxy:
         """`echo=False` keeps the client's own samples from it (property `uxr_sm`)."""
         settings = surroundings.settings
         self.info = info
+        self.key = info.key
         self.session = open_session(on_data=self._write)
         self.space = surroundings.space
         self.replies = surroundings.replies

@@ -15,15 +15,17 @@ from msbot.agent.delivery_control import NEVER, ReadTask
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.statistics import TopicTraffic
 from msbot.runtime.tally import Tally
-from msbot.space import Deliver, Guid, Qos, Reader, Sample, Space, Topic, Writer
+from msbot.space import Deliver, Guid, Owner, Qos, Reader, Sample, Space, Topic, Writer
 from msbot.xrce.messages import DeliveryControl
 
-OpenReader = Callable[[Topic, Qos, Deliver], Reader]
+OpenReader = Callable[[Topic, Qos, Deliver, Owner], Reader]
 
 
 class EndpointHost(Protocol):
     """What an endpoint needs of the client it belongs to."""
 
+    key: int
+    """The agent's key of the client."""
     space: Space
     replies: ReplyExchange
     """Hands replies to the requester that asked."""
@@ -67,13 +69,14 @@ class EndpointHost(Protocol):
 class WriteSide:
     """The place of an endpoint among the writers of a topic; outside the space until `recheck`."""
 
-    __slots__ = ("_host", "_object_id", "_qos", "_topic", "_traffic", "published", "writer")
+    __slots__ = ("_host", "_object_id", "_owner", "_qos", "_topic", "_traffic", "published", "writer")
 
-    def __init__(self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos) -> None:
+    def __init__(self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, owner: Owner) -> None:
         self._host = host
         self._object_id = object_id
         self._topic = topic
         self._qos = qos
+        self._owner = owner
         self._traffic = host.traffic_of(topic.name)
         self.writer: Writer | None = None
         """The writer in the space; None while the gate keeps it out."""
@@ -89,7 +92,8 @@ class WriteSide:
         if not self._host.may_write(self._topic.name):
             self.close()
         elif self.writer is None:
-            self.writer = self._host.space.writer(self._topic, self._qos, self._host.new_guid(self._object_id))
+            guid = self._host.new_guid(self._object_id)
+            self.writer = self._host.space.writer(self._topic, self._qos, guid, self._owner)
 
     def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> None:
         """Give a sample to the space, or refuse and count it while the gate says no."""
@@ -116,12 +120,12 @@ class ReadSide:
     full window or link), all later ones wait behind it in the reader's bounded history until `pull` gets through.
     """
 
-    __slots__ = ("_host", "_object_id", "_on_hand", "_open_reader", "_qos", "_shape", "_topic", "_traffic", "delivered",
-                 "is_waiting", "read", "reader")  # fmt: skip
+    __slots__ = ("_host", "_object_id", "_on_hand", "_open_reader", "_owner", "_qos", "_shape", "_topic", "_traffic",
+                 "delivered", "is_waiting", "read", "reader")  # fmt: skip
 
     def __init__(
-        self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, *, shape: Shape | None = None,
-        open_reader: OpenReader | None = None,
+        self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, owner: Owner, *,
+        shape: Shape | None = None, open_reader: OpenReader | None = None,
     ) -> None:  # fmt: skip
         """Stay outside the space until `recheck`.
 
@@ -130,6 +134,7 @@ class ReadSide:
             object_id: its object, for the DATA.
             topic: what to read.
             qos: how to read it.
+            owner: whose it is.
             shape: selects the samples for the client, and their form; if absent, all samples as they are.
             open_reader: makes the reader; the space's own if absent.
         """
@@ -138,6 +143,7 @@ class ReadSide:
         self._object_id = object_id
         self._topic = topic
         self._qos = qos
+        self._owner = owner
         self._traffic = host.traffic_of(topic.name)
         self._shape = shape
         self._on_hand: deque[Sample] = deque()
@@ -165,7 +171,7 @@ class ReadSide:
     def enter(self) -> None:
         """Enter the space without asking the gate: the caller knows that the client may read what gets through."""
         if self.reader is None:
-            self.reader = self._open_reader(self._topic, self._qos, self.deliver)
+            self.reader = self._open_reader(self._topic, self._qos, self.deliver, self._owner)
 
     def start(self, request_id: int, stream_id: int, control: DeliveryControl | None) -> None:
         """Begin a READ_DATA in place of the running one; a control with no samples only ends that one."""

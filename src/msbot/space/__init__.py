@@ -5,21 +5,38 @@
 
 from __future__ import annotations
 
-from msbot.space.contract import Deliver, Guid, Qos, Reader, Sample, Space, Topic, Writer
+from msbot.space.contract import (
+    THIS_PROGRAM,
+    Deliver,
+    Guid,
+    OwnEndpoint,
+    Owner,
+    Qos,
+    Reader,
+    Sample,
+    SharedSpace,
+    Space,
+    Topic,
+    Writer,
+)
 from msbot.space.dds_topics import DdsTopic, DdsTopicsOf
 from msbot.space.memory import MemorySpace
 from msbot.space.space_address import MEMORY, SpaceAddress, open_space, parse_space
 
 __all__ = [
     "MEMORY",
+    "THIS_PROGRAM",
     "DdsTopic",
     "DdsTopicsOf",
     "Deliver",
     "Guid",
     "MemorySpace",
+    "OwnEndpoint",
+    "Owner",
     "Qos",
     "Reader",
     "Sample",
+    "SharedSpace",
     "Space",
     "SpaceAddress",
     "Topic",

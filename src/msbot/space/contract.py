@@ -6,9 +6,9 @@ set up. A space matches writers and readers by domain, topic name, type name and
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +51,19 @@ class Topic:
 
 Guid = bytes
 """16 bytes: 12 prefix (who) + 4 entity id, as in DDS."""
+
+
+@dataclass(frozen=True, slots=True)
+class Owner:
+    """Whose a writer or reader is. It does not matter for who hears whom, only for what peers are told of it."""
+
+    client: int = 0
+    """The agent's key of the client; 0: it is this program's own."""
+    participant: str = ""
+    """Name of the client's participant."""
+
+
+THIS_PROGRAM = Owner()
 
 
 @dataclass(slots=True)
@@ -120,8 +133,36 @@ class Space(Protocol):
     words: str | None
     """Where the space is, for people; None when it is only in this process."""
 
-    def writer(self, topic: Topic, qos: Qos, guid: Guid) -> Writer:
+    def writer(self, topic: Topic, qos: Qos, guid: Guid, owner: Owner = THIS_PROGRAM) -> Writer:
         """Make a writer and match it with every compatible reader."""
 
-    def reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> Reader:
+    def reader(self, topic: Topic, qos: Qos, deliver: Deliver, owner: Owner = THIS_PROGRAM) -> Reader:
         """Make a reader; samples that late joiners get are delivered at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnEndpoint:
+    """A writer or reader of this program as peers in other programs discover it."""
+
+    owner: Owner
+    domain: int
+    name: str
+    """The topic's name there."""
+    type_name: str
+    guid: Guid
+    """By which the peers know it."""
+    is_writer: bool
+
+
+@runtime_checkable
+class SharedSpace(Space, Protocol):
+    """A space in which other programs take part, too."""
+
+    def participants(self) -> Mapping[int, Guid]:
+        """The GUID of this program's participant in each domain that it has joined."""
+
+    def endpoints(self) -> Iterator[OwnEndpoint]:
+        """This program's writers and readers."""
+
+    def on_endpoints(self, listener: Callable[[], object]) -> None:
+        """Call the listener whenever `endpoints` gives something else than before."""

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from msbot.errors import LocalProtocolError
-from msbot.space.contract import Deliver, Guid, Qos, Sample, Topic
+from msbot.space.contract import THIS_PROGRAM, Deliver, Guid, Owner, Qos, Sample, Topic
 from msbot.space.history import History, Store
 from msbot.space.qos_matching import mismatch
 from msbot.space.readers import Clock, MemoryReader, SelectiveReader, is_selective
@@ -54,14 +54,16 @@ class MemorySpace:
         """Size of the payloads kept now, in octets."""
         return self._store.used
 
-    def writer(self, topic: Topic, qos: Qos, guid: Guid) -> MemoryWriter:
+    def writer(self, topic: Topic, qos: Qos, guid: Guid, owner: Owner = THIS_PROGRAM) -> MemoryWriter:  # noqa: ARG002
         """Make a writer and match it with every compatible reader."""
         meeting = self._meeting(topic)
         writer = MemoryWriter(topic, qos, guid, meeting, self._store, self._clock)
         meeting.enter(writer)
         return writer
 
-    def reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> MemoryReader:
+    def reader(
+        self, topic: Topic, qos: Qos, deliver: Deliver, owner: Owner = THIS_PROGRAM  # noqa: ARG002
+    ) -> MemoryReader:  # fmt: skip
         """Make a reader; a transient-local one gets at once, writer by writer, the samples such writers have kept."""
         meeting = self._meeting(topic)
         make = SelectiveReader if is_selective(qos) else MemoryReader

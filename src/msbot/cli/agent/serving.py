@@ -20,8 +20,9 @@ from msbot.cli.run.until_ended import run_until_signal
 from msbot.errors import ConfigError
 from msbot.link import Link, Peer, Signal
 from msbot.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
+from msbot.ros.graph import RosGraph
 from msbot.runtime.terminal_log import TerminalHandler
-from msbot.space import MEMORY, Space, SpaceAddress, open_space
+from msbot.space import MEMORY, SharedSpace, Space, SpaceAddress, open_space
 from msbot.xrce import References
 
 LEVELS = (
@@ -150,6 +151,8 @@ async def _main(
 ) -> None:
     with open_space(wishes.space) as space:
         where = "; ".join(filter(None, (hint, space.words)))
+        if isinstance(space, SharedSpace):
+            RosGraph(space)  # micro-ROS clients are nodes for ROS 2
         await _run_in(space, link, wishes, references, partial(_greet, wishes=wishes, hint=where), discovery)
 
 

@@ -3,9 +3,10 @@ match them and cannot."""
 
 from __future__ import annotations
 
+import ctypes
 from ctypes import byref
 
-from msbot.space.contract import Qos
+from msbot.space.contract import THIS_PROGRAM, OwnEndpoint, Owner, Qos
 from msbot.space.dds.counts import Counts
 from msbot.space.dds.library import DdsLibrary, Incompatible
 from msbot.space.dds.native_qos import COMPARED, POLICIES
@@ -17,8 +18,8 @@ from msbot.space.memory import MAX_TROUBLES
 class Crossing:
     """One writer or reader in the library, under one of the topic's names; base of `Outlet` and `Inlet`."""
 
-    __slots__ = ("_library", "_neighbours", "_others", "_serialiser", "counts", "domain", "entity", "name", "qos",
-                 "type_name")  # fmt: skip
+    __slots__ = ("_library", "_neighbours", "_others", "_serialiser", "counts", "domain", "entity", "guid", "name",
+                 "owner", "qos", "type_name")  # fmt: skip
 
     WRITES: bool
     """Whether samples go out here."""
@@ -40,11 +41,21 @@ class Crossing:
         """Quality of service, with the partitions it has in DDS."""
         self.domain = domain
         self.counts = Counts()
+        self.owner: Owner = THIS_PROGRAM
+        """Set by the space once it is open."""
+        guid = ctypes.create_string_buffer(16)
+        library.calls.dds_get_guid(entity, guid)
+        self.guid = guid.raw
+        """By which peers know it."""
         self._library = library
         self._serialiser = serialiser
         self._neighbours = neighbours
         self._others: dict[str, int] = {}
         """Policies that kept a peer away and are not compared here -> how often."""
+
+    def as_endpoint(self) -> OwnEndpoint:
+        """It as the peers discover it."""
+        return OwnEndpoint(self.owner, self.domain, self.name, self.type_name, self.guid, self.WRITES)
 
     def troubles(self) -> tuple[str, ...]:
         """Which endpoints in other programs should match it and cannot, and what was lost."""

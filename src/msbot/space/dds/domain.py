@@ -13,6 +13,8 @@ from msbot.space.dds.network import Network, check_domain
 from msbot.space.dds.raw_type import Serialiser, descriptor, type_by_sample, type_of
 
 _SELF_TEST = "msbot_self_test"
+_ENCLAVE = b"enclave=/;"
+"""What ROS 2 nodes look for in a participant before they believe that nodes live in it (rmw_dds_common)."""
 _BODIES = (b"", b"MsBOT", bytes(range(256)) * 5)
 
 
@@ -49,7 +51,10 @@ class Domain:
                 self._own_domain = code
             elif code != PRECONDITION_NOT_MET:  # otherwise this process has joined it already
                 raise self._no_participant(code)
-        self.participant: int = self._calls.dds_create_participant(number, None, None)
+        qos = self._calls.dds_create_qos()
+        self._calls.dds_qset_userdata(qos, _ENCLAVE, len(_ENCLAVE))
+        self.participant: int = self._calls.dds_create_participant(number, qos, None)
+        self._calls.dds_delete_qos(qos)
         if self.participant < 0:
             error = self._no_participant(self.participant)
             self._leave()

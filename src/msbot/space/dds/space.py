@@ -12,14 +12,14 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from types import TracebackType
 from typing import Self
 
 from msbot.errors import ConfigError
-from msbot.space.contract import Deliver, Guid, Qos, Reader, Topic, Writer
+from msbot.space.contract import THIS_PROGRAM, Deliver, Guid, OwnEndpoint, Owner, Qos, Reader, Topic, Writer
 from msbot.space.dds import library as library_room
 from msbot.space.dds import network as network_room
 from msbot.space.dds import services
@@ -81,6 +81,7 @@ class DdsSpace:
         self._late: dict[Outlet, None] = {}
         self._retry: asyncio.TimerHandle | None = None
         self._told: set[str] = set()
+        self._endpoint_listeners: list[Callable[[], object]] = []
         self._neighbours_in(self._domains[domain])
 
     def __enter__(self) -> Self:
@@ -96,7 +97,20 @@ class DdsSpace:
         """Number of writers and readers of other programs known now."""
         return sum(len(neighbours) for neighbours in self._neighbours.values())
 
-    def writer(self, topic: Topic, qos: Qos, guid: Guid) -> Writer:
+    def participants(self) -> Mapping[int, Guid]:
+        """See `SharedSpace.participants`."""
+        return {number: domain.guid for number, domain in self._domains.items()}
+
+    def endpoints(self) -> Iterator[OwnEndpoint]:
+        """See `SharedSpace.endpoints`."""
+        for crossing in (*self._outlets, *self._inlets):
+            yield crossing.as_endpoint()
+
+    def on_endpoints(self, listener: Callable[[], object]) -> None:
+        """See `SharedSpace.on_endpoints`."""
+        self._endpoint_listeners.append(listener)
+
+    def writer(self, topic: Topic, qos: Qos, guid: Guid, owner: Owner = THIS_PROGRAM) -> Writer:
         """Make a writer and match it with every compatible reader, here and elsewhere."""
         topic = self._place(topic)
         memory = self._memory.writer(topic, qos, guid)
@@ -114,12 +128,14 @@ class DdsSpace:
         make = ServiceWriter if service else DdsWriter
         writer = make(memory, tuple(outlets), tuple(notes), self._close_writer)
         for outlet in writer.outlets:
+            outlet.owner = owner
             self._outlets[outlet] = writer
             self._by_name.setdefault((outlet.domain, outlet.name), {})[outlet] = None
             outlet.token = self._waiter.attach(outlet.entity, outlet.look)
+        self._endpoints_changed()
         return writer
 
-    def reader(self, topic: Topic, qos: Qos, deliver: Deliver) -> Reader:
+    def reader(self, topic: Topic, qos: Qos, deliver: Deliver, owner: Owner = THIS_PROGRAM) -> Reader:
         """Make a reader; kept samples of writers here are delivered at once, those of writers elsewhere soon."""
         topic = self._place(topic)
         memory = self._memory.reader(topic, qos, deliver)
@@ -133,10 +149,12 @@ class DdsSpace:
                 notes.append(self._tell(str(error)))
         reader = DdsReader(memory, tuple(inlets), tuple(notes), self._waiter, self._close_reader)
         for inlet in inlets:
+            inlet.owner = owner
             self._inlets[inlet] = reader
             self._by_name.setdefault((inlet.domain, inlet.name), {})[inlet] = None
             statuses = self._waiter.attach(inlet.entity, inlet.look)
             inlet.tokens = (self._waiter.attach(inlet.condition, partial(reader.arrived, inlet)), statuses)
+        self._endpoints_changed()
         return reader
 
     def close(self) -> None:
@@ -213,6 +231,7 @@ class DdsSpace:
                 self._waiter.detach(outlet.entity, outlet.token)
                 self._library.calls.dds_delete(outlet.entity)
                 self._domains[outlet.domain].release(outlet.name, outlet.type_name)
+        self._endpoints_changed()
 
     def _close_reader(self, reader: DdsReader) -> None:
         for inlet in reader.inlets:
@@ -222,6 +241,11 @@ class DdsSpace:
                 self._waiter.detach(inlet.entity, inlet.tokens[1])
                 self._library.calls.dds_delete(inlet.entity)
                 self._domains[inlet.domain].release(inlet.name, inlet.type_name)
+        self._endpoints_changed()
+
+    def _endpoints_changed(self) -> None:
+        for listener in self._endpoint_listeners:
+            listener()
 
     def _forget_name(self, endpoint: Outlet | Inlet) -> None:
         namesakes = self._by_name[endpoint.domain, endpoint.name]

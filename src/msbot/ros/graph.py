@@ -1,0 +1,169 @@
+"""Tells ROS 2 nodes whose our writers and readers are, so that `ros2 node list` and `ros2 topic info -v` show nodes.
+
+In ROS 2 a node is not a thing of DDS: each program publishes the list of its nodes with the GUIDs of their endpoints
+(topic `ros_discovery_info`, transient-local, only the last one counts). Here a part of the robot is a node, and so is
+every participant of a micro-ROS client. The list is published again when something has changed, once for all changes
+within `SETTLE_S`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import secrets
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+
+from msbot.ros import discovery_info
+from msbot.ros.discovery_info import NodeInfo, encode, gid_octets_of, usual_gid_octets
+from msbot.ros.node_names import NodeName, node_named
+from msbot.space import Guid, OwnEndpoint, Qos, Reader, Sample, SharedSpace, Topic, Writer
+
+SETTLE_S = 0.02
+"""A part comes with all its endpoints at once; their nodes are told together after this time."""
+
+EVERYBODY = ("",)
+"""The partition in which ROS 2 nodes are."""
+
+LAST_ONE = Qos(transient_local=True, depth=1, late_depth=1, partitions=EVERYBODY)
+
+NodeOf = Callable[[OwnEndpoint], NodeName | None]
+"""The node that an endpoint belongs to; None: it is no node's."""
+
+logger = logging.getLogger(__name__)
+
+
+class RosGraph:
+    """Publishes the nodes of this program. Must be made on the event loop that the space lives on."""
+
+    def __init__(
+        self, space: SharedSpace, *, node_of: NodeOf | None = None, standing: Callable[[], Iterable[NodeName]] = tuple,
+        environment: Mapping[str, str] = os.environ,
+    ) -> None:  # fmt: skip
+        """Begin to publish.
+
+        Args:
+            space: whose endpoints to tell.
+            node_of: the node of an endpoint; by the name of its participant if absent.
+            standing: nodes that are there even without endpoints.
+            environment: where `ROS_DISTRO` may say which form the nodes of the network read.
+        """
+        self._space = space
+        self._node_of = node_of or node_of_participant
+        self._standing = standing
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+        self._writers: dict[int, Writer] = {}
+        self._readers: list[Reader] = []
+        self._told: dict[int, bytes] = {}
+        distribution = environment.get("ROS_DISTRO")
+        self._octets = usual_gid_octets(distribution)
+        self._is_fixed = distribution is not None
+        self._has_warned = self._is_closed = False
+        space.on_endpoints(self.changed)
+        self.changed()
+
+    @property
+    def gid_octets(self) -> int:
+        """The form in which it publishes now: 16 or 24 octets for a GID."""
+        return self._octets
+
+    def changed(self) -> None:
+        """Tell the nodes again soon: something about them may have changed."""
+        if self._timer is None and not self._is_closed:
+            self._timer = self._loop.call_later(SETTLE_S, self._tell)
+
+    def close(self) -> None:
+        """Stop telling: peers forget the nodes."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._is_closed = True
+        for writer in self._writers.values():
+            writer.close()
+        for reader in self._readers:
+            reader.close()
+        self._writers.clear()
+        self._readers.clear()
+
+    def _tell(self) -> None:
+        self._timer = None
+        nodes = self._nodes()
+        for domain, participant in self._space.participants().items():
+            mine = nodes.get(domain, [])
+            if not mine and domain not in self._writers:
+                continue  # nobody asked this program into ROS
+            octets = encode(participant, mine, self._octets)
+            if octets != self._told.get(domain):
+                self._told[domain] = octets
+                self._writer(domain).write(octets)
+
+    def _nodes(self) -> dict[int, list[NodeInfo]]:
+        """The nodes in each domain, in the order in which they appeared."""
+        endpoints = [endpoint for endpoint in self._space.endpoints() if is_ros(endpoint.name)]
+        shared = {
+            (endpoint.domain, endpoint.name): endpoint.guid
+            for endpoint in endpoints
+            if not endpoint.is_writer and endpoint.name.startswith("rr/")
+        }
+        first = next(iter(self._space.participants()), 0)
+        found: dict[tuple[int, object, NodeName], tuple[dict[Guid, None], dict[Guid, None]]] = {
+            (first, 0, name): ({}, {}) for name in self._standing()
+        }
+        for endpoint in endpoints:
+            name = self._node_of(endpoint)
+            if name is None:
+                continue
+            readers, writers = found.setdefault((endpoint.domain, endpoint.owner.client, name), ({}, {}))
+            (writers if endpoint.is_writer else readers)[endpoint.guid] = None
+            if endpoint.is_writer and endpoint.name.startswith("rq/"):
+                # All requesters of an agent share one reader of the replies; for ROS 2 each has its own.
+                replies = shared.get((endpoint.domain, reply_topic(endpoint.name)))
+                if replies is not None:
+                    readers[replies] = None
+        nodes: dict[int, list[NodeInfo]] = {}
+        for (domain, _, name), (readers, writers) in found.items():
+            nodes.setdefault(domain, []).append(NodeInfo(name, tuple(readers), tuple(writers)))
+        return nodes
+
+    def _writer(self, domain: int) -> Writer:
+        writer = self._writers.get(domain)
+        if writer is None:
+            topic = Topic(discovery_info.TOPIC, discovery_info.TYPE, domain)
+            writer = self._writers[domain] = self._space.writer(topic, LAST_ONE, secrets.token_bytes(16))
+            self._readers.append(self._space.reader(topic, LAST_ONE, partial(self._heard, writer.guid)))
+        return writer
+
+    def _heard(self, own: Guid, sample: Sample) -> bool:
+        """Learn from other nodes which form the network uses."""
+        theirs = None if sample.writer == own else gid_octets_of(sample.payload)
+        if theirs is None or theirs == self._octets:
+            return True
+        if not self._is_fixed and theirs == discovery_info.UNTIL_HUMBLE:
+            # 16 may be another MsBOT that has not heard anybody yet; 24 says nobody by mistake.
+            self._octets = theirs
+            self.changed()
+        elif not self._has_warned:
+            self._has_warned = True
+            logger.warning(
+                "a ROS 2 node tells of its nodes with GIDs of %d octets, here they have %d: it does not see this "
+                "program's nodes (ROS 2 up to Humble has 24, from Iron on 16; ROS_DISTRO says which is right here)",
+                theirs, self._octets,
+            )  # fmt: skip
+        return True
+
+
+def is_ros(topic: str) -> bool:
+    """Whether a topic in DDS is one of ROS 2: a topic, or requests or replies of a service."""
+    return topic.startswith(("rt/", "rq/", "rr/"))
+
+
+def reply_topic(request_topic: str) -> str:
+    """The topic of the replies to the requests on that one."""
+    return f"rr/{request_topic.removeprefix('rq/').removesuffix('Request')}Reply"
+
+
+def node_of_participant(endpoint: OwnEndpoint) -> NodeName | None:
+    """The node of an endpoint by the name of its participant, as micro-ROS has it; None for what nobody named."""
+    name = endpoint.owner.participant
+    return node_named(name) if name else None

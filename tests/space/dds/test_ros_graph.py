@@ -1,0 +1,150 @@
+"""What ROS 2 nodes are told of the nodes here: by a node in another process, and in the form of old distributions."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from struct import pack
+
+import pytest
+
+from msbot import ros2
+from msbot.agent import Agent
+from msbot.link import InprocHub
+from msbot.part import ServiceNames
+from msbot.ros import discovery_info
+from msbot.ros.discovery_info import SINCE_IRON, UNTIL_HUMBLE, NodeInfo, decode, encode
+from msbot.ros.graph import LAST_ONE, RosGraph
+from msbot.ros.node_names import NodeName
+from msbot.ros.parameters import parameter_value
+from msbot.space import Owner, Qos, Topic
+from msbot.space.dds import DdsSpace
+from tests.hearing_client import HearingClient
+from tests.space.dds.foreign_programs import SOURCES
+from tests.space.dds.peers import Inbox, program, until
+
+NODE = (sys.executable, str(SOURCES / "ros_node.py"))
+TOLD = Topic(discovery_info.TOPIC, discovery_info.TYPE)
+FLOAT = Topic("rt/power", "std_msgs::msg::dds_::Float32_")
+KNOB = Owner(7, "/garden/knob")
+NOWHERE: dict[str, str] = {}
+
+
+def last_nodes(inbox: Inbox) -> dict[str, tuple[int, int]]:
+    """Names of the nodes that were told last, with the numbers of their readers and writers."""
+    if not inbox.samples:
+        return {}
+    _, nodes = decode(inbox.payloads[-1], SINCE_IRON)
+    return {str(node.name): (len(node.readers), len(node.writers)) for node in nodes}
+
+
+async def test_nodes_come_and_go_with_their_endpoints() -> None:
+    heard = Inbox()
+    with DdsSpace() as here, DdsSpace() as there:
+        graph = RosGraph(here, environment=NOWHERE)
+        there.reader(TOLD, LAST_ONE, heard)
+        here.writer(Topic("plain", "T"), Qos(), bytes(16), Owner(9, "no ROS topic"))
+        here.writer(Topic("rt/unnamed", "T"), Qos(), bytes(15) + b"\1")
+        writer = here.writer(FLOAT, Qos(), bytes(15) + b"\2", KNOB)
+        reader = here.reader(FLOAT, Qos(), Inbox(), KNOB)
+        await until(lambda: last_nodes(heard) == {"/garden/knob": (1, 1)})
+        assert heard.payloads == [heard.payloads[-1]]  # all of it was told at once
+        reader.close()
+        await until(lambda: last_nodes(heard) == {"/garden/knob": (0, 1)})
+        writer.close()
+        await until(lambda: heard.samples and last_nodes(heard) == {})
+        assert len(heard.samples) == 3
+        graph.close()
+
+
+async def test_a_requester_reads_the_replies_that_its_agent_reads_for_all() -> None:
+    heard = Inbox()
+    with DdsSpace() as here, DdsSpace() as there:
+        RosGraph(here, environment=NOWHERE)
+        there.reader(TOLD, LAST_ONE, heard)
+        here.reader(Topic("rr/addReply", "R"), Qos(service=True), Inbox())
+        here.writer(Topic("rq/addRequest", "Q"), Qos(service=True), bytes(16), KNOB)
+        await until(lambda: last_nodes(heard) == {"/garden/knob": (1, 1)})
+
+
+async def test_nodes_up_to_humble_are_told_in_their_own_form() -> None:
+    heard = Inbox()
+    old = encode(bytes(range(16)), [NodeInfo(NodeName("/", "talker"))], UNTIL_HUMBLE)
+    with DdsSpace() as here, DdsSpace() as there:
+        graph = RosGraph(here, environment=NOWHERE)
+        here.writer(FLOAT, Qos(), bytes(15) + b"\2", KNOB)
+        there.reader(TOLD, LAST_ONE, heard)
+        await until(lambda: heard.samples)
+        assert graph.gid_octets == SINCE_IRON
+        there.writer(TOLD, LAST_ONE, bytes(16)).write(old)
+        await until(lambda: graph.gid_octets == UNTIL_HUMBLE)
+        await until(lambda: len(heard.samples) > 2)  # the first form, the stranger's, the second form
+        _, nodes = decode(heard.payloads[-1], UNTIL_HUMBLE)
+        assert [str(node.name) for node in nodes] == ["/garden/knob"]
+
+
+async def test_a_form_that_the_user_chose_stays_and_the_other_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    nodes = [NodeInfo(NodeName("/", "talker"), (bytes(range(16)),))]
+    with DdsSpace() as here, DdsSpace() as there:
+        graph = RosGraph(here, environment={"ROS_DISTRO": "humble"})
+        here.writer(FLOAT, Qos(), bytes(15) + b"\2", KNOB)
+        stranger = there.writer(TOLD, LAST_ONE, bytes(16))
+        stranger.write(encode(bytes(range(16)), nodes, SINCE_IRON))
+        stranger.write(encode(bytes(range(1, 17)), nodes, SINCE_IRON))
+        await until(lambda: caplog.messages)
+        assert graph.gid_octets == UNTIL_HUMBLE
+        assert [message[:41] for message in caplog.messages] == ["a ROS 2 node tells of its nodes with GIDs"]
+
+
+async def test_a_micro_ros_client_is_a_node_for_a_ros_node_and_talks_to_it() -> None:
+    """As rclc has it: a participant by the node's name, mangled names and types, a parameter service of its own."""
+    pytest.importorskip("cyclonedds")
+    services = ServiceNames(
+        "get_parameters",
+        "rcl_interfaces::srv::dds_::GetParameters_Request_",
+        "rcl_interfaces::srv::dds_::GetParameters_Response_",
+        "rq/garden/blinker/get_parametersRequest",
+        "rr/garden/blinker/get_parametersReply",
+    )
+    hub = InprocHub()
+    with DdsSpace() as space:
+        agent = Agent(space)
+        agent.add_link(hub.server)
+        RosGraph(space, environment=NOWHERE)
+        async with asyncio.TaskGroup() as tasks:
+            serving = tasks.create_task(agent.run())
+            client = HearingClient(hub.connect(), key=1)
+            running = tasks.create_task(client.run())
+            await client.connect(30)
+            participant = client.create_participant("/garden/blinker")
+            topic = client.create_topic(participant, FLOAT.name, FLOAT.type_name)
+            writer = client.create_writer(client.create_publisher(participant), topic)
+            replier = client.create_replier(participant, services)
+
+            def answer(_object: int, _request: int, identity: bytes, _payload: bytes) -> None:
+                values = [parameter_value(2.5)]
+                client.reply(replier, identity, ros2.GetParameters_Response(values=values).encode())
+
+            client.on_request = answer
+            client.read(replier)
+            await client.until_all_statuses(30)
+            request = '{"names": ["speed"]}'
+            async with program(
+                *NODE, "nodes", "/garden/blinker", "call", "/garden/blinker", "get_parameters", request,
+                "hear", "power", "Float32", "1", "gone", "/garden/blinker",
+            ) as node:  # fmt: skip
+                await node.says("node /garden/blinker is complete")
+                assert sorted(line for line in node.lines if line.startswith("/garden/blinker ")) == [
+                    "/garden/blinker reads rq/garden/blinker/get_parametersRequest "
+                    "rcl_interfaces::srv::dds_::GetParameters_Request_",
+                    "/garden/blinker writes rr/garden/blinker/get_parametersReply "
+                    "rcl_interfaces::srv::dds_::GetParameters_Response_",
+                    "/garden/blinker writes rt/power std_msgs::msg::dds_::Float32_",
+                ]
+                assert '"double_value": 2.5' in await node.says("get_parameters: ")
+                await until(lambda: (client.write(writer, pack("<f", 0.25)), "power: " in "".join(node.lines))[1])
+                await node.says('power: {"data": 0.25}')
+                running.cancel()
+                agent.disconnect(1, reason="its board has lost its power")
+                await node.says("node /garden/blinker is gone")
+            serving.cancel()
