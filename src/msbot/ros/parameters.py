@@ -59,13 +59,13 @@ def wanted_text(record: ValueRecord, value: ParameterValue) -> str | None:
     if value.type != wanted and (value.type, wanted) != (INTEGER, DOUBLE):
         given = WORDS.get(value.type, "a list" if value.type in ARRAYS else f"of the unknown type {value.type}")
         raise ConfigError(f"{record.name} is {WORDS[wanted]}, not {given}")
-    found: Scalar = {
+    found: dict[int, Scalar] = {
         BOOL: value.bool_value,
         INTEGER: value.integer_value,
         DOUBLE: value.double_value,
         STRING: value.string_value,
-    }[value.type]
-    return scalar_text(found)
+    }
+    return scalar_text(found[value.type])
 
 
 def descriptor_of(record: ValueRecord) -> ParameterDescriptor:
@@ -111,7 +111,8 @@ def list_parameters(names: Iterable[str], prefixes: Sequence[str], depth: int) -
 
     Levels are separated by dots; without prefixes it is about all names.
     """
-    found, above = [], {}
+    found: list[str] = []
+    above: dict[str, None] = {}
     for name in names:
         if any(_is_below(name, prefix, depth) for prefix in prefixes) or (
             not prefixes and (depth == 0 or name.count(".") < depth)
