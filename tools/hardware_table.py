@@ -12,12 +12,13 @@ import re
 import sys
 from pathlib import Path
 
-from msbot.config import BusKind, PartType, load_library, scalar_text
+from msbot.config import BOARD_DRIVERS, BusKind, PartType, load_library, scalar_text
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs/reference/hardware.md"
 WIRING = ROOT / "docs/reference/wiring.md"
 BEGIN = "<!-- made by tools/hardware_table.py -->\n"
+BEGIN_BOARDS = "<!-- the drivers of boards; made by tools/hardware_table.py -->\n"
 END = "<!-- end of what is made -->\n"
 BUSES = {
     BusKind.PINS: "GPIO pins",
@@ -45,6 +46,9 @@ OTHERS = {
 """Those that have something else for one kind of bus."""
 
 
+ON_BOARDS = "on boards: a double of `machine`"
+
+
 def tests_of(part_type: PartType) -> list[str]:
     """What the driver of a part type is tested with."""
     found = []
@@ -64,8 +68,24 @@ def table() -> str:
         linux = f"[{BUSES[driver.bus]}](wiring.md#{anchor(part_type)})" if driver.entry_point else f"no: {driver.none}"
         tested = ", ".join(tests_of(part_type)) if driver.entry_point else "–"
         simulator = "yes" if part_type.simulator is not None else "no"
-        cells = (f"`{part_type.number}`", part_type.name, simulator, linux, "a program of your own", tested)
+        board = BOARD_DRIVERS.get(driver.board.driver)
+        boards = "a program of your own" if board is None else f"`{driver.board.driver}`: {board.words}"
+        if board is not None:
+            tested = f"{tested}; {ON_BOARDS}"
+        cells = (f"`{part_type.number}`", part_type.name, simulator, linux, boards, tested)
         rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows) + "\n"
+
+
+def drivers_of_boards() -> str:
+    """One row for each driver of boards."""
+    rows = ["| driver | uses | sources | part types |", "|---|---|---|---|"]
+    users: dict[str, list[str]] = {name: [] for name in BOARD_DRIVERS}
+    for part_type in sorted(load_library(), key=lambda one: one.number):
+        if part_type.driver.board.driver:
+            users[part_type.driver.board.driver].append(f"`{part_type.number}`")
+    for name, driver in BOARD_DRIVERS.items():
+        rows.append(f"| `{name}` | {driver.words} | {', '.join(driver.sources)} | {', '.join(users[name])} |")
     return "\n".join(rows) + "\n"
 
 
@@ -122,11 +142,11 @@ def example(part_type: PartType) -> str:
 
 def pages() -> dict[Path, str]:
     """Both pages as they should be."""
-    made = {REFERENCE: table(), WIRING: wiring()}
-    found = {}
-    for path, text in made.items():
-        before, _, rest = path.read_text("utf-8").partition(BEGIN)
-        found[path] = f"{before}{BEGIN}{text}{END}{rest.partition(END)[2]}"
+    made = ((REFERENCE, BEGIN, table()), (REFERENCE, BEGIN_BOARDS, drivers_of_boards()), (WIRING, BEGIN, wiring()))
+    found = {path: path.read_text("utf-8") for path in (REFERENCE, WIRING)}
+    for path, begin, text in made:
+        before, _, rest = found[path].partition(begin)
+        found[path] = f"{before}{begin}{text}{END}{rest.partition(END)[2]}"
     return found
 
 

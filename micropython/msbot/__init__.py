@@ -11,8 +11,8 @@ from .errors import listen as listen
 __version__ = "0.1.0"
 
 _PLACES = (
-    "part Part;membership ExpectedRobot JoinState;gpio PinDirection SimGpio;running run start use_host;message Message "
-    "field uint8 uint16 uint32 uint64 int8 int16 int32 int64 float32 float64"
+    "part Part;membership ExpectedRobot JoinState;gpio PinDirection SimGpio;generic GenericBoard run_board;running run "
+    "start use_host;message Message field uint8 uint16 uint32 uint64 int8 int16 int32 int64 float32 float64"
 )
 
 _print = print

@@ -155,8 +155,8 @@ class MachineCan(_Controller):
     def pending(self):
         return self._can.get_counters()[5] or 0
 
-    def listen(self, node):
-        mine = ((_STOP, 0x7FF, 0), (_BEACON, 0x7FF, 0), (_DOWN + node, 0x7FF, 0))
+    def listen(self, *nodes):
+        mine = ((_STOP, 0x7FF, 0), (_BEACON, 0x7FF, 0)) + tuple([(_DOWN + node, 0x7FF, 0) for node in nodes])
         self._can.set_filters(mine + ((_ASSIGN, 0x1F000000, self._extended),))
 
 
@@ -193,7 +193,10 @@ class PybCan(_Controller):
     def pending(self):
         return self._can.info()[5]
 
-    def listen(self, node):
+    def listen(self, *nodes):
         can = self._can
-        can.setfilter(0, can.LIST16, 0, (_STOP, _BEACON, _DOWN + node, _DOWN + node))
-        can.setfilter(1, can.MASK32, 0, (_ASSIGN, 0x1F000000), extframe=True)
+        mine = (_STOP, _BEACON) + tuple([_DOWN + node for node in nodes])
+        mine += mine[-1:] * (-len(mine) & 3)  # a bank has four
+        can.setfilter(0, can.MASK32, 0, (_ASSIGN, 0x1F000000), extframe=True)
+        for bank in range(len(mine) // 4):
+            can.setfilter(bank + 1, can.LIST16, 0, mine[4 * bank : 4 * bank + 4])

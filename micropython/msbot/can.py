@@ -1,7 +1,7 @@
 """The part's end of a CAN bus: an address by the UID, packets in frames (docs/reference/can.md has every bit).
 
 A controller is anything with four methods: `recv()` returns `(identifier, extended, octets)` or None, `send(identifier,
-extended, octets)` says whether it accepted the frame, `pending()` how many have not left yet, `listen(node)` sets
+extended, octets)` says whether it accepted the frame, `pending()` how many have not left yet, `listen(*nodes)` sets
 filters.
 """
 
@@ -138,6 +138,19 @@ class CanLink:
         self._counter = 0
         self._joiner = None
         self._short = False
+
+    def branch(self, _number):
+        """A link for another part over the same controller, with an address of its own."""
+        from .trunk import BusTrunk
+
+        if not isinstance(self._bus, BusTrunk.Branch):
+            self._bus = BusTrunk(self._bus).branch()
+            self._bus.node = self.node
+        return CanLink(self._bus.trunk.branch(), self.name)
+
+    def close(self):
+        """Leave the controller to the others."""
+        self._bus.close()
 
     def begin(self, part, client, now):
         """Ask for an address."""

@@ -58,6 +58,18 @@ class SerialLink(Link):
         self._rest = b""
         self._frame = None  # the octets of a frame so far, not yet unescaped
 
+    def branch(self, number):
+        """A link for another part over the same line, at the next address but `number`."""
+        from .trunk import StreamTrunk
+
+        if not isinstance(self._stream, StreamTrunk.Branch):
+            self._stream = StreamTrunk(self._stream).branch()
+        return SerialLink(self._stream.trunk.branch(), self.name, self._address + number)
+
+    def close(self):
+        """Leave the line to the others."""
+        self._stream.close()
+
     def has_room(self):
         """Whether the stream has accepted all that was sent."""
         return not self._rest
@@ -118,6 +130,14 @@ class PacketLink(Link):
         self._waiting = None
         self._more = False  # packets may wait in the pipe
 
+    def branch(self, number):
+        """A link for another part to the same agent."""
+        return PacketLink(self._pipe.again(), self.name)
+
+    def close(self):
+        """Forget the pipe."""
+        self._pipe.close()
+
     def has_room(self):
         """Whether the pipe has accepted the last packet."""
         self.step(0)
@@ -153,10 +173,19 @@ class UdpPipe:
     def __init__(self, host, port):
         import socket
 
+        self._agent = (host, port)
         address = socket.getaddrinfo(host, port)[0][-1]
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.connect(address)
+
+    def again(self):
+        """Another one to the same address."""
+        return UdpPipe(*self._agent)
+
+    def close(self):
+        """Free the socket."""
+        self._socket.close()
 
     def read(self):
         """A datagram, or None."""

@@ -40,6 +40,10 @@ max = 2
 [driver]
 class = "a:B"
 bus = "pins"
+[driver.board]
+driver = "switch"
+sources = ["c"]
+pins = { s = "VCC" }
 [[driver.pin]]
 name = "s"
 pin = "VCC"
@@ -62,7 +66,7 @@ follows = "c"
 port = "r"
 fields = { on = "d" }
 """
-FREE = {"safe", "settings", "fields", "units"}
+FREE = {"safe", "settings", "fields", "units", "pins"}
 """Tables whose keys are names that the writer of a file chooses."""
 
 

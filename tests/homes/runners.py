@@ -118,12 +118,17 @@ class Engine(Protocol):
 
 
 class NodeEngine:
-    """The real MicroPython VM, in node. `library` is the folder of the package: sources, or .mpy files."""
+    """The real MicroPython VM, in node.
 
-    def __init__(self, library: Path = micro.FOLDER) -> None:
+    Args:
+        library: the folder of the package: sources, or .mpy files.
+        more: further hosts, and modules as NAME=FILE.
+    """
+
+    def __init__(self, library: Path = micro.FOLDER, *more: str) -> None:
         assert NODE is not None
         self._process = subprocess.Popen(
-            [NODE, str(HERE / "vm.mjs"), str(VM), str(library), str(HERE / "vm_host.py")],
+            [NODE, str(HERE / "vm.mjs"), str(VM), str(library), str(HERE / "vm_host.py"), *more],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -152,9 +157,9 @@ class NodeEngine:
 
 
 class DoubleEngine:
-    """The same files under CPython: quick, and seen by debuggers."""
+    """The same files under CPython: quick, and seen by debuggers; `more` are further hosts."""
 
-    def __init__(self) -> None:
+    def __init__(self, *more: Path) -> None:
         micro.forget()
         micro.load()
         real_import = builtins.__import__
@@ -166,7 +171,8 @@ class DoubleEngine:
             return module if len(rest) > 2 and rest[2] else micro.load()
 
         self._space: dict[str, Any] = {"__builtins__": {**vars(builtins), "__import__": find}, "__name__": "host"}
-        exec(compile((HERE / "vm_host.py").read_text(), "vm_host.py", "exec", dont_inherit=True), self._space)
+        for host in (HERE / "vm_host.py", *more):
+            exec(compile(host.read_text(), host.name, "exec", dont_inherit=True), self._space)
 
     def ask(self, request: dict[str, Any]) -> dict[str, Any]:
         """See `Engine`."""
@@ -199,8 +205,10 @@ class MicroPython:
             self._port.attach(frame=self._frame_came, room=lambda _now: self._step_soon())
         else:
             world.lines.written = self._octets_came
-        request = {"do": "start", "program": program, "name": name, "link": self._link, "uid": UID.hex()}
-        self._take(self._engine.ask({**request, "now": self._now()}))
+        self._take(self._engine.ask({**self._first(program, name), "now": self._now()}))
+
+    def _first(self, program: str, name: str) -> dict[str, Any]:
+        return {"do": "start", "program": program, "name": name, "link": self._link, "uid": UID.hex()}
 
     def state(self) -> str:
         """See `Home`."""

@@ -1,9 +1,10 @@
 // The MicroPython VM in node, driven line by line: one request (JSON) in, one answer out. See vm_host.py.
+// Hosts run one after the other; MODULE=FILE puts a file where `import MODULE` finds it.
 import { readFileSync, readdirSync } from "node:fs";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
 
-const [vm, library, host] = process.argv.slice(2);
+const [vm, library, ...hosts] = process.argv.slice(2);
 const { loadMicroPython } = await import(join(vm, "micropython.mjs"));
 const stray = []; // what the VM prints by itself: an error of the host
 const mp = await loadMicroPython({
@@ -17,12 +18,15 @@ mp.FS.mkdir("/lib/msbot");
 for (const name of readdirSync(library)) {
   if (name.endsWith(".py") || name.endsWith(".mpy")) mp.FS.writeFile(`/lib/msbot/${name}`, readFileSync(join(library, name)));
 }
-mp.runPython(readFileSync(host, "utf8"));
-const answer = mp.globals.get("answer");
+for (const host of hosts) {
+  const [name, file] = host.split("=");
+  if (file) mp.FS.writeFile(`/lib/${name}.py`, readFileSync(file));
+  else mp.runPython(readFileSync(host, "utf8"));
+}
 for await (const line of createInterface({ input: process.stdin })) {
   let reply;
   try {
-    reply = answer(line);
+    reply = mp.globals.get("answer")(line);
   } catch (error) {
     reply = JSON.stringify({ broken: `${error.message}` });
   }

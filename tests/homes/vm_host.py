@@ -51,7 +51,7 @@ class Wire:
     def pending(self):
         return self.waiting
 
-    def listen(self, node):
+    def listen(self, *nodes):
         pass
 
 

@@ -173,7 +173,9 @@ def play(
         put_database(folder / "robot.db")
         with open_registry(folder / "robot.db", busy_timeout_s=busy_timeout_s) as registry:
             robot = registry.robots.apply_blueprint(blueprint, library)
-            master = Master(blueprint, registry.runs.begin(robot), random=Random(1), epoch_ns=lambda: 0)
+            master = Master(
+                blueprint, registry.runs.begin(robot), random=Random(1), epoch_ns=lambda: 0, library=library
+            )
             hub = InprocHub()
             hub.server.info = LinkInfo("wire", 65535)
             master.add_link(hub.server)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import sqlite3
 from collections.abc import Awaitable
 from contextlib import closing
@@ -62,6 +63,29 @@ def test_a_setting_that_makes_no_sense_changes_nothing(
         assert await stage.operations.undoing.read(50) == []
 
     play(tmp_path, scene, AA_IS_A_DIAL)
+
+
+WITH_A_BOARD = ('[[slot]]\nname = "AA"', '[[slot]]\nname = "board"\npart = "BOARD-8"\n\n[[slot]]\nname = "AA"')
+
+
+def test_what_is_wired_to_a_board_reaches_it_at_once_and_mistakes_do_not(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.do.set("board", "part_2", "HC-SR04 eye: trigger=5, echo=18", who="ann")
+        await asyncio.sleep(0.1)
+        settings = stage.parts["board"].settings
+        document = json.loads(settings[".part.1"])
+        assert (document["number"], document["name"]) == ("HC-SR04", "eye")
+        assert document["pins"] == {"trigger": 5, "echo": 18}
+        assert [name for name in settings if "part" in name] == [".part.1"]
+        taken = stage.do.set("board", "part_1", "LED lamp: s=18", who="ann")
+        assert await stage.refusal(taken) == "part_2: pin 18 is taken by part_1; wire one of them elsewhere"
+        unknown = stage.do.set("board", "part_1", "LED lamp: x=18", who="ann")
+        assert 'part LED has no wire or option "x"' in await stage.refusal(unknown)
+        await stage.do.undo(who="ann")
+        await asyncio.sleep(0.1)
+        assert ".part.1" not in stage.parts["board"].settings
+
+    play(tmp_path, scene, WITH_A_BOARD, parts=("board=BOARD-8", "AA=ABCD", "BB=EFGH", "CC=WXYZ"))
 
 
 def test_a_blocked_part_is_put_out_at_once_and_comes_back_by_itself(tmp_path: Path) -> None:

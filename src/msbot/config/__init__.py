@@ -18,6 +18,9 @@ from msbot.config.blueprint.model import (
 from msbot.config.blueprint.reader import library_folders, load_blueprint, open_blueprint, parse_blueprint
 from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML, SAMPLES, write_sample
 from msbot.config.blueprint.writer import blueprint_toml, preset_of, slot_toml
+from msbot.config.library.board_document import board_documents
+from msbot.config.library.board_drivers import BOARD_DRIVERS
+from msbot.config.library.board_wiring import WiredPart, wired_part, wired_parts
 from msbot.config.library.library import (
     SHIPPED,
     BusKind,
@@ -46,6 +49,7 @@ from msbot.config.toml.problems import FoundProblems, problems_json
 from msbot.config.toml.table import Scalar
 
 __all__ = [
+    "BOARD_DRIVERS",
     "NOBODY",
     "PRESETS",
     "RESERVED_TOPICS",
@@ -85,8 +89,10 @@ __all__ = [
     "Supply",
     "Timing",
     "Versions",
+    "WiredPart",
     "binding_faults",
     "blueprint_toml",
+    "board_documents",
     "compare_text",
     "differences",
     "format_text",
@@ -102,5 +108,7 @@ __all__ = [
     "slot_toml",
     "split_number",
     "standard_message_types",
+    "wired_part",
+    "wired_parts",
     "write_sample",
 ]

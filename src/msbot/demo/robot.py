@@ -75,7 +75,7 @@ class DemoRobot:
         self._epoch_ns = epoch_ns
         self._loop = asyncio.get_running_loop()
         self._started_at = self._loop.time()
-        self.master = Master(blueprint, store, space=space, random=self._random, epoch_ns=epoch_ns)
+        self.master = Master(blueprint, store, space=space, random=self._random, epoch_ns=epoch_ns, library=library)
         self._wiring = Wiring(
             wire,
             bitrate=bitrate,

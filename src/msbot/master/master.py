@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import random as random_module
 import time
 from collections.abc import Callable, Sequence
@@ -16,16 +17,19 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from msbot.agent import Agent, AgentSettings
-from msbot.config import Blueprint
+from msbot.config import Blueprint, Library
 from msbot.errors import ConfigError, LinkDown, MsbotError
 from msbot.link import InprocHub, Link, Peer, Signal
+from msbot.master.board_configuration import with_documents
 from msbot.master.stop_persistence import StopKeeper
 from msbot.part import Client
-from msbot.pnp import Access, Inventory, Keys, LifeTiming, PartStore, Profile
+from msbot.pnp import Access, Configuration, Inventory, Keys, LifeTiming, PartStore, Profile
 from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
 from msbot.pnp.services import InventoryService, MasterService
 from msbot.runtime.sentence import said
 from msbot.space import MemorySpace, Space
+
+_log = logging.getLogger(__name__)
 
 MASTER_KEY = 0x4D734D01
 INVENTORY_KEY = 0x4D734D02
@@ -59,6 +63,7 @@ class Master:
         random: random_module.Random | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
         stop_file: Path | None = None,
+        library: Library | None = None,
     ) -> None:
         """Put a master together; it serves once `run` is awaited.
 
@@ -70,6 +75,7 @@ class Master:
             random: generates leases and identities; the system's source if absent.
             epoch_ns: wall clock for time synchronisation, nanoseconds since 1970.
             stop_file: where STOP is stored in addition to the database, to survive a restart; None: nowhere else.
+            library: the part types; without it, boards are not told what is wired to them.
 
         Raises:
             ConfigError: the timing makes no sense.
@@ -79,6 +85,8 @@ class Master:
         self._clock = loop.time
         dice = random or random_module.SystemRandom()
         self.blueprint = blueprint
+        self.library = library
+        """The part types: what the parts of boards need to know."""
         self.profile = profile_of(blueprint)
         self.inventory = Inventory(store, random=dice, now=loop.time(), timing=timing_of(blueprint))
         self.access = Access(self.inventory, clock=loop.time, free_topics=frozenset(blueprint.options.free_topics))
@@ -95,6 +103,8 @@ class Master:
         self.inventory.on_rights(self.agent.recheck)
         self.inventory.on_superseded(partial(self.agent.disconnect, reason="its part came back from another address"))
         self.inventory.watch.use_agent(last_heard=self.agent.last_heard, probe=self.agent.probe)
+        self._board_faults: dict[str, list[str]] = {}
+        """Slot of a board -> what is wrong with what is wired to it."""
         self._stop_listeners: list[Callable[[StopStatus], object]] = []
         self._keeper = StopKeeper(store, stop_file)
         self._stop = EmergencyStop(self._keeper.load())
@@ -122,6 +132,7 @@ class Master:
             explain=blueprint.options.explain,
             keys=_keys_of(blueprint, store, dice),
             stop=self._stop,
+            complete=self._complete,
         )
 
     @property
@@ -146,7 +157,18 @@ class Master:
     def troubles(self, part: str) -> list[str]:
         """Endpoints that should match a part's topics now and cannot, one sentence each, naming the DDS policy."""
         found = self.inventory.find(part, self._clock())
-        return [trouble for info in found for trouble in self.agent.troubles(info.client_key)]
+        of_boards = [fault for info in found for fault in self._board_faults.get(info.slot or "", ())]
+        return [*of_boards, *(trouble for info in found for trouble in self.agent.troubles(info.client_key))]
+
+    def _complete(self, configuration: Configuration) -> Configuration:
+        """The configuration of a board with what it needs to know of the parts that are wired to it."""
+        slot = configuration.slot
+        completed, faults = with_documents(configuration, self.inventory.slots.number_of(slot), self.library)
+        if faults and self._board_faults.get(slot) != faults:
+            for fault in faults:
+                _log.warning("%s: %s", slot, fault)
+        self._board_faults[slot] = faults
+        return completed
 
     @property
     def stop(self) -> StopStatus:

@@ -85,7 +85,7 @@ class BlueprintChange:
                 )
             )
         _, edit = await registry.storage.in_time(registry.robots.change_blueprint, blueprint, types, who)
-        running.library = types
+        running.library = running.master.library = types
         before, running.master.blueprint = running.master.blueprint, blueprint
         inventory.reload(running.now())
         running.configure(slot.name for slot in blueprint.slots)

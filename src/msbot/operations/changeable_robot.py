@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol, TypeVar
 
-from msbot.config import SlotPort
+from msbot.config import Library, SlotPort
 from msbot.errors import ConfigError
 from msbot.operations.part_names import one_slot
 from msbot.registry import EditRecord, Registry, RobotRecord
@@ -17,6 +17,10 @@ _T = TypeVar("_T")
 
 class ChangeableRobot(Protocol):
     """A running robot, or the database of one that is not running."""
+
+    @property
+    def library(self) -> Library | None:
+        """The part types of a running robot."""
 
     def slot_names(self) -> Sequence[str]:
         """Its slots, in the order of the blueprint."""

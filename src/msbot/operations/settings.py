@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
+from msbot.config import ParameterKind, board_documents, wired_parts
 from msbot.errors import ConfigError
 from msbot.operations.changeable_robot import ChangeableRobot, slot_of
 from msbot.operations.outcome import Outcome, outcome_of
@@ -39,9 +40,24 @@ class SlotSettings:
         target = slot_of(self._robot, slot)
         found = await self._find(target, name)
         wanted = found.read(value)
+        if found.kind == ParameterKind.PART.value:
+            await self._check_wired(target, name, value)
         return outcome_of(
             await self._robot.change(who, partial(slot_values.set_value, slot=target, name=name, value=wanted))
         )
+
+    async def _check_wired(self, slot: str, name: str, text: str) -> None:
+        """Check what is to be wired to a board, together with what is there already.
+
+        Raises:
+            ConfigError: it makes no sense, or a pin is taken.
+        """
+        library = self._robot.library
+        if library is None:
+            return
+        wired = {one.name: str(one.value) for one in await self.read(slot) if one.kind == ParameterKind.PART.value}
+        others = {other: there for other, there in wired.items() if other != name}
+        board_documents(wired_parts({**others, name: text}, library))
 
     async def reset(self, slot: str, name: str, who: str) -> Outcome:
         """Clear what was set by hand; the value of blueprint or library holds again."""

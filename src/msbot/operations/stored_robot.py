@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
+from msbot.config import Library
 from msbot.errors import ConfigError
 from msbot.operations.part_names import uid_of
 from msbot.pnp import Matcher
@@ -27,6 +28,11 @@ class StoredRobot:
         self._robot = robot
         self.store = registry.runs.begin(robot)  # this keeps masters away
         self.matcher = Matcher(self.store)
+
+    @property
+    def library(self) -> Library | None:
+        """See `ChangeableRobot.library`: the master checks against it when it starts."""
+        return None
 
     def slot_names(self) -> Sequence[str]:
         """See `ChangeableRobot.slot_names`."""

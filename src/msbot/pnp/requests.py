@@ -7,6 +7,7 @@ a refusal is answered with its reason, for the classroom. With `keys` a claim is
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part.join import plug
@@ -27,14 +28,23 @@ class RequestHandler:
         inventory: decides.
         explain: answer refusals with their reason; False: silence.
         keys: asks every claim for a proof; None: the robot is open.
+        complete: adds to a configuration what its part needs besides.
     """
 
-    def __init__(self, inventory: Inventory, *, explain: bool = False, keys: Keys | None = None) -> None:
+    def __init__(
+        self,
+        inventory: Inventory,
+        *,
+        explain: bool = False,
+        keys: Keys | None = None,
+        complete: Callable[[Configuration], Configuration] = lambda configuration: configuration,
+    ) -> None:
         self.dropped = Tally()
         """Requests that were not answered because they or their answers were malformed; by reason in words."""
         self._inventory = inventory
         self._explain = explain
         self._keys = keys
+        self._complete = complete
 
     def compact(self, body: bytes, client_key: int, now: float, asker: bytes = b"") -> bytes | None:
         """The answer to a request of the `msbot_inventory` service, or None.
@@ -102,7 +112,7 @@ class RequestHandler:
 
     def _configuration_message(self, configuration: Configuration, client_key: int) -> plug.ConfigurationMessage | None:
         try:
-            return configuration_message(configuration)
+            return configuration_message(self._complete(configuration))
         except LocalProtocolError as error:
             self._cannot_be_said(error, client_key)
             return None

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+from collections.abc import Callable
 
 from msbot.agent import client_key_of
 from msbot.errors import LinkFull, LocalProtocolError, RequestError
@@ -18,7 +19,7 @@ from msbot.pnp import thesis_programs as compat
 from msbot.pnp.emergency_stop import EmergencyStop
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
-from msbot.pnp.model import Verdict
+from msbot.pnp.model import Configuration, Verdict
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
 from msbot.pnp.requests import RequestHandler, verdict_message
@@ -126,6 +127,7 @@ class InventoryService:
         explain: answer refusals with their reason.
         keys: asks every claim for a proof; None: the robot is open.
         stop: STOP of this robot, which may still hold from an earlier run.
+        complete: adds to a configuration what its part needs besides; called whenever one is sent.
     """
 
     def __init__(
@@ -136,8 +138,9 @@ class InventoryService:
         explain: bool = False,
         keys: Keys | None = None,
         stop: EmergencyStop | None = None,
+        complete: Callable[[Configuration], Configuration] = lambda configuration: configuration,
     ) -> None:
-        self.requests = RequestHandler(inventory, explain=explain, keys=keys)
+        self.requests = RequestHandler(inventory, explain=explain, keys=keys, complete=complete)
         self.stop = stop or EmergencyStop()
         """Which STOP holds, and who has confirmed it."""
         self.told_unasked = 0

@@ -173,7 +173,7 @@ def _scalar(kind: ParameterKind, text: str) -> Scalar:
                 return float(text) if kind is ParameterKind.FLOAT else text
             except ValueError:
                 return text
-        case ParameterKind.TEXT:
+        case ParameterKind.TEXT | ParameterKind.PART:
             return text
 
 

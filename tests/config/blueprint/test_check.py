@@ -6,7 +6,15 @@ import pytest
 
 from msbot.config.blueprint.check import RESERVED_TOPICS
 from msbot.config.blueprint.reader import load_blueprint
-from msbot.config.library.library import Direction, Library, Parameter, ParameterKind, PartType, Port
+from msbot.config.library.library import (
+    Direction,
+    Library,
+    Parameter,
+    ParameterKind,
+    PartType,
+    Port,
+    load_library,
+)
 from msbot.errors import ConfigError
 
 LIBRARY = Library(
@@ -188,6 +196,39 @@ BINDINGS = [
 @pytest.mark.parametrize(("right", "wrong", "sentence"), BINDINGS)
 def test_bindings_join_ports_that_fit(tmp_path: Path, right: str, wrong: str, sentence: str) -> None:
     assert _load(tmp_path, ROBOT.replace(right, wrong, 1)) == [f"robot.toml, {sentence}"]
+
+
+BOARD = """\
+[[slot]]
+name = "board"
+part = "BOARD-8"
+[slot.settings]
+part_1 = "HC-SR04 eye: trigger=5, echo=18"
+part_2 = "BMP280 air: scl=22, sda=21"
+part_3 = "BH1750 light: scl=22, sda=21"
+"""
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "sentence"),
+    [
+        ("echo=18", "echo=18", None),
+        ("echo=18", "ecco=18", 'line 6, slot[0].settings.part_1: part HC-SR04 has no wire or option "ecco"'),
+        ("echo=18", "echo=22", "line 7, slot[0].settings.part_2: pin 22 is taken by part_1; wire one"),
+        (
+            "BH1750",
+            "BH1750 air:",
+            "line 8, slot[0].settings.part_3: 'BH1750 air: light: scl=22, sda=21': 'light:' needs",
+        ),
+        ("BH1750 light", "BH1750 air", "line 8, slot[0].settings.part_3: part_2 is called 'air', too; give each part"),
+        ("BH1750", "BMP280", "line 8, slot[0].settings.part_3: address 0x76 of the I2C at pin 21 is taken by part_2"),
+        ("sda=21", "sda=22", "line 7, slot[0].settings.part_2: two wires are at one pin; give each its own"),
+    ],
+)
+def test_what_is_wired_to_a_board_is_checked(tmp_path: Path, right: str, wrong: str, sentence: str | None) -> None:
+    text = '[robot]\nname = "R"\n' + BOARD.replace(right, wrong, 1)
+    found = _load(tmp_path, text, load_library())
+    assert found == [] if sentence is None else len(found) == 1 and f"robot.toml, {sentence}" in found[0], found
 
 
 def test_one_port_is_bound_to_a_topic_once(tmp_path: Path) -> None:

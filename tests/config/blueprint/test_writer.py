@@ -126,6 +126,8 @@ def scalars_of(parameter: Parameter) -> st.SearchStrategy[Scalar]:
             return st.booleans()
         case ParameterKind.TEXT:
             return st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+        case ParameterKind.PART:
+            return st.sampled_from(["", f"LED {parameter.name}: s={parameter.name[-1]}"])
         case ParameterKind.INT:
             least, most = (None if end is None else int(end) for end in (parameter.least, parameter.most))
             return st.integers(least, most)

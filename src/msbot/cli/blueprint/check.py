@@ -43,7 +43,7 @@ def hints(blueprint: Blueprint, library: Library) -> list[str]:
         part_type = library.get(slot.part_number)
         assert part_type is not None
         loose = [port.name for port in part_type.ports if f"{slot.name}.{port.name}" not in bound]
-        if part_type.ports and len(loose) == len(part_type.ports):
+        if part_type.ports and len(loose) == len(part_type.ports) and not part_type.carries:
             told.append(f"no port of slot {slot.name} is bound to a topic: its part will do nothing")
         elif loose:
             told.append(f"slot {slot.name}: not bound to a topic: {', '.join(loose)}")

@@ -102,7 +102,7 @@ async def _main(  # noqa: PLR0917
     robot, profile = store.robot, profile_of(blueprint)
     with robot_space(where, blueprint, library) as space:
         file = stop_file(profile.name, profile.serial_number, database_identity(db))
-        master = Master(blueprint, store, space=space, stop_file=file)
+        master = Master(blueprint, store, space=space, stop_file=file, library=library)
         operations = RunningOperations(master, registry, robot, library=library)
         master.inventory.on_event(_say)
         for link in links:

@@ -9,9 +9,12 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from msbot.config.blueprint.model import Binding, Slot, SlotPort, Timing
+from msbot.config.library.board_document import board_documents
+from msbot.config.library.board_wiring import wired_parts
 from msbot.config.library.library import Direction, Library, PartType, Port, scalar_text
 from msbot.config.toml.problems import MOST_LISTED, quoted, suggestion
 from msbot.config.toml.table import Table
+from msbot.errors import ConfigError
 
 RESERVED_TOPICS = (
     "msbot_masterTopic",
@@ -84,14 +87,14 @@ def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], lib
             )
         part_type = library.get(slot.part_number)
         if part_type is not None:
-            _check_settings(table, slot, part_type)
+            _check_settings(table, slot, part_type, library)
         elif slot.part_number:
             table.problem(
                 f'the library has no part number "{slot.part_number}"; {library.suggest(slot.part_number)}', "part"
             )
 
 
-def _check_settings(table: Table, slot: Slot, part_type: PartType) -> None:
+def _check_settings(table: Table, slot: Slot, part_type: PartType, library: Library) -> None:
     for name, value in slot.settings.items():
         parameter = part_type.parameter(name)
         if parameter is None:
@@ -101,6 +104,20 @@ def _check_settings(table: Table, slot: Slot, part_type: PartType) -> None:
         elif fault := parameter.fault(value):
             example = f"{name} = {scalar_text(parameter.default)}"
             table.problem(f"{fault}; the library's default is {example}", "settings", name)
+    _check_wired(table, slot, part_type, library)
+
+
+def _check_wired(table: Table, slot: Slot, part_type: PartType, library: Library) -> None:
+    """Check what is wired to a board: part numbers, wires, and that no two want the same pin."""
+    wired = {name: value for name in part_type.carries if isinstance(value := slot.settings.get(name), str)}
+    try:
+        board_documents(wired_parts(wired, library))
+    except ConfigError as error:
+        name, _, fault = str(error).partition(": ")
+        if name in wired:
+            table.problem(fault, "settings", name)
+        else:
+            table.problem(str(error), "settings")
 
 
 def check_bindings(

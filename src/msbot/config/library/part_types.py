@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 from msbot.config.library.message_types import MessageType
@@ -49,13 +49,13 @@ class ParameterKind(Enum):
     INT = "int"
     FLOAT = "float"
     TEXT = "text"
+    PART = "part"
+    """A part that is wired to this one, and how (`msbot.config.board`); a type with such a parameter is a board."""
 
     @property
     def words(self) -> str:
         """The kind in a sentence: "must be ..."."""
-        return {"bool": "true or false", "int": "a whole number", "float": "a number", "text": "text in quotes"}[
-            self.value
-        ]
+        return {"bool": "true or false", "int": "a whole number", "float": "a number"}.get(self.value, "text in quotes")
 
     def takes(self, value: Scalar) -> bool:
         """Whether a TOML value is of this kind; a whole number is a number too."""
@@ -66,7 +66,7 @@ class ParameterKind(Enum):
                 return isinstance(value, int) and not isinstance(value, bool)
             case ParameterKind.FLOAT:
                 return isinstance(value, int | float) and not isinstance(value, bool)
-            case ParameterKind.TEXT:
+            case ParameterKind.TEXT | ParameterKind.PART:
                 return isinstance(value, str)
 
     def parse(self, text: str) -> Scalar | None:
@@ -79,7 +79,7 @@ class ParameterKind(Enum):
                     return int(text)
                 case ParameterKind.FLOAT:
                     return float(text)
-                case ParameterKind.TEXT:
+                case ParameterKind.TEXT | ParameterKind.PART:
                     return text
         except ValueError:
             return None
@@ -169,6 +169,18 @@ class DriverPin:
 
 
 @dataclass(frozen=True, slots=True)
+class BoardSpec:
+    """How a board with MicroPython drives the part (`[driver.board]`)."""
+
+    driver: str = ""
+    """One of `msbot.config.library.board_drivers.BOARD_DRIVERS`; "" = there is none."""
+    sources: tuple[str, ...] = ()
+    """What it measures or drives: names of sources of the part's simulator, in the driver's order."""
+    pins: Mapping[str, str] = field(default_factory=dict)
+    """Its wires and the pins of the part that they go to."""
+
+
+@dataclass(frozen=True, slots=True)
 class DriverSpec:
     """How a part type's ports meet hardware."""
 
@@ -184,6 +196,7 @@ class DriverSpec:
     """Options that belong to one piece of hardware and its wiring, not to the robot: calibration, resistors."""
     none: str = ""
     """Why there is no driver."""
+    board: BoardSpec = BoardSpec()
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,6 +253,11 @@ class PartType:
     def port(self, name: str) -> Port | None:
         """The port of that name."""
         return next((port for port in self.ports if port.name == name), None)
+
+    @property
+    def carries(self) -> tuple[str, ...]:
+        """The parameters that say which parts are wired to it; a type that has some is a board."""
+        return tuple(one.name for one in self.parameters if one.kind is ParameterKind.PART)
 
     def parameter(self, name: str) -> Parameter | None:
         """The parameter of that name."""

@@ -83,9 +83,22 @@ def read_part_type(file: LibraryFile, known: Mapping[str, MessageType]) -> PartT
         simulator=SimulatorReader(table.table("simulator"), ports, parameters).read(),
     )
     table.finish()
+    _check_sources(table, part_type)
     check_twice(table, "port", [port.name for port in ports])
     check_twice(table, "parameter", [parameter.name for parameter in parameters])
     return part_type
+
+
+def _check_sources(table: Table, part_type: PartType) -> None:
+    """A board's driver measures or drives what the simulator knows."""
+    simulator = part_type.simulator
+    assert simulator is not None
+    known = [one.name for one in simulator.controls]
+    known += [*(one.name for one in simulator.readings), *(one.name for one in part_type.parameters)]
+    for source in part_type.driver.board.sources:
+        if source not in known:
+            right = suggestion(source, known, none_known="describe it in [simulator]")
+            table.problem(f'the simulator has no source "{source}"; {right}', "driver", "board", "sources")
 
 
 def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
