@@ -78,7 +78,7 @@ def test_what_is_wired_to_a_board_reaches_it_at_once_and_mistakes_do_not(tmp_pat
         assert document["pins"] == {"trigger": 5, "echo": 18}
         assert [name for name in settings if "part" in name] == [".part.1"]
         taken = stage.do.set("board", "part_1", "LED lamp: s=18", who="ann")
-        assert await stage.refusal(taken) == "part_2: pin 18 is taken by part_1; wire one of them elsewhere"
+        assert await stage.refusal(taken) == "part_1: pin 18 is taken by part_2; wire one of them elsewhere"
         unknown = stage.do.set("board", "part_1", "LED lamp: x=18", who="ann")
         assert 'part LED has no wire or option "x"' in await stage.refusal(unknown)
         await stage.do.undo(who="ann")

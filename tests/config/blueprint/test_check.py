@@ -213,16 +213,16 @@ part_3 = "BH1750 light: scl=22, sda=21"
     ("right", "wrong", "sentence"),
     [
         ("echo=18", "echo=18", None),
-        ("echo=18", "ecco=18", 'line 6, slot[0].settings.part_1: part HC-SR04 has no wire or option "ecco"'),
-        ("echo=18", "echo=22", "line 7, slot[0].settings.part_2: pin 22 is taken by part_1; wire one"),
+        ("echo=18", "ecco=18", 'line 7, slot[0].settings.part_1: part HC-SR04 has no wire or option "ecco"'),
+        ("echo=18", "echo=22", "line 8, slot[0].settings.part_2: pin 22 is taken by part_1; wire one"),
         (
             "BH1750",
             "BH1750 air:",
-            "line 8, slot[0].settings.part_3: 'BH1750 air: light: scl=22, sda=21': 'light:' needs",
+            "line 9, slot[0].settings.part_3: 'BH1750 air: light: scl=22, sda=21': 'light:' needs",
         ),
-        ("BH1750 light", "BH1750 air", "line 8, slot[0].settings.part_3: part_2 is called 'air', too; give each part"),
-        ("BH1750", "BMP280", "line 8, slot[0].settings.part_3: address 0x76 of the I2C at pin 21 is taken by part_2"),
-        ("sda=21", "sda=22", "line 7, slot[0].settings.part_2: two wires are at one pin; give each its own"),
+        ("BH1750 light", "BH1750 air", "line 9, slot[0].settings.part_3: part_2 is called 'air', too; give each part"),
+        ("BH1750", "BMP280", "line 9, slot[0].settings.part_3: address 0x76 of the I2C at pin 21 is taken by part_2"),
+        ("sda=21", "sda=22", "line 8, slot[0].settings.part_2: two wires are at one pin; give each its own"),
     ],
 )
 def test_what_is_wired_to_a_board_is_checked(tmp_path: Path, right: str, wrong: str, sentence: str | None) -> None:
