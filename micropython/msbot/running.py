@@ -32,9 +32,10 @@ def run(part):
     due = 0
     while due is not None:
         try:
-            due = part.step(clock.now())
-            if due is not None:
-                time.sleep_ms(max(0, min(due - clock.now(), _NAP)))
+            while due is not None:  # inside: MicroPython may raise it where a loop begins again
+                due = part.step(clock.now())
+                if due is not None:
+                    time.sleep_ms(max(0, min(due - clock.now(), _NAP)))
         except KeyboardInterrupt:
             part.end()
 

@@ -18,10 +18,11 @@ NO_FACTS = {
     **dict.fromkeys(("master", "part", "bus serve", *(f"agent {transport}" for transport in (
         "udp4", "udp6", "tcp4", "tcp6", "serial", "multiserial", "pseudoterminal", "can", "canfd", "can-legacy",
     ))), RUNS),
+    **dict.fromkeys(("board run", "board shell"), RUNS),
     **dict.fromkeys(("init", "export", "completion", "idl to-python", "idl to-idl", "idl to-c"), WRITES),
     **dict.fromkeys((
         "library add", "db migrate", "db backup", "db restore", "service install", "service remove", "user role",
-        "user remove", "key remove", "bus send",
+        "user remove", "key remove", "bus send", "board reset",
     ), DOES),
     **dict.fromkeys(("user add", "user passwd", "key new"), SECRET),
 }  # fmt: skip

@@ -34,6 +34,7 @@ COMMANDS = {
     "master": ("run.master", "Run a robot's master: profile, health inventory and agent."),
     "part": ("run.part", "Run one part of a robot, simulated or wired to this computer."),
     "host": ("run.host", "Run all parts that are wired to this computer, from one file."),
+    "board": ("board.board", "Put MsBOT and programs on boards with MicroPython; run them, open a prompt."),
     "hardware": ("run.hardware", "Find what is plugged into this computer."),
     "library": ("library.library", "List, search, check and add part types."),
     "parts": ("look.parts", "List the parts a robot's database knows, and how they are."),

@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 import markdown2
 
-import msbot
+from msbot.runtime.carried_files import carried_folder
 
 CHAPTERS = (("tutorial", "Tutorial"), ("howto", "How to"), ("explain", "Explanation"), ("reference", "Reference"))
 """Folders of the handbook with their titles, in the order of reading."""
@@ -30,9 +30,7 @@ class Chapter:
 
 def folder() -> Path:
     """Where the handbook is: in the installed package, or `docs` of a checkout."""
-    package = Path(msbot.__file__).parent
-    installed = package / "web" / "docs"
-    return installed if installed.is_dir() else package.parents[1] / "docs"
+    return carried_folder("docs", "docs")
 
 
 @cache

@@ -8,39 +8,28 @@ from __future__ import annotations
 import json
 from functools import cache
 from importlib.resources import files
-from pathlib import Path
 
 from fastapi import FastAPI, Request, Response
 
-import msbot
+from msbot.runtime.carried_files import board_sources, carried_folder
 
 FILES_PATH = "/program/files.json"
 WORKER_PATH = "/program/worker.js"
 
 
-def _folder(name: str, in_checkout: str) -> Path:
-    """A folder that the package brings, or that a checkout has elsewhere."""
-    package = Path(msbot.__file__).parent
-    installed = package / "web" / name
-    return installed if installed.is_dir() else package.parents[1] / in_checkout
-
-
 @cache
 def home_files() -> str:
     """`{path: text}` as JSON: the package `msbot` for MicroPython, and what runs it in a browser."""
-    found = {
-        f"msbot/{path.name}": path.read_text("utf-8")
-        for path in sorted(_folder("micropython", "micropython/msbot").glob("*.py"))
-    }
-    ours = _folder("browser_home", "micropython/browser")
+    found = {f"msbot/{path.name}": path.read_text("utf-8") for path in sorted(board_sources().glob("*.py"))}
+    ours = carried_folder("browser_home", "micropython/browser")
     return json.dumps(found | {path.name: path.read_text("utf-8") for path in sorted(ours.glob("*.py"))})
 
 
 @cache
 def examples() -> dict[str, str]:
     """The examples by their file names: the project's, then those for a phone, which only a browser can run."""
-    ours = _folder("browser_home", "micropython/browser") / "programs"
-    found = [*sorted(_folder("examples", "examples").glob("*.py")), *sorted(ours.glob("*.py"))]
+    ours = carried_folder("browser_home", "micropython/browser") / "programs"
+    found = [*sorted(carried_folder("examples", "examples").glob("*.py")), *sorted(ours.glob("*.py"))]
     return {path.name: path.read_text("utf-8") for path in found}
 
 

@@ -1,0 +1,64 @@
+"""A program on a simulated board, started by `msbot board run`, is a part of a real master; Ctrl-C ends it.
+
+The board is MicroPython's VM with its own prompt behind a pseudo terminal (tests/homes/board.mjs); its UART is a second
+pseudo terminal, at whose other end the master is.
+"""
+
+import json
+import signal
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.processes import run, running
+from tests.e2e.test_processes import free_port
+from tests.homes import micro
+from tests.homes.runners import NODE
+from tests.homes.simulated_board import simulated_board
+
+pytestmark = pytest.mark.skipif(NODE is None, reason="needs node")
+pytest.importorskip("mpremote")
+
+PROGRAM = """\
+from msbot import HelloWorld, Part
+
+part = Part("ABCD", local_name="ABCD-local", robot="MSBOT_MASTER")
+
+
+@part.every(0.2)
+def speak():
+    part.publish("out", HelloWorld(index=1, message="Publisher A(1) turn-on 3"))
+
+
+part.run()
+"""
+
+
+def test_a_board_joins_publishes_is_listed_and_leaves_by_ctrl_c(tmp_path: Path) -> None:
+    (tmp_path / "my_part.py").write_text(PROGRAM)
+    assert run("init", cwd=tmp_path).returncode == 0
+    line = tmp_path / "uart"
+    with ExitStack() as stack:
+        udp = f"udp:127.0.0.1:{free_port()}"
+        links = ("--link", f"pty:{line}", "--link", udp)
+        master = stack.enter_context(running("master", "--no-page", *links, cwd=tmp_path))
+        master.wait_for("is up on", udp)
+        board = stack.enter_context(simulated_board(uart=str(line.resolve()), lib=str(micro.FOLDER)))
+        command = ("board", "run", "my_part.py", "--source", "--port", board.port, "--link", "serial:1")
+        started_at = time.monotonic()
+        part = stack.enter_context(running(*command, cwd=tmp_path))
+        part.wait_for("# ABCD-local is active: in slot AA")
+        print(f"active after {time.monotonic() - started_at:.1f} s")
+        lamp = stack.enter_context(
+            running("part", "BB", "--link", udp, cwd=tmp_path, env={"XDG_STATE_HOME": str(tmp_path / "state")})
+        )
+        lamp.wait_for("output", "on")
+        rows = {row["slot"]: row["state"] for row in json.loads(run("parts", "--json", cwd=tmp_path).stdout)}
+        assert rows["AA"] == "active"
+        assert part.end(signal.SIGINT) == 0
+        assert part.lines[-1] == "# ABCD-local is ended: ended"
+        master.wait_for("AA", "left")
+        again = run("board", "reset", "--port", board.port)
+        assert (again.returncode, again.stderr) == (0, "")
