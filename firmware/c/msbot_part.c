@@ -146,6 +146,7 @@ static void enter(msbot_part *part, msbot_part_state state, uint32_t now_us)
     msbot_part_state before = part->state;
     part->state = state;
     part->has_retry = part->claim_due = part->proof_due = part->fetch_due = false;
+    part->nature_due = state == MSBOT_ACTIVE && part->config.nature != MSBOT_NATURE_UNKNOWN;
     if (!beats(part)) {
         part->lease = part->version = 0;
         part->has_beat = part->waiting = false;
@@ -687,6 +688,11 @@ static bool book_requests(msbot_part *part)
         return false;
     }
     part->fetch_due = false;
+    request[4] = part->config.nature;
+    if (part->nature_due && !msbot_xrce_write(&part->client, INVENTORY, MSBOT_RELIABLE, request, 5)) {
+        return false;
+    }
+    part->nature_due = false;
     return true;
 }
 

@@ -40,6 +40,9 @@ typedef struct {
 
 #define MSBOT_ALL_PORTS (-1)
 
+/* What is behind a part's ports; the robot shows it. */
+enum { MSBOT_NATURE_UNKNOWN, MSBOT_NATURE_REAL, MSBOT_NATURE_SIMULATED };
+
 typedef struct {
     msbot_can_config can;
     const char *part_number;
@@ -47,6 +50,7 @@ typedef struct {
     const char *robot[4]; /* name, version, serial number, manufacturer of the robot it is made for; NULL = any */
     const uint8_t *key;   /* 16 to 64 octets, or NULL */
     size_t key_size;
+    uint8_t nature; /* MSBOT_NATURE_... */
     uint32_t random; /* not 0; drawn anew at every start: two devices with one UID must differ */
     const msbot_port_type *ports;
     unsigned port_count;
@@ -71,7 +75,7 @@ typedef struct {
     uint32_t random, nonce, lease, version, beat_us;
     uint32_t retry_us, beat_at_us, waiting_us, heard_us; /* valid while: */
     bool has_retry, has_beat, waiting;
-    bool claim_due, proof_due, fetch_due, has_publisher;
+    bool claim_due, proof_due, fetch_due, nature_due, has_publisher;
     uint8_t set_up; /* objects that this session has, of those that every part needs */
     uint8_t profile_read, profile_wanted, reply_stream, reply_wanted;
     uint8_t proof[16];

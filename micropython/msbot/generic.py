@@ -62,6 +62,7 @@ class GenericBoard:
 
     def __init__(self, part):
         self.part = part
+        part.nature = 1
         self.units = []
         self._seen = None
         self._reported = None
@@ -235,6 +236,7 @@ class Unit:
         document = self._document
         part = Part(document["number"], local_name=self.name, uid=self._uid, key=self._key)
         part.clock = self.clock
+        part.nature = 1
         for name, port in document["ports"].items():
             if port[0]:
                 self._listen(part, name)

@@ -293,7 +293,9 @@ class Membership:
         self.part.changed(before, state, reason, now)
         if self.state is not state:
             return  # a function of the part has ended it
-        if state is _S.CLAIMING:
+        if state is _S.ACTIVE and self.part.nature:
+            self._ask(struct.pack("<IB", self._lease, self.part.nature), RELIABLE)
+        elif state is _S.CLAIMING:
             self._send_claim(now)
         elif state is _S.REFUSED:
             self._retry_at = now + _REFUSED_RETRY

@@ -57,6 +57,7 @@ class Part:
             from .keys import parse_key
 
             self.key = parse_key(key)
+        self.nature = 0  # what is behind its ports: 1 = hardware, 2 = a model of it; the robot shows it
         self.slot = ""
         self.settings = {}
         self.stopped = False

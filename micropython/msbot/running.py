@@ -26,6 +26,7 @@ def run(part):
     except MsbotError as error:
         say("error", str(error))
         return
+    part.nature = part.nature or 1  # this is a board, so there is hardware
     clock = Clock()
     part.clock = clock.now
     part.begin(link, clock.now())

@@ -120,6 +120,11 @@ class Robot:
         states = [info.state.value for info in self.master.inventory.view(now) if info.local_name == local_name]
         return states[-1] if states else "unknown"
 
+    def nature(self, local_name: str = "board") -> str:
+        """What is behind a part's ports, as it has told the inventory."""
+        now = asyncio.get_running_loop().time()
+        return next(info.nature.word for info in self.master.inventory.view(now) if info.local_name == local_name)
+
     def beats(self, local_name: str = "board") -> int:
         """Beats of a part that the inventory has heard."""
         now = asyncio.get_running_loop().time()

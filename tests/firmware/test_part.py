@@ -46,6 +46,7 @@ def test_it_plugs_itself_in_and_beats(firmware: Firmware, tmp_path: Path, bitrat
         part = robot.plug(board(firmware, fd=fd, codec=codec))
         await asyncio.sleep(10)
         assert robot.state() == "active"
+        assert robot.nature() == "simulated"
         assert part.story == [
             "safe",
             "RECOGNISING",

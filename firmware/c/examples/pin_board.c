@@ -83,6 +83,7 @@ void pin_board_init(const uint8_t uid[8], uint32_t random, uint32_t bitrate)
     config.can.bitrate = bitrate;
     config.random = random;
     config.part_number = "PIN-BOARD";
+    config.nature = MSBOT_NATURE_REAL;
     config.local_name = "board";
     config.ports = PORTS;
     config.port_count = 2;

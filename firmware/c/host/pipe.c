@@ -262,6 +262,7 @@ static void make_part(void)
     memset(&config, 0, sizeof config);
     configure(&config.can);
     config.random = get(4);
+    config.nature = MSBOT_NATURE_SIMULATED;
     config.part_number = get_text(&used);
     config.local_name = get_text(&used);
     for (int i = 0; i < 4; i++) {
