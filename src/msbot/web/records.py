@@ -38,8 +38,34 @@ class Backup:
 
     size: int
     """In octets."""
-    octets: AsyncIterator[bytes]
-    """Its content; the file is gone when the iterator is."""
+    octets: Pieces
+    """Its content."""
+
+
+class Pieces:
+    """A file, piece by piece; it is closed at its end, or as soon as nobody wants any more of it.
+
+    Args:
+        file: what is read.
+        aside: where it is read.
+    """
+
+    def __init__(self, file: BinaryIO, aside: DaemonThreads) -> None:
+        self._file = file
+        self._aside = aside
+
+    def __aiter__(self) -> Pieces:
+        return self
+
+    async def __anext__(self) -> bytes:
+        piece = await asyncio.get_running_loop().run_in_executor(self._aside, self._file.read, PIECE)
+        if not piece:
+            self._file.close()
+            raise StopAsyncIteration
+        return piece
+
+    def __del__(self) -> None:
+        self._file.close()
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,15 +140,8 @@ def registry_records(
         return (await operations.applying.put_in_force(wanted, who=who)).words
 
     async def backup() -> Backup:
-        loop = asyncio.get_running_loop()
-        file = await loop.run_in_executor(aside, _backup, address)
-
-        async def octets() -> AsyncIterator[bytes]:
-            with file:
-                while piece := await loop.run_in_executor(aside, file.read, PIECE):
-                    yield piece
-
-        return Backup(os.fstat(file.fileno()).st_size, octets())
+        file = await asyncio.get_running_loop().run_in_executor(aside, _backup, address)
+        return Backup(os.fstat(file.fileno()).st_size, Pieces(file, aside))
 
     async def restore(backup: AsyncIterator[bytes], who: str) -> str:
         known = registry.runs.store(robot).users
