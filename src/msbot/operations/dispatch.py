@@ -23,6 +23,7 @@ from msbot.operations.rights import Asker, user_of_computer
 from msbot.operations.running_robot import RunningRobot
 from msbot.operations.settings import SlotSettings
 from msbot.operations.showing import Showing
+from msbot.operations.stand_ins import StandIns
 from msbot.operations.stop_and_go import Stopping
 from msbot.operations.stored_placement import StoredPlacement
 from msbot.operations.stored_robot import StoredRobot
@@ -117,13 +118,14 @@ class RunningOperations(Operations):
     ) -> None:
         running = RunningRobot(master, registry, robot, library)
         self.placement = Placement(running)
+        self.stand_ins = StandIns(running, self.placement)
         self.stopping = Stopping(running)
         self.showing = Showing(running)
         self.applying = BlueprintChange(running)
         self.by_hand = ByHand(running)
         super().__init__(
             SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
-            self.applying, self.by_hand, Blocking(running), Wires(running),
+            self.applying, self.by_hand, Blocking(running), Wires(running), self.stand_ins,
         )  # fmt: skip
 
 
