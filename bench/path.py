@@ -3,7 +3,10 @@
 One writer, one reader (or a requester and a replier) log in over a link in memory; then recorded packets run through
 the agent, 1 or 8 in a burst, and the time is divided by the messages. Acknowledgements are part of reliable messages.
 
-    python bench/path.py [--quick] [--profile]
+    python bench/path.py [--quick] [--profile] [--recorded]
+
+With `--recorded` each load runs without and with the flight recorder, in turn: what its thread does in the same process
+is counted, what the recorder's own process does is not.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ from dataclasses import dataclass
 
 from bench.machine import describe_machine
 from msbot.agent import Agent
+from msbot.lab.recorder.recorder import Recorder
 from msbot.link import BaseLink, LinkInfo, PacketHandler, Peer
 from msbot.space import MemorySpace
 from msbot.xrce import ClientSession, ClientState
@@ -263,10 +267,13 @@ LOADS = tuple(
 )
 
 
-async def measure(load: Load, messages: int, repeats: int, profile: cProfile.Profile | None) -> list[float]:
+async def measure(
+    load: Load, messages: int, repeats: int, profile: cProfile.Profile | None, *, is_recorded: bool = False
+) -> list[float]:
     """Microseconds a message, once for each repeat."""
     wire = Wire()
-    agent = Agent(MemorySpace())
+    recorder = Recorder(time.monotonic, time.time_ns)
+    agent = Agent(recorder.space(MemorySpace()) if is_recorded else MemorySpace())
     agent.add_link(wire)
     serving = asyncio.ensure_future(agent.run())
     await asyncio.sleep(0)
@@ -274,7 +281,12 @@ async def measure(load: Load, messages: int, repeats: int, profile: cProfile.Pro
     run(messages // 4)
     if profile is not None:
         profile.enable()
-    costs = [run(messages) / messages * 1e6 for _ in range(repeats)]
+    costs = []
+    for _ in range(repeats):
+        cost = run(messages)
+        start = time.perf_counter()
+        recorder.drain()
+        costs.append((cost + time.perf_counter() - start) / messages * 1e6)
     if profile is not None:
         profile.disable()
     serving.cancel()
@@ -287,8 +299,13 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--quick", action="store_true", help="fewer messages")
     options.add_argument("--profile", action="store_true", help="print where the time goes instead")
+    options.add_argument("--recorded", action="store_true", help="with the flight recorder, and without")
     chosen = options.parse_args()
     messages, repeats = (2_000, 3) if chosen.quick else (20_000, 7)
+    if chosen.recorded:
+        for line in recorded_table(messages, repeats):
+            print(line)
+        return
     for line in table(messages, repeats) if not chosen.profile else profile(messages):
         print(line)
 
@@ -302,6 +319,21 @@ def table(messages: int, repeats: int) -> Iterator[str]:
     for load in LOADS:
         costs = asyncio.run(measure(load, messages, repeats, None))
         yield f"| {load.name} | {load.burst} | {statistics.median(costs):.2f} | {min(costs):.2f} | {max(costs):.2f} |"
+
+
+def recorded_table(messages: int, repeats: int) -> Iterator[str]:
+    """The table with and without the flight recorder, line by line."""
+    yield f"What the flight recorder costs the agent a message ({describe_machine()};"
+    yield f"median of {repeats} pairs of {messages:,} messages each)\n"
+    yield "| messages | in a burst | µs without | µs with | ratio |"
+    yield "|---|---|---|---|---|"
+    for load in LOADS:
+        without, recorded = [], []
+        for _ in range(repeats):
+            without += asyncio.run(measure(load, messages, 1, None))
+            recorded += asyncio.run(measure(load, messages, 1, None, is_recorded=True))
+        before, after = statistics.median(without), statistics.median(recorded)
+        yield f"| {load.name} | {load.burst} | {before:.2f} | {after:.2f} | {after / before:.3f} |"
 
 
 def profile(messages: int) -> Iterator[str]:

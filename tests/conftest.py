@@ -8,6 +8,9 @@ from hypothesis import HealthCheck, settings
 from msbot.runtime.stop_datagram import GROUP_VARIABLE
 from tests.loop_guard import guard
 
+# The robots that tests start record nothing, unless a test wants it: the recordings belong to the user's own robots.
+os.environ["MSBOT_REC"] = "off"
+
 # Tests run beside each other: a STOP of one must not reach the robots of another.
 os.environ[GROUP_VARIABLE] = f"test{os.getpid()}"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -20,8 +21,26 @@ async def ask(stage: Stage, do: str, **args: object) -> dict[str, object]:
     return await perform(stage.operations, {"do": do, "args": named, "who": "ann"})
 
 
+class Tape:
+    """A recorder that only remembers what it was asked for."""
+
+    def __init__(self) -> None:
+        self.file = ""
+
+    def record(self, path: Path) -> None:
+        self.file = str(path)
+
+    def end_record(self) -> str:
+        file, self.file = self.file, ""
+        return file
+
+    def as_json(self) -> Mapping[str, object]:
+        return {"file": self.file}
+
+
 def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
+        stage.operations.recording.use(Tape())
         done = {
             "swap": await ask(stage, "swap", slot="BB", to="DD"),
             "release": await ask(stage, "release", slot="CC"),
@@ -43,10 +62,12 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "close_window": await ask(stage, "close_window"),
             "stop": await ask(stage, "stop", reason="hand in the gear"),
             "stop_report": await ask(stage, "stop_report"),
+            "record": await ask(stage, "record", file=str(tmp_path / "a.mcap")),
+            "recording": await ask(stage, "recording"),
+            "end_record": await ask(stage, "end_record"),
             "stored": await ask(stage, "stored"),
             "go": await ask(stage, "go"),
             "ignore": await ask(stage, "ignore", part="DD"),
-            "simulate": await ask(stage, "simulate", slot="CC"),
             "identify": await ask(stage, "identify", part="AA"),
             "why": await ask(stage, "why", part="AA"),
             "apply": await ask(
@@ -58,6 +79,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
         assert done.keys() == set(OPERATIONS)
         assert {name: answer["error"] for name, answer in done.items() if "error" in answer} == {}
         assert done["set"] == {"words": "period_s of AA: 1 s -> 2 s", "edit": done["set"]["edit"]}
+        assert done["recording"] == {"file": str(tmp_path / "a.mcap")}
         assert done["stored"] == {"trouble": "", "waiting": 0}
         assert done["stop_report"]["reason"] == "hand in the gear"
         edits = done["edits"]["edits"]
@@ -113,3 +135,19 @@ def test_every_operation_and_its_arguments_are_in_the_reference() -> None:
     }
     del rows["do"]  # the table's head
     assert rows == {name: tuple(argument.name for argument in row.arguments) for name, row in OPERATIONS.items()}
+
+
+@pytest.mark.parametrize(
+    ("do", "args", "error"),
+    [
+        ("record", {"file": "a.mcap"}, "a.mcap: the file is named with its whole path"),
+        ("record", {"file": "/nowhere/a.mcap"}, "/nowhere/a.mcap: there is no folder /nowhere"),
+        ("record", {"file": __file__}, f"{__file__} is there already: give the recording another name"),
+        ("end_record", {}, "this robot runs with `--rec off`: it has no recorder"),
+    ],
+)
+def test_a_recording_that_cannot_be_is_refused(do: str, args: dict[str, str], error: str, tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        assert await ask(stage, do, **args) == {"error": error}
+
+    play(tmp_path, scene)

@@ -50,7 +50,7 @@ LEAST = {
     "apply": Role.TEACHER, "undo": Role.STUDENT, "edits": Role.VIEWER, "stop": Role.VIEWER, "go": Role.TEACHER,
     "stop_report": Role.VIEWER, "identify": Role.STUDENT, "why": Role.VIEWER, "publish": Role.STUDENT,
     "let_go": Role.STUDENT, "stored": Role.VIEWER, "add_slot": Role.TEACHER, "remove_slot": Role.TEACHER,
-    "simulate": Role.TEACHER,
+    "record": Role.TEACHER, "end_record": Role.TEACHER, "recording": Role.VIEWER,
 }  # fmt: skip
 """Who may do each operation of the table at least; said twice on purpose."""
 

@@ -23,7 +23,6 @@ CHANGING = (
     "unbind",
     "undo",
     "identify",
-    "simulate",
     "stop",
     "go",
 )
@@ -51,6 +50,8 @@ COMMANDS = {
     "user": ("user.user", "List, add and remove the people who may sign in on the page."),
     "service": ("service.service", "Have a robot start with the computer, and back up its database."),
     "db": ("db", "Take care of a robot's database: migrate, copy, restore, check."),
+    "rec": ("record.rec", "Keep what the flight recorder has, or record in a file."),
+    "log": ("record.log", "Look into recordings: show, cut, compare, export them."),
     "idl": ("idl", "Turn message definitions (OMG IDL, ROS 2) into Python, C or IDL."),
     "bus": ("bus.bus", "Tools for a CAN bus: watch it, send, decode, count bits, load, simulate."),
     "agent": ("agent.agent", "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint."),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import inspect
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from msbot.config import Library
 from msbot.errors import ConfigError, MsbotError
@@ -19,11 +20,11 @@ from msbot.operations.blocking import Blocking, StoredBlocking
 from msbot.operations.by_hand import ByHand
 from msbot.operations.outcome import Outcome
 from msbot.operations.placement import Placement
+from msbot.operations.recording import Recording
 from msbot.operations.rights import Asker, user_of_computer
 from msbot.operations.running_robot import RunningRobot
 from msbot.operations.settings import SlotSettings
 from msbot.operations.showing import Showing
-from msbot.operations.stand_ins import StandIns
 from msbot.operations.stop_and_go import Stopping
 from msbot.operations.stored_placement import StoredPlacement
 from msbot.operations.stored_robot import StoredRobot
@@ -32,6 +33,17 @@ from msbot.operations.undoing import StoredUndoing, Undoing
 from msbot.operations.wires import Wires
 from msbot.registry import Registry, RobotRecord
 from msbot.runtime.sentence import said
+
+
+@dataclass(frozen=True, slots=True)
+class Deed:
+    """Something that was done to the robot."""
+
+    who: str
+    operation: str
+    arguments: Mapping[str, object]
+    words: str
+    """What was done, in one sentence."""
 
 
 class Operations:
@@ -54,6 +66,11 @@ class Operations:
             if hasattr(group, name)
         }
         self._one_at_a_time = asyncio.Lock()
+        self._listeners: list[Callable[[Deed], object]] = []
+
+    def on_done(self, listener: Callable[[Deed], object]) -> None:
+        """Call the listener with everything that was done; not with questions, nor with what could not be done."""
+        self._listeners.append(listener)
 
     async def do(self, operation: str, /, *, who: Asker | str, **arguments: object) -> Outcome:
         """Do something to the robot, or ask something about it.
@@ -89,13 +106,19 @@ class Operations:
                     operation=operation,
                 )
             )
-        if not row.is_question:
-            self.asked += 1
-            given["who"] = asker.name
+        if row.is_question:
+            return await _outcome(method(**given))
+        deed = dict(given)
+        self.asked += 1
+        given["who"] = asker.name
         if row.kept not in (Kept.UNDOABLE, Kept.CHANGE):
-            return await _outcome(method(**given))
-        async with self._one_at_a_time:  # what one operation has checked, another must not change before it is stored
-            return await _outcome(method(**given))
+            outcome = await _outcome(method(**given))
+        else:
+            async with self._one_at_a_time:  # what one has checked, another must not change before it is stored
+                outcome = await _outcome(method(**given))
+        for listener in self._listeners:
+            listener(Deed(asker.name, operation, deed, outcome.words))
+        return outcome
 
 
 class RunningOperations(Operations):
@@ -118,14 +141,14 @@ class RunningOperations(Operations):
     ) -> None:
         running = RunningRobot(master, registry, robot, library)
         self.placement = Placement(running)
-        self.stand_ins = StandIns(running, self.placement)
         self.stopping = Stopping(running)
         self.showing = Showing(running)
         self.applying = BlueprintChange(running)
         self.by_hand = ByHand(running)
+        self.recording = Recording()
         super().__init__(
             SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
-            self.applying, self.by_hand, Blocking(running), Wires(running), self.stand_ins,
+            self.applying, self.by_hand, self.recording, Blocking(running), Wires(running),
         )  # fmt: skip
 
 

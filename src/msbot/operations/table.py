@@ -140,13 +140,6 @@ _ROWS = (
         "The part stands by, and a spare gets the slot if there is one.",
     ),
     Operation(
-        "simulate", "Let a simulated part stand in for that of a slot, or end that.",
-        (_slot("The slot."),
-         Argument("end", ArgumentKind.FLAG, default=False, option="--end", help="End it: the slot is given back.")),
-        Right.ARRANGE, Where.RUNNING, Kept.NOTHING, "", "POST /slots/{slot}/simulate",
-        "The part that holds the slot stands by meanwhile. Stand-ins end with the master.",
-    ),
-    Operation(
         "window", "Open the adoption window: let parts be adopted that the library would turn away.",
         (Argument("seconds", ArgumentKind.NUMBER, default=60.0, least=1.0, most=3600.0, help="How long it stays open."),
          _slot("An empty slot that the next newcomer gets.", is_needed=False)),
@@ -272,6 +265,13 @@ _ROWS = (
         Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /parts/{part}/identify",
         "It shows itself to the people in the room: it blinks, beeps, or does whatever its program can.",
     ),
+    Operation(
+        "record", "Record what the robot does in a file of its own, in addition to the ring.",
+        (Argument("file", is_needed=True, longest=4096, help="The file with its whole path."),),
+        Right.ARRANGE,
+    ),
+    Operation("end_record", "End the recording that `record` began.", (), Right.ARRANGE),
+    Operation("recording", "Where the robot is recorded, and what is wrong with that."),
     Operation("stored", "Wait until what the robot has said is in its database, as far as that is possible."),
     Operation("why", "The state of a part, and which rules led there.", (_part("The part."),)),
 )  # fmt: skip

@@ -12,7 +12,7 @@ from msbot.cli.board.package import FOLDER, package_files
 from msbot.errors import ConfigError
 
 SETTINGS = "msbot.json"
-LINKS = ("can", "serial", "udp", "ws")
+LINKS = ("can", "serial", "udp", "ws", "wss")
 """Kinds of links that a board has."""
 MAIN = "main.py"
 

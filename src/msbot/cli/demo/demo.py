@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import re
 import signal
 import sys
 import tempfile
@@ -24,11 +23,14 @@ from msbot.cli.bus.frame_log import FrameLog
 from msbot.cli.change.robot_access import MASTER, details_of
 from msbot.cli.demo.json import as_json
 from msbot.cli.demo.key_presses import KeyPresses
+from msbot.cli.demo.script import ScriptStep, ScriptType
 from msbot.cli.options import space_option
 from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
+from msbot.cli.run.recording import RobotRecording, rec_option
 from msbot.config import SAMPLES, Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
 from msbot.errors import ConfigError, MsbotError
+from msbot.lab.recorder.wish import RecordingWish
 from msbot.link.can.sim import SimBusServer, check_free
 from msbot.master import StopSocket, first_error, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
@@ -47,42 +49,6 @@ STATUS_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class ScriptStep:
-    """One thing to do at a given time."""
-
-    at_s: float
-    verb: str
-    """`plug`, `unplug` or `undo`."""
-    part: str
-    """Empty for `undo`."""
-
-
-class ScriptType(click.ParamType[list[ScriptStep]]):
-    """`3:unplug AA;12:plug AA`."""
-
-    name = "script"
-
-    def convert(
-        self, value: str | list[ScriptStep], param: click.Parameter | None, ctx: click.Context | None
-    ) -> list[ScriptStep]:
-        """The steps, in order of time."""
-        if isinstance(value, list):
-            return value
-        steps = []
-        for text in filter(None, (piece.strip() for piece in value.split(";"))):
-            match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*:\s*(?:(plug|unplug)\s+(\S+)|(undo))", text)
-            if match is None:
-                self.fail(
-                    f"{text!r} is not a step; write SECONDS:plug PART, SECONDS:unplug PART or SECONDS:undo, "
-                    "for example 3:unplug AA",
-                    param,
-                    ctx,
-                )
-            steps.append(ScriptStep(float(match[1]), match[2] or match[4], match[3] or ""))
-        return sorted(steps, key=lambda step: step.at_s)
-
-
-@dataclass(frozen=True, slots=True)
 class _Options:
     wire: Wire
     bitrate: int
@@ -98,6 +64,7 @@ class _Options:
     spare: bool
     page: PageWishes
     space: SpaceAddress
+    rec: RecordingWish
 
 
 @click.command("demo")
@@ -124,12 +91,13 @@ class _Options:
               help="The sample: a rover of ten parts to play with, or the thesis' ring of three.")  # fmt: skip
 @click.option("--spare", is_flag=True, help="One part more than slots, DD like BB: it takes over when BB is lost.")
 @space_option
+@rec_option
 @page_options
 def command(
     *, wire: str, bitrate: int, data_bitrate: int, no_compression: bool, seconds: float | None,
     script: list[ScriptStep], as_json_object: bool, log: Path | None, bus: str | None, seed: int | None,
     db: Path | None, sample: str, spare: bool, space: SpaceAddress,
-    port: int | None, host: str, no_page: bool, certificate: Path | None,
+    rec: RecordingWish, port: int | None, host: str, no_page: bool, certificate: Path | None,
     certificate_key: Path | None,
     page_names: tuple[str, ...],
 ) -> None:  # fmt: skip
@@ -145,6 +113,7 @@ def command(
         page_wishes(port=port, host=host, no_page=no_page or (as_json_object and port is None),
                     certificate=certificate, certificate_key=certificate_key, page_names=page_names),
         space,
+        rec,
     )  # fmt: skip
     if log is not None and options.wire is Wire.UDP:
         raise click.UsageError("--log writes the frames of a CAN bus: leave --link udp out")
@@ -165,15 +134,16 @@ def command(
         with open_registry(address) as registry:  # may be slow, so no event loop waits for it
             robot = registry.robots.apply_blueprint(blueprint, library)
             store, node_ids = registry.runs.begin(robot), registry.runs.node_ids(robot, "demo")
-            asyncio.run(_main(options, blueprint, library, (registry, store, node_ids, address)))
+            asyncio.run(_main(options, blueprint, library, (registry, store, node_ids, address), Path(folder) / "rec"))
 
 
 async def _main(
     options: _Options, blueprint: Blueprint, library: Library,
-    database: tuple[Registry, RobotStore, StoredNodeIds, str],
+    database: tuple[Registry, RobotStore, StoredNodeIds, str], ring: Path,
 ) -> None:  # fmt: skip
     registry, store, node_ids, address = database
     with robot_space(options.space, blueprint, library) as space:
+        recording = RobotRecording(options.rec, ring, library)
         robot = DemoRobot(
             blueprint,
             store,
@@ -184,7 +154,7 @@ async def _main(
             compression=options.compression,
             random=None if options.seed is None else Random(options.seed),
             library=library,
-            space=space,
+            space=recording.space(space),
             spares=_spares(blueprint) if options.spare else None,
         )
         _check_script(options.script, robot)
@@ -207,6 +177,7 @@ async def _main(
             )
             stop = StopSocket(robot.master, lambda: details_of(robot.master, address, page=page_address()))
             beside.append(stop.run())
+            beside.extend(recording.beside(robot.master, operations))
             if options.bus is None or robot.bus_driver is None:
                 await _run_beside(_run(robot, options, notes, deeds), beside)
             else:

@@ -25,8 +25,10 @@ from msbot.cli.options import (
     space_option,
 )
 from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
+from msbot.cli.run.recording import RobotRecording, rec_option, ring_folder
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.config import Blueprint, Library, open_blueprint
+from msbot.lab.recorder.wish import RecordingWish
 from msbot.link import Link, open_link
 from msbot.link.can import CanSettings, Codec
 from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
@@ -51,11 +53,13 @@ CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 @library_option
 @space_option
 @db_option
+@rec_option
 @click.option("-v", "--verbose", is_flag=True, help="Say more.")
 @page_options
 def command(
     blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
-    verbose: bool, port: int | None, host: str, no_page: bool, certificate: Path | None, certificate_key: Path | None,
+    rec: RecordingWish, verbose: bool, port: int | None, host: str, no_page: bool,
+    certificate: Path | None, certificate_key: Path | None,
     page_names: tuple[str, ...],
 ) -> None:  # fmt: skip
     """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C.
@@ -75,11 +79,17 @@ def command(
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
     with contextlib.suppress(KeyboardInterrupt):
-        _with_database(robot, library, addresses, space, db or database_beside(blueprint), page)
+        _with_database(robot, library, addresses, space, db or database_beside(blueprint), page, rec)
 
 
 def _with_database(  # noqa: PLR0917 - what the command was given
-    blueprint: Blueprint, library: Library, addresses: Sequence[str], where: SpaceAddress, db: str, page: PageWishes
+    blueprint: Blueprint,
+    library: Library,
+    addresses: Sequence[str],
+    where: SpaceAddress,
+    db: str,
+    page: PageWishes,
+    rec: RecordingWish,
 ) -> None:
     """Opening and closing a database may be slow: no event loop runs during that time, and Ctrl-C ends it."""
     profile = profile_of(blueprint)
@@ -91,18 +101,19 @@ def _with_database(  # noqa: PLR0917 - what the command was given
         store = registry.runs.begin(robot)
         can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.runs.node_ids, robot))
         links = [open_link(address, serve=True, can=can) for address in addresses]
-        asyncio.run(_main(blueprint, library, links, where, (registry, store, db), page))
+        asyncio.run(_main(blueprint, library, links, where, (registry, store, db), page, rec))
 
 
 async def _main(  # noqa: PLR0917
     blueprint: Blueprint, library: Library, links: Sequence[Link], where: SpaceAddress,
-    database: tuple[Registry, RobotStore, str], page: PageWishes,
+    database: tuple[Registry, RobotStore, str], page: PageWishes, rec: RecordingWish,
 ) -> None:  # fmt: skip
     registry, store, db = database
     robot, profile = store.robot, profile_of(blueprint)
     with robot_space(where, blueprint, library) as space:
         file = stop_file(profile.name, profile.serial_number, database_identity(db))
-        master = Master(blueprint, store, space=space, stop_file=file, library=library)
+        recording = RobotRecording(rec, ring_folder(profile.name, database_identity(db)), library)
+        master = Master(blueprint, store, space=recording.space(space), stop_file=file, library=library)
         operations = RunningOperations(master, registry, robot, library=library)
         master.inventory.on_event(_say)
         for link in links:
@@ -147,7 +158,10 @@ async def _main(  # noqa: PLR0917
         )
         stop = StopSocket(master, lambda: details_of(master, db, page=page_address()))
         await run_until_signal(
-            master.run(), beside=[stop.run(), status.run(), *page_beside], ready=master.ready, say=greet
+            master.run(),
+            beside=[stop.run(), status.run(), *recording.beside(master, operations), *page_beside],
+            ready=master.ready,
+            say=greet,
         )
 
 

@@ -41,8 +41,9 @@ class CanEnd(BaseLink, ABC):
         self._port = CanPort(bus, self, ids=ids, queue_frames=queue_frames)
 
     def on_frame(self, tap: FrameTap) -> None:
-        """Call `tap` with every frame that this end sends or receives."""
-        self._port.frame_tap = tap
+        """Call `tap`, too, with every frame that this end sends or receives."""
+        earlier = self._port.frame_tap
+        self._port.frame_tap = tap if earlier is None else _both(earlier, tap)
 
     @property
     def bus_state(self) -> BusState:
@@ -101,3 +102,11 @@ class CanEnd(BaseLink, ABC):
 
     def handle_timer(self, now: float) -> None:
         """See `PortOwner`."""
+
+
+def _both(first: FrameTap, second: FrameTap) -> FrameTap:
+    def tap(at: float, sender: str, frame: Frame) -> None:
+        first(at, sender, frame)
+        second(at, sender, frame)
+
+    return tap

@@ -1,0 +1,230 @@
+"""`msbot log`: look into recordings."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+from msbot.errors import ConfigError
+
+if TYPE_CHECKING:
+    from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
+
+_C = TypeVar("_C", bound=Callable[..., object])
+TABLE = ".csv"
+
+
+@click.group("log")
+def command() -> None:
+    """Look into recordings (.mcap): show them, cut them, compare them, write them as tables or frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Wish:
+    """Which messages a person wants to see."""
+
+    topics: tuple[str, ...]
+    slots: tuple[str, ...]
+    from_s: float | None
+    to_s: float | None
+
+    def has(self, message: RecordedMessage) -> bool:
+        """Whether topic and slot are wanted."""
+        topic = message.topic.lstrip("/")
+        return (not self.topics or any(one.strip("/") in (topic, topic.partition("/")[0]) for one in self.topics)) and (
+            not self.slots or message.slot in self.slots
+        )
+
+
+def _choice(function: _C) -> _C:
+    """The options that choose messages."""
+    for option in (
+        click.option("--to", "to_s", type=float, metavar="SECONDS", help="Until this time in the recording."),
+        click.option("--from", "from_s", type=float, metavar="SECONDS", help="From this time in the recording on."),
+        click.option("--slot", "slots", multiple=True, help="What the part in this slot said."),
+        click.option("--topic", "topics", multiple=True, metavar="TOPIC",
+                     help="Messages of this topic, or of all below it (msbot); may be given several times."),
+    ):  # fmt: skip
+        function = option(function)
+    return function
+
+
+_file = click.argument("file", type=click.Path(path_type=Path))
+
+
+@command.command("show")
+@_file
+@_choice
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON object for each message.")
+def show(
+    file: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None, *,
+    as_json: bool,
+) -> None:  # fmt: skip
+    """Print every message of FILE as a line: time, topic, what was said.
+
+    CAN frames, and samples whose meaning the recording does not tell, only if their topic is named.
+    """
+    from msbot.lab.recordings.reading import Decoder
+    from msbot.lab.recordings.telling import frame_of, line_of
+    from msbot.link.can.protocol import LogLine, format_log_line
+
+    decoder = Decoder()
+    wish = _Wish(topics, slots, from_s, to_s)
+    with _reading(file) as reader:
+        for at_s, message in _chosen(reader, wish):
+            frame = frame_of(message)
+            if not wish.topics and (frame is not None or decoder.fields(message) is None):
+                continue
+            line = format_log_line(LogLine(None, "", frame)).strip() if frame else line_of(message, decoder) or ""
+            if as_json:
+                fields = decoder.fields(message)
+                known = json.dumps(
+                    {"at_ns": message.at_ns, "at_s": at_s, "topic": message.topic, "slot": message.slot,
+                     "words": line, "fields": fields}, default=_octets,
+                )  # fmt: skip
+                click.echo(known)
+            else:
+                click.echo(f"{at_s:10.3f}  {message.topic}  {_printable(line)}")
+
+
+@command.command("filter")
+@_file
+@click.argument("target", type=click.Path(path_type=Path))
+@_choice
+def filter_(  # noqa: PLR0917 - what the command was given
+    file: Path, target: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None
+) -> None:
+    """Write a piece of FILE to TARGET; what was known when it begins is at its beginning."""
+    from msbot.lab.recordings.cutting import write_cut
+
+    wish = _Wish(topics, slots, from_s, to_s)
+    began_ns = _began_ns(file)
+    cut = write_cut(
+        [file],
+        target,
+        from_ns=None if from_s is None else began_ns + round(from_s * 1e9),
+        to_ns=None if to_s is None else began_ns + round(to_s * 1e9),
+        wanted=wish.has,
+    )
+    click.echo(f"{target}: {cut.messages} messages")
+    for damage in cut.damages:
+        click.echo(f"msbot: {damage}", err=True)
+
+
+@command.command("diff")
+@click.argument("before", type=click.Path(path_type=Path))
+@click.argument("after", type=click.Path(path_type=Path))
+def diff(before: Path, after: Path) -> None:
+    """Say what happened to parts and what people did in one recording and not in the other, and compare the topics.
+
+    Times are not compared. Exit status 1: they differ.
+    """
+    from msbot.lab.recordings.comparing import differences
+
+    with _reading(before) as first, _reading(after) as second:
+        lines = differences(first.messages(), second.messages())
+    for line in lines:
+        click.echo(_printable(line))
+    if not lines:
+        click.echo("The same happened in both.")
+    sys.exit(1 if lines else 0)
+
+
+@command.command("export")
+@_file
+@click.argument("target", type=click.Path(path_type=Path))
+@_choice
+def export(  # noqa: PLR0917 - what the command was given
+    file: Path, target: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None
+) -> None:
+    """Write the values of FILE as a table (.csv), or its CAN frames (.log as candump writes them, .asc, .blf ...)."""
+    if target.exists():
+        raise ConfigError(f"{target} is there already: give the file another name")
+    wish = _Wish(topics, slots, from_s, to_s)
+    count = _export_table(file, target, wish) if target.suffix.lower() == TABLE else _export_frames(file, target, wish)
+    click.echo(f"{target}: {count} {'values' if target.suffix.lower() == TABLE else 'frames'}")
+
+
+def _export_table(file: Path, target: Path, wish: _Wish) -> int:
+    from msbot.lab.recordings.reading import Decoder
+    from msbot.lab.recordings.telling import rows_of
+
+    decoder, count = Decoder(), 0
+    try:
+        with _reading(file) as reader, target.open("w", newline="", encoding="utf-8") as stream:
+            table = csv.writer(stream)
+            table.writerow(["time_s", "topic", "slot", "field", "value"])
+            for at_s, message in _chosen(reader, wish):
+                for topic, slot, name, value in rows_of(message, decoder):
+                    table.writerow([f"{at_s:.6f}", topic, slot, name, value])
+                    count += 1
+    except OSError as error:
+        raise ConfigError(f"cannot write {target}: {error.strerror}") from None
+    return count
+
+
+def _export_frames(file: Path, target: Path, wish: _Wish) -> int:
+    from msbot.cli.bus.frame_log import FrameWriter
+    from msbot.lab.recordings.reading import FRAMES
+    from msbot.lab.recordings.telling import frame_of
+    from msbot.link.can.protocol import LogLine
+
+    count = 0
+    with _reading(file) as reader:
+        writer = FrameWriter(target)
+        try:
+            for _, message in _chosen(reader, wish):
+                frame = frame_of(message)
+                if frame is not None:
+                    channel = message.topic.removeprefix(FRAMES).replace(":", "")
+                    writer.write(LogLine(message.at_ns / 1e9, channel, frame))
+                    count += 1
+        finally:
+            writer.close()
+    return count
+
+
+@contextmanager
+def _reading(file: Path) -> Iterator[RecordingReader]:
+    """A recording; after it was read, what is wrong with it is told."""
+    from msbot.lab.recordings.reading import RecordingReader
+
+    reader = RecordingReader(file)
+    yield reader
+    if reader.damage:
+        click.echo(f"msbot: {file} is damaged: {reader.damage}; what came before was read", err=True)
+
+
+def _chosen(reader: RecordingReader, wish: _Wish) -> Iterator[tuple[float, RecordedMessage]]:
+    """The messages that are wanted, with their times in seconds since the recording began."""
+    began_ns: int | None = None
+    for message in reader.messages():
+        began_ns = message.logged_ns if began_ns is None else began_ns
+        at_s = (message.logged_ns - began_ns) / 1e9
+        if wish.to_s is not None and at_s > wish.to_s:
+            continue
+        if wish.has(message) and (wish.from_s is None or at_s >= wish.from_s):
+            yield at_s, message
+
+
+def _began_ns(file: Path) -> int:
+    from msbot.lab.recordings.reading import RecordingReader
+
+    return next((message.logged_ns for message in RecordingReader(file).messages()), 0)
+
+
+def _printable(text: str) -> str:
+    """What others recorded must not control the terminal."""
+    return text if text.isprintable() else "".join(one if one.isprintable() else "?" for one in text)
+
+
+def _octets(value: object) -> str:
+    return value.hex() if isinstance(value, bytes) else str(value)

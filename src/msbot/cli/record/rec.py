@@ -1,0 +1,120 @@
+"""`msbot rec`: keep what the flight recorder has, and record in files."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+
+import click
+
+from msbot.cli.change.robot_access import perform
+from msbot.cli.options import json_option, robot_options
+from msbot.errors import ConfigError
+
+SUFFIX = ".mcap"
+JUST_NOW_S = 0.8
+"""What a robot has said is in the ring's file after at most this time."""
+
+
+@click.group("rec")
+def command() -> None:
+    """The flight recorder of the robot that runs here: keep what it has, record in a file of its own."""
+
+
+@command.command("save")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--last", "last_s", type=click.FloatRange(min=0.1), metavar="SECONDS", help="Only so much.")
+@robot_options
+def save(file: Path, last_s: float | None, db: str | None, robot: str | None) -> None:
+    """Keep what the flight recorder has of the last minutes in FILE (.mcap)."""
+    from msbot.lab.recorder.ring import segments
+    from msbot.lab.recordings.cutting import write_cut
+
+    folder = _status(db, robot).get("folder")
+    if not folder:
+        raise ConfigError("this robot runs with `--rec off`: nothing was recorded")
+    now_s = time.time()
+    time.sleep(JUST_NOW_S)  # until the last moment is in the file
+    try:
+        paths = [segment.path for segment in segments(Path(str(folder)))]
+    except OSError as error:
+        raise ConfigError(f"cannot read the recorder's folder {folder}: {error.strerror}") from None
+    if not paths:
+        raise ConfigError(f"the recorder has written nothing yet in {folder}")
+    from_ns = None if last_s is None else round((now_s - last_s) * 1e9)
+    target = _with_suffix(file)
+    cut = write_cut(paths, target, from_ns=from_ns)
+    seconds = 0.0 if cut.first_ns is None or cut.last_ns is None else (cut.last_ns - cut.first_ns) / 1e9
+    click.echo(f"{target}: {cut.messages} messages of {seconds:.0f} s")
+    for damage in cut.damages[:-1]:  # the newest file is being written: it has no end yet
+        click.echo(f"msbot: {damage}", err=True)
+
+
+@command.command("start")
+@click.argument("file", type=click.Path(path_type=Path))
+@robot_options
+def start(file: Path, db: str | None, robot: str | None) -> None:
+    """Record in FILE from now on, in addition to the ring."""
+    click.echo(perform(db, robot, "record", {"file": str(_with_suffix(file).absolute())})["words"])
+
+
+@command.command("stop")
+@robot_options
+def stop(db: str | None, robot: str | None) -> None:
+    """End the recording that `rec start` or `--rec FILE` began."""
+    click.echo(perform(db, robot, "end_record", {})["words"])
+
+
+@command.command("list")
+@json_option
+@robot_options
+def list_recordings(db: str | None, robot: str | None, *, as_json: bool) -> None:
+    """Say where the robot is recorded, how much there is, and what is wrong with it."""
+    status = _status(db, robot)
+    files = [asdict(one) for one in _files(status)]
+    if as_json:
+        click.echo(json.dumps({**status, "files": files}))
+        return
+    if not status:
+        click.echo("This robot runs with `--rec off`: nothing is recorded.")
+        return
+    octets = sum(one["octets"] for one in files)
+    click.echo(f"The ring is in {status['folder']}: {len(files)} files, {octets / 1e6:.1f} MB.")
+    for one in files:
+        click.echo(f"  {one['name']}  {one['octets'] / 1e6:8.2f} MB  written {one['changed']}")
+    if status.get("file"):
+        click.echo(f"Everything is recorded in {status['file']}, too.")
+    if left_out := status.get("left_out"):
+        click.echo(f"{left_out} octets were left out: more was said than could be written.")
+    troubles = status.get("troubles")
+    for name, trouble in (troubles if isinstance(troubles, dict) else {}).items():
+        click.echo(f"{name} {trouble}")
+
+
+@dataclass(frozen=True, slots=True)
+class _File:
+    name: str
+    octets: int
+    changed: str
+
+
+def _files(status: dict[str, object]) -> Iterator[_File]:
+    from msbot.lab.recorder.ring import segments
+
+    folder = Path(str(status.get("folder") or ""))
+    if status.get("folder") and folder.is_dir():
+        for segment in segments(folder):
+            changed = datetime.fromtimestamp(segment.changed_s).isoformat(" ", "seconds")
+            yield _File(segment.path.name, segment.octets, changed)
+
+
+def _status(db: str | None, robot: str | None) -> dict[str, object]:
+    return perform(db, robot, "recording", {})
+
+
+def _with_suffix(file: Path) -> Path:
+    return file if file.suffix == SUFFIX else file.with_name(f"{file.name}{SUFFIX}")

@@ -1,0 +1,269 @@
+"""The recorder's ears in the robot's process: samples, frames, states, acts. Nothing here writes a file.
+
+What is heard is packed at once and appended to a list: octets cost the garbage collector nothing, and the thread that
+calls `drain` has only to join them. A sample costs some 0.4 µs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from itertools import count
+from typing import Final, Protocol
+
+from msbot.agent import client_key_of
+from msbot.config import Library
+from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_began, encode_object, encode_state, head
+from msbot.lab.recorder.can_frames import FRAME, FRAME_DEFINITION, FRAME_TYPE
+from msbot.lab.recorder.schemas import ENCODING, ros_definition, ros_name
+from msbot.link import Link
+from msbot.link.can import CanEnd
+from msbot.link.can.protocol import Frame
+from msbot.master import Master
+from msbot.operations.dispatch import Deed, Operations
+from msbot.part import HelloWorld, Message
+from msbot.part.join.plug import ProfileMessage
+from msbot.pnp import Configuration, PartEvent, PartState
+from msbot.pnp.emergency_stop import StopStatus
+from msbot.sim.message_classes import message_class
+from msbot.space import THIS_PROGRAM, Deliver, Guid, Owner, Qos, Reader, Space, Topic, Writer
+
+MOST_CHANNELS: Final = 4_000
+SAMPLE: Final = int(Kind.SAMPLE)
+
+
+class Recorder:
+    """Listens to one robot; `drain` gives what was heard.
+
+    Args:
+        clock: seconds, the robot's own.
+        epoch_ns: nanoseconds since 1970.
+        library: says what the message types mean; None: no schemas but for MsBOT's own messages.
+    """
+
+    def __init__(self, clock: Callable[[], float], epoch_ns: Callable[[], int], library: Library | None = None) -> None:
+        self.clock = clock
+        self._began_ns = epoch_ns() - round(clock() * 1e9)
+        self._types: dict[str, type[Message]] = {cls.type_name: cls for cls in (ProfileMessage, HelloWorld)}
+        if library is not None:
+            self._types |= {name: message_class(message) for name, message in library.messages.items()}
+        self._pending: list[bytes] = []
+        self.append: Callable[[bytes], None] = self._pending.append
+        """Takes the head of a record, then its content."""
+        self.put(Kind.BEGAN, 0, 0.0, encode_began(self._began_ns))
+        self._numbers: dict[RecordedChannel, int] = {}
+        self._next = count(1)
+        self._master: Master | None = None
+        self._told: dict[str, int] = {}
+        """Slot -> version of the configuration that was recorded last."""
+        self._tapped: set[Link] = set()
+
+    # For the one who hands over to the recorder's process.
+
+    def drain(self) -> bytes:
+        """Everything heard since the last call, packed; may be called by another thread."""
+        pending = self._pending
+        size = len(pending)
+        if not size:
+            return b""
+        heard = pending[:size]
+        del pending[:size]
+        return b"".join(heard)
+
+    def put(self, kind: Kind, channel: int, at: float, content: bytes) -> None:
+        """A record, at this time of the robot's clock."""
+        self.append(head(kind, channel, at, len(content)))
+        self.append(content)
+
+    def say_again(self) -> None:
+        """Repeat what a new recorder's process must know; called in the robot's event loop."""
+        self.put(Kind.BEGAN, 0, 0.0, encode_began(self._began_ns))
+        for channel, number in self._numbers.items():
+            self.put(Kind.CHANNEL, number, self.clock(), channel.encode())
+        self._told.clear()
+        if self._master is not None:
+            self._say_all(self._master)
+
+    # What is listened to.
+
+    def space(self, inner: Space) -> Space:
+        """The same space, with every sample that is written in it from this process recorded."""
+        return _RecordedSpace(inner, self)
+
+    def watch(self, master: Master, operations: Operations) -> None:
+        """Record the states of a robot's parts, STOP, what people do, and the frames of its CAN links."""
+        self._master = master
+        master.inventory.on_event(self._part_changed)
+        master.on_stop(self._stopped)
+        operations.on_done(self._done)
+        self._say_all(master)
+        for link in master.links:
+            if isinstance(link, CanEnd) and link not in self._tapped:
+                self._tapped.add(link)
+                link.on_frame(self._frame_tap(link.info.name))
+
+    def note(self, words: Mapping[str, object]) -> None:
+        """Something that the recorder itself has to say."""
+        self.put(Kind.OBJECT, self._json_channel("/msbot/recorder"), self.clock(), encode_object(words))
+
+    def start(self, path: str) -> None:
+        """Record in one more file from now on."""
+        self.put(Kind.START, 0, self.clock(), path.encode())
+
+    def stop(self) -> None:
+        """End that file."""
+        self.put(Kind.STOP, 0, self.clock(), b"")
+
+    def channel_of(self, topic: Topic, guid: Guid, *, is_service: bool) -> int | None:
+        """The channel of a writer; None: there are too many."""
+        metadata = {"topic": topic.name, "type": topic.type_name}
+        held = None if self._master is None else self._master.inventory.configuration_of(client_key_of(guid))
+        if held is not None:
+            metadata["slot"] = held.slot
+            port = next((one.port for one in held.bindings if one.topic == topic.name and one.publishes), None)
+            if port is not None:
+                metadata["port"] = port
+        cls = None if is_service else self._class_of(topic.type_name)
+        name = "/" + topic.name.removeprefix("rt/").lstrip("/")
+        schema = ("", "", "") if cls is None else (ros_name(topic.type_name), ENCODING, ros_definition(cls))
+        return self._number(RecordedChannel(name, "cdr", *schema, metadata=tuple(metadata.items())))
+
+    def _class_of(self, type_name: str) -> type[Message] | None:
+        if type_name not in self._types and "::msg::dds_::" in type_name:
+            from msbot import ros2  # of use only to robots that speak to ROS 2
+
+            ours = (cls for cls in vars(ros2).values() if isinstance(cls, type) and issubclass(cls, Message))
+            self._types |= {cls.type_name: cls for cls in ours}
+        return self._types.get(type_name)
+
+    def _number(self, channel: RecordedChannel) -> int | None:
+        number = self._numbers.get(channel)
+        if number is None and len(self._numbers) < MOST_CHANNELS:
+            number = self._numbers[channel] = next(self._next)
+            self.put(Kind.CHANNEL, number, self.clock(), channel.encode())
+        return number
+
+    def _json_channel(self, topic: str) -> int:
+        channel = RecordedChannel(topic, "json", topic.removeprefix("/"), "jsonschema", '{"type": "object"}')
+        number = self._number(channel)
+        assert number is not None, "MsBOT's own channels come first"
+        return number
+
+    # What is heard.
+
+    def _say_all(self, master: Master) -> None:
+        for topic in ("/msbot/robot", "/msbot/slots", "/msbot/events", "/msbot/acts", "/msbot/stop", "/msbot/recorder"):
+            self._json_channel(topic)
+        self._state("/msbot/robot", "robot", dataclasses.asdict(master.profile))
+        self._stopped(master.stop)
+        for info in master.inventory.view(self.clock()):
+            if info.slot is not None and info.state.is_registered:
+                self._slot(master.inventory.configuration_of(info.client_key), info.part_number)
+
+    def _state(self, topic: str, key: str, value: object) -> None:
+        self.put(Kind.STATE, self._json_channel(topic), self.clock(), encode_state(key, value))
+
+    def _part_changed(self, event: PartEvent) -> None:
+        value = {
+            "part": event.part, "slot": event.slot, "part_number": event.part_number,
+            "from": None if event.from_state is None else event.from_state.value, "to": event.to_state.value,
+            "reason": event.reason, "evidence": [list(pair) for pair in event.evidence], "uid": event.uid.hex(),
+            "client_key": event.client_key, "words": event.sentences()[0],
+        }  # fmt: skip
+        key = event.identity.hex() or f"{event.client_key:08x}"
+        self.put(Kind.STATE, self._json_channel("/msbot/events"), event.at, encode_state(key, value))
+        if event.to_state is PartState.ACTIVE and self._master is not None:
+            self._slot(self._master.inventory.configuration_of(event.client_key), event.part_number)
+
+    def _slot(self, held: Configuration | None, number: str) -> None:
+        if held is None or self._told.get(held.slot) == held.version:
+            return
+        self._told[held.slot] = held.version
+        ports = [
+            {"port": one.port, "topic": one.topic, "type": one.type_name, "publishes": one.publishes}
+            for one in held.bindings
+        ]
+        value = {"slot": held.slot, "part_number": number, "ports": ports, "settings": dict(held.settings)}
+        self._state("/msbot/slots", held.slot, value)
+
+    def _stopped(self, status: StopStatus) -> None:
+        self._state("/msbot/stop", "stop", dataclasses.asdict(status))
+
+    def _done(self, deed: Deed) -> None:
+        value = {"who": deed.who, "operation": deed.operation, "arguments": dict(deed.arguments), "words": deed.words}
+        self.put(Kind.OBJECT, self._json_channel("/msbot/acts"), self.clock(), encode_object(value))
+        if self._master is not None:
+            for info in self._master.inventory.view(self.clock()):
+                if info.state.is_registered:
+                    self._slot(self._master.inventory.configuration_of(info.client_key), info.part_number)
+
+    def _frame_tap(self, link: str) -> Callable[[float, str, Frame], None]:
+        channel = RecordedChannel(f"/msbot/frames/{link}", "cdr", FRAME_TYPE, ENCODING, FRAME_DEFINITION)
+        number, append, fixed = self._number(channel), self.append, FRAME.pack
+        assert number is not None, "MsBOT's own channels come first"
+
+        def tap(at: float, sender: str, frame: Frame) -> None:
+            data = frame.data
+            octets = fixed(
+                frame.can_id, frame.extended, frame.fd, frame.brs, frame.esi, frame.remote, frame.error,
+                sender == "here", frame.remote_length or frame.long_dlc, len(data),
+            )  # fmt: skip
+            append(head(SAMPLE, number, at, len(octets) + len(data)))
+            append(octets + data)
+
+        return tap
+
+
+class _RecordedSpace:
+    """Satisfies `Space`: another space, whose writers are overheard."""
+
+    def __init__(self, inner: Space, recorder: Recorder) -> None:
+        self.words = inner.words
+        self._inner = inner
+        self._recorder = recorder
+
+    def writer(self, topic: Topic, qos: Qos, guid: Guid, owner: Owner = THIS_PROGRAM) -> Writer:
+        """See `Space.writer`."""
+        inner = self._inner.writer(topic, qos, guid, owner)
+        number = self._recorder.channel_of(topic, guid, is_service=qos.service)
+        return inner if number is None else _RecordedWriter(inner, number, self._recorder)
+
+    def reader(self, topic: Topic, qos: Qos, deliver: Deliver, owner: Owner = THIS_PROGRAM) -> Reader:
+        """See `Space.reader`."""
+        return self._inner.reader(topic, qos, deliver, owner)
+
+
+class _RecordedWriter:
+    """Satisfies `Writer`; made by `_RecordedSpace.writer`."""
+
+    __slots__ = ("_inner", "close", "guid", "topic", "troubles", "write")
+
+    def __init__(self, inner: Writer, number: int, recorder: Recorder) -> None:
+        self._inner = inner
+        self.guid = inner.guid
+        self.topic = inner.topic
+        self.close = inner.close
+        self.troubles = inner.troubles
+        self.write = _recorded_write(inner.write, number, recorder.append, recorder.clock)
+
+    @property
+    def published(self) -> int:
+        """See `Writer.published`."""
+        return self._inner.published
+
+
+class _Write(Protocol):
+    """`Writer.write`."""
+
+    def __call__(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int: ...
+
+
+def _recorded_write(inner: _Write, number: int, append: Callable[[bytes], None], clock: Callable[[], float]) -> _Write:
+    """`Writer.write` with a record of each sample; a closure, because this is the path of every sample."""
+
+    def write(payload: bytes, related: tuple[Guid, int] | None = None) -> int:
+        append(head(SAMPLE, number, clock(), len(payload)))
+        append(payload)
+        return inner(payload, related)
+
+    return write

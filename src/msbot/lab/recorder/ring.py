@@ -1,0 +1,79 @@
+"""The flight recorder's files: short ones one after the other, of which the oldest is deleted."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+NAME: Final = re.compile(r"ring-(\d{8}T\d{6})-(\d{6})\.mcap")
+SEGMENTS: Final = 10
+"""The ring consists of about so many files: so much is deleted at once."""
+MOST_FILES: Final = 64
+LONGEST_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class RingLimits:
+    """How much a ring keeps."""
+
+    seconds: float
+    octets: int
+
+    @property
+    def segment_s(self) -> float:
+        """Seconds after which a new file begins."""
+        return min(self.seconds / SEGMENTS, LONGEST_S)
+
+    @property
+    def segment_octets(self) -> int:
+        """Octets after which a new file begins."""
+        return self.octets // SEGMENTS
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A file of a ring."""
+
+    path: Path
+    octets: int
+    changed_s: float
+    """When it was last written, seconds since 1970."""
+
+
+def segment_name(at_ns: int, number: int) -> str:
+    """The name of a file that begins at that time; in the order of their names they are in the order of time."""
+    at = datetime.fromtimestamp(at_ns // 1_000_000_000, UTC)
+    return f"ring-{at:%Y%m%dT%H%M%S}-{number % 1_000_000:06}.mcap"
+
+
+def segments(folder: Path) -> list[Segment]:
+    """The files of a ring, oldest first.
+
+    Raises:
+        OSError: the folder cannot be read.
+    """
+    found = []
+    for path in sorted(folder.iterdir()):
+        if NAME.fullmatch(path.name):
+            try:
+                status = path.stat()
+            except FileNotFoundError:
+                continue  # the recorder has just deleted it
+            found.append(Segment(path, status.st_size, status.st_mtime))
+    return found
+
+
+def too_old(files: list[Segment], limits: RingLimits, now_s: float) -> list[Path]:
+    """The files that must go so that the ring, without the file in progress, keeps its limits."""
+    gone = []
+    rest = sum(segment.octets for segment in files)
+    for index, segment in enumerate(files):
+        is_old = segment.changed_s < now_s - limits.seconds
+        if not is_old and rest <= limits.octets - limits.segment_octets and len(files) - index < MOST_FILES:
+            break
+        gone.append(segment.path)
+        rest -= segment.octets
+    return gone

@@ -1,0 +1,1 @@
+"""Recordings: reading them, whoever wrote them; cutting, comparing and exporting them."""

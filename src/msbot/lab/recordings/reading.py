@@ -1,0 +1,217 @@
+"""Reads MCAP files: ours, other programs', and damaged ones as far as they go."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import BinaryIO, Final, cast
+
+import lz4.frame
+import zstandard
+from mcap.exceptions import InvalidMagic, McapError
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+
+from msbot.errors import ConfigError
+
+LARGEST_RECORD: Final = 64 << 20
+"""Octets of the largest record that is read; a chunk of ours has a quarter of a megabyte."""
+OWN: Final = "/msbot/"
+FRAMES: Final = f"{OWN}frames/"
+NS: Final = 1_000_000_000
+_BROKEN: Final = (McapError, struct.error, ValueError, EOFError, KeyError, RuntimeError, zstandard.ZstdError)
+"""What the library raises for octets that are no MCAP file, or no longer one."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedMessage:
+    """One message of a recording."""
+
+    logged_ns: int
+    """Nanoseconds since 1970; the order in the file."""
+    at_ns: int
+    """When it happened; earlier than `logged_ns` for what was only repeated at the beginning of a file."""
+    channel: Channel
+    schema: Schema | None
+    data: bytes
+
+    @property
+    def topic(self) -> str:
+        """Its topic."""
+        return self.channel.topic
+
+    @property
+    def slot(self) -> str:
+        """The slot that published it; empty: none, or the recording does not say."""
+        return self.channel.metadata.get("slot", "")
+
+    @property
+    def is_repeated(self) -> bool:
+        """Whether it happened before the file began."""
+        return self.at_ns < self.logged_ns
+
+
+class RecordingReader:
+    """The messages of one file, in its order."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.damage = ""
+        """After reading: why the file could not be read to its end, in words; empty: it could."""
+
+    def messages(self) -> Iterator[RecordedMessage]:
+        """Every message.
+
+        Raises:
+            ConfigError: the file cannot be opened, or is no MCAP file.
+        """
+        try:
+            with self.path.open("rb") as stream:
+                yield from self._messages(stream)
+        except OSError as error:
+            raise ConfigError(f"cannot read {self.path}: {error.strerror or error}") from None
+
+    def _messages(self, stream: BinaryIO) -> Iterator[RecordedMessage]:
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Channel] = {}
+        records = _records(_Bounded(stream, self.path.stat().st_size))
+        while True:
+            try:
+                record = next(records, None)
+            except InvalidMagic as error:
+                if stream.tell() > len(_MAGIC):
+                    self.damage = "it has no proper end"
+                    return
+                raise ConfigError(f"{self.path} {_no_recording(stream)}") from error
+            except _BROKEN as error:
+                if stream.tell() <= len(_MAGIC):
+                    raise ConfigError(f"{self.path} {_no_recording(stream)}") from error
+                self.damage = f"it cannot be read beyond octet {stream.tell()} ({error or type(error).__name__})"
+                return
+            match record:
+                case None:
+                    return
+                case Schema():
+                    schemas[record.id] = record
+                case Channel():
+                    channels[record.id] = record
+                case Message() if (channel := channels.get(record.channel_id)) is not None:
+                    schema = schemas.get(channel.schema_id)
+                    yield RecordedMessage(record.log_time, record.publish_time, channel, schema, record.data)
+
+
+_MAGIC: Final = b"\x89MCAP0\r\n"
+
+
+class _Bounded:
+    """A stream of which no more is read than there is: lengths in a damaged file may be anything."""
+
+    def __init__(self, stream: BinaryIO, size: int) -> None:
+        self._stream = stream
+        self._rest = size
+
+    def read(self, length: int) -> bytes:
+        """So many octets.
+
+        Raises:
+            EOFError: there are not so many.
+        """
+        if length > self._rest:
+            raise EOFError("the file ends there")
+        self._rest -= length
+        return self._stream.read(length)
+
+
+def _records(stream: _Bounded) -> Iterator[McapRecord]:
+    reader = StreamReader(cast("BinaryIO", stream), emit_chunks=True, record_size_limit=LARGEST_RECORD)
+    for record in reader.records:
+        if isinstance(record, Chunk):
+            yield from breakup_chunk(replace(record, compression="", data=_unpacked(record)), validate_crc=True)
+        else:
+            yield record
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """A chunk's content; a few octets cannot become gigabytes.
+
+    Raises:
+        ValueError: it is larger than it says, or than any honest chunk.
+    """
+    size = chunk.uncompressed_size
+    if size > LARGEST_RECORD:
+        raise ValueError(f"a chunk of {size} octets")
+    match chunk.compression:
+        case "":
+            return chunk.data
+        case "lz4":
+            content: bytes = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+        case "zstd":
+            content = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+        case other:
+            raise ValueError(f"a chunk compressed by {other!r}, which this program does not know")
+    if len(content) != size:
+        raise ValueError("a chunk with another content than it says")
+    return content
+
+
+def _no_recording(stream: BinaryIO) -> str:
+    stream.seek(0)
+    begin = stream.read(len(_MAGIC))
+    if begin[:5] == _MAGIC[:5] and begin != _MAGIC:
+        return f"is an MCAP file of version {begin[5:6].decode(errors='replace')}; this program reads version 0"
+    if not begin:
+        return "is empty"
+    return "is no recording: it does not begin like an MCAP file"
+
+
+class Decoder:
+    """Turns the octets of messages into values, by the schemas that the recording itself carries."""
+
+    def __init__(self) -> None:
+        self._decoders: dict[tuple[str, bytes], Callable[[bytes], object] | None] = {}
+
+    def fields(self, message: RecordedMessage) -> Mapping[str, object] | None:
+        """The fields of a message; None: what its octets mean is not known."""
+        if message.channel.message_encoding == "json":
+            try:
+                found = json.loads(message.data)
+            except ValueError:
+                return None
+            return found if isinstance(found, dict) else {"value": found}
+        schema = message.schema
+        if schema is None or message.channel.message_encoding != "cdr" or schema.encoding != "ros2msg":
+            return None
+        key = (schema.name, schema.data)
+        if key not in self._decoders:
+            self._decoders[key] = _decoder(message)
+        decode = self._decoders[key]
+        if decode is None:
+            return None
+        try:
+            return _plain_fields(decode(message.data))
+        except _BROKEN:
+            return None
+
+
+def _decoder(message: RecordedMessage) -> Callable[[bytes], object] | None:
+    from mcap_ros2.decoder import DecoderFactory  # takes a tenth of a second
+
+    try:
+        return DecoderFactory().decoder_for("cdr", message.schema)
+    except Exception:
+        return None
+
+
+def _plain_fields(value: object) -> Mapping[str, object]:
+    return {name: _plain(getattr(value, name)) for name in getattr(value, "__slots__", ())}
+
+
+def _plain(value: object) -> object:
+    if hasattr(value, "__slots__") and not isinstance(value, str | bytes | int | float):
+        return _plain_fields(value)
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return value

@@ -1,0 +1,78 @@
+"""Recordings as lines for people, as tables, and as frames of a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from struct import error as StructError
+
+from msbot.lab.recorder.can_frames import FRAME
+from msbot.lab.recordings.reading import FRAMES, OWN, Decoder, RecordedMessage
+from msbot.link.can.protocol import Frame
+
+Row = tuple[str, str, str, str]
+"""`(topic, slot, field, value)`."""
+
+
+def line_of(message: RecordedMessage, decoder: Decoder) -> str | None:
+    """A message in words; None for frames, which `frame_of` reads."""
+    topic = message.topic
+    if topic.startswith(FRAMES):
+        return None
+    fields = decoder.fields(message)
+    if fields is None:
+        return f"{_who(message)}{len(message.data)} octets, whose meaning the recording does not tell"
+    if topic == f"{OWN}events" and isinstance(fields.get("words"), str):
+        return str(fields["words"])
+    if topic == f"{OWN}acts":
+        given = ", ".join(f"{name}={value}" for name, value in _object(fields.get("arguments")).items())
+        return f"{fields.get('who')}: {fields.get('operation')}({given}): {fields.get('words')}"
+    if topic == f"{OWN}stop":
+        return f"STOP by {fields.get('by')}" if fields.get("stopped") else "no STOP"
+    return f"{_who(message)}{', '.join(f'{name} {_short(value)}' for name, value in fields.items())}"
+
+
+def rows_of(message: RecordedMessage, decoder: Decoder) -> Iterator[Row]:
+    """A sample as rows of a table, one for each field; nothing for what is no sample."""
+    if message.topic.startswith(OWN):
+        return
+    for name, value in _flat("", decoder.fields(message) or {}):
+        yield message.topic, message.slot, name, _short(value)
+
+
+def frame_of(message: RecordedMessage) -> Frame | None:
+    """The CAN frame that was recorded; None: it is something else."""
+    if not message.topic.startswith(FRAMES):
+        return None
+    try:
+        can_id, extended, fd, brs, esi, remote, error, _, dlc, size = FRAME.unpack_from(message.data, 4)
+    except StructError:
+        return None
+    data = message.data[4 + FRAME.size : 4 + FRAME.size + size]
+    return Frame(
+        can_id, data, bool(extended), bool(fd), bool(brs), bool(remote), bool(error), bool(esi),
+        remote_length=dlc if remote else 0, long_dlc=0 if remote else dlc,
+    )  # fmt: skip
+
+
+def _who(message: RecordedMessage) -> str:
+    return f"{message.slot}: " if message.slot else ""
+
+
+def _object(value: object) -> Mapping[str, object]:
+    return value if isinstance(value, dict) else {}
+
+
+def _short(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.7g}"
+    return value.hex() if isinstance(value, bytes) else str(value)
+
+
+def _flat(prefix: str, fields: Mapping[str, object]) -> Iterator[tuple[str, object]]:
+    for name, value in fields.items():
+        if isinstance(value, dict):
+            yield from _flat(f"{prefix}{name}.", value)
+        elif isinstance(value, list):
+            yield from _flat(f"{prefix}{name}.", {str(index): one for index, one in enumerate(value)})
+        else:
+            yield f"{prefix}{name}", value

@@ -1,0 +1,88 @@
+"""A robot in virtual time with its recorder, and recordings to look into."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Iterable
+from pathlib import Path
+from random import Random
+
+from msbot.config import load_blueprint, load_library, write_sample
+from msbot.demo import DemoRobot
+from msbot.lab.recorder.batch import Item, Kind, RecordedChannel, Unpacker
+from msbot.lab.recorder.recorder import Recorder
+from msbot.lab.recorder.ring import RingLimits
+from msbot.lab.recorder.storing import Storing
+from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
+from msbot.operations.dispatch import RunningOperations
+from msbot.registry import open_registry
+from msbot.runtime.virtual_time import run_virtual
+from msbot.space import MemorySpace
+
+NS = 1_000_000_000
+BEGAN_NS = 1_700_000_000 * NS
+LIMITS = RingLimits(100.0, 100 << 20)
+
+Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]
+
+
+def record_demo(folder: Path, target: Path, scene: Scene) -> DemoRobot:
+    """Run the thesis' ring through a scene in virtual time; everything is recorded in the target."""
+
+    async def main() -> DemoRobot:
+        write_sample(folder / "robot.toml")
+        library = load_library()
+        blueprint = load_blueprint(folder / "robot.toml", library)
+        loop = asyncio.get_running_loop()
+        recorder = Recorder(loop.time, lambda: BEGAN_NS, library)
+        with open_registry(folder / "robot.db") as registry:
+            record = registry.robots.apply_blueprint(blueprint, library)
+            robot = DemoRobot(
+                blueprint,
+                registry.runs.begin(record),
+                node_ids=registry.runs.node_ids(record, "test"),
+                random=Random(1),
+                epoch_ns=lambda: BEGAN_NS,
+                space=recorder.space(MemorySpace(clock=loop.time)),
+            )
+            operations = RunningOperations(robot.master, registry, record, library=library)
+            recorder.watch(robot.master, operations)
+            async with asyncio.TaskGroup() as tasks:
+                running = tasks.create_task(robot.run())
+                await robot.master.ready.wait()
+                await scene(robot, operations)
+                robot.finish()
+                await running
+        store(Unpacker().feed(recorder.drain()), target)
+        return robot
+
+    return run_virtual(main())
+
+
+def store(items: Iterable[Item], target: Path) -> None:
+    """Write records to one file, as the recorder's process does with `--rec FILE`."""
+    said: list[tuple[str, str]] = []
+    storing = Storing(None, LIMITS, lambda file, trouble: said.append((file, trouble)))
+    storing.take((Kind.START, 0, 0, str(target).encode()), 0.0)
+    for item in items:
+        storing.take(item, 0.0)
+    storing.close()
+    assert said == []
+
+
+def channel(number: int, topic: str = "/t", **more: str) -> Item:
+    """A record that declares a channel."""
+    return (Kind.CHANNEL, number, 0, RecordedChannel(topic, "cdr", metadata=tuple(more.items())).encode())
+
+
+def sample(number: int, at_s: float, content: bytes) -> Item:
+    """A record with a sample."""
+    return (Kind.SAMPLE, number, BEGAN_NS + round(at_s * NS), content)
+
+
+def messages(path: Path) -> list[RecordedMessage]:
+    """Everything in a file that must be whole."""
+    reader = RecordingReader(path)
+    found = list(reader.messages())
+    assert reader.damage == ""
+    return found

@@ -1,0 +1,146 @@
+"""The flight recorder of real programs: killed, stopped, saved, looked into."""
+
+import json
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from msbot.lab.recorder.ring import segments
+from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
+from tests.e2e.processes import Process, run, running
+from tests.e2e.test_processes import free_port
+
+PATIENCE_S = 30.0
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[tuple[Process, dict[str, str], Path]]:
+    """A master whose recorder is on, with one part, and the folder of its ring."""
+    (tmp_path / "run").mkdir(mode=0o700)
+    env = {"XDG_STATE_HOME": str(tmp_path / "state"), "XDG_RUNTIME_DIR": str(tmp_path / "run"), "MSBOT_REC": "10min"}
+    link = f"udp:127.0.0.1:{free_port()}"
+    assert run("init", cwd=tmp_path, env=env).returncode == 0
+    with running("master", "--no-page", "--link", link, cwd=tmp_path, env=env) as master:
+        master.wait_for("is up on")
+        with running("part", "AA", "--link", link, cwd=tmp_path, env=env):
+            master.wait_for("-> active")
+            status = json.loads(run("rec", "list", "--json", cwd=tmp_path, env=env).stdout)
+            yield master, env, Path(status["folder"])
+
+
+def until(found: Callable[[], bool]) -> None:
+    """Wait for something that another process does."""
+    patience = time.monotonic() + PATIENCE_S
+    while not found():
+        assert time.monotonic() < patience
+        time.sleep(0.05)
+
+
+def in_ring(folder: Path) -> list[RecordedMessage]:
+    """What the ring's files hold at the moment."""
+    if not folder.is_dir():
+        return []
+    return [message for segment in segments(folder) for message in RecordingReader(segment.path).messages()]
+
+
+def test_a_killed_master_leaves_a_recording_that_is_whole(
+    robot: tuple[Process, dict[str, str], Path], tmp_path: Path
+) -> None:
+    master, env, folder = robot
+    until(lambda: any(b"-> active" in one.data for one in in_ring(folder)))
+    before_ns = max(one.at_ns for one in in_ring(folder))
+    until(lambda: max(one.at_ns for one in in_ring(folder)) > before_ns + 10**9)
+    killed_ns = time.time_ns()
+    master.end(signal.SIGKILL)
+
+    def is_whole() -> bool:
+        reader = RecordingReader(segments(folder)[-1].path)
+        for _ in reader.messages():
+            pass
+        return not reader.damage
+
+    until(is_whole)  # the recorder has written the end of its file
+    found = in_ring(folder)
+    assert killed_ns - max(one.at_ns for one in found) < 2.2 * 10**9  # the part beats once a second; 0.2 s may be lost
+    shown = run("log", "show", str(segments(folder)[-1].path), cwd=tmp_path, env=env)
+    assert "active in slot AA" in shown.stdout
+    assert shown.stderr == ""
+    assert folder.stat().st_mode & 0o077 == 0
+    assert all(segment.path.stat().st_mode & 0o077 == 0 for segment in segments(folder))
+
+
+def test_a_killed_recorder_leaves_what_it_wrote_and_another_one_goes_on(
+    robot: tuple[Process, dict[str, str], Path], tmp_path: Path
+) -> None:
+    master, env, folder = robot
+    until(lambda: any(b"-> active" in one.data for one in in_ring(folder)))
+    (recorder,) = children(master.pid)
+    os.kill(recorder, signal.SIGKILL)
+    master.wait_for("the recorder has ended; another one is started")
+    until(lambda: len(segments(folder)) == 2)
+    first, second = (segment.path for segment in segments(folder))
+    assert any(b"-> active" in one.data for one in RecordingReader(first).messages())
+
+    def knows_the_slot() -> bool:
+        found = [one for one in RecordingReader(second).messages() if one.topic == "/msbot/slots"]
+        return [json.loads(one.data)["slot"] for one in found] == ["AA"]
+
+    until(knows_the_slot)
+    until(lambda: any(one.topic == "/msbot/recorder" for one in RecordingReader(second).messages()))
+    saved = run("rec", "save", "all", cwd=tmp_path, env=env)
+    assert saved.returncode == 0, saved.stderr
+    assert (tmp_path / "all.mcap").exists()
+    assert run("rec", "save", "all", cwd=tmp_path, env=env).returncode == 2
+
+
+def test_recording_starts_and_stops_while_the_robot_runs(
+    robot: tuple[Process, dict[str, str], Path], tmp_path: Path
+) -> None:
+    _, env, _ = robot
+    started = run("rec", "start", "lesson", cwd=tmp_path, env=env)
+    assert started.stdout.strip().endswith("lesson.mcap from now on")
+    assert "lesson.mcap" in run("rec", "list", cwd=tmp_path, env=env).stdout
+    assert run("stop", cwd=tmp_path, env=env).returncode == 0
+    assert "is complete" in run("rec", "stop", cwd=tmp_path, env=env).stdout
+    path = tmp_path / "lesson.mcap"
+
+    def ended() -> bool:
+        reader = RecordingReader(path)
+        return any(one.topic == "/msbot/acts" for one in reader.messages()) and not reader.damage
+
+    until(ended)
+    assert "STOP by" in run("log", "show", str(path), "--topic", "msbot/stop", cwd=tmp_path, env=env).stdout
+    refused = run("rec", "stop", cwd=tmp_path, env=env)
+    assert refused.returncode == 2
+    assert "nothing is recorded but the ring" in refused.stderr
+    exists = run("rec", "start", "lesson", cwd=tmp_path, env=env)
+    assert exists.returncode == 2
+    assert "is there already" in exists.stderr
+
+
+def test_off_is_off(tmp_path: Path) -> None:
+    env = {"XDG_STATE_HOME": str(tmp_path / "state"), "XDG_RUNTIME_DIR": str(tmp_path / "run")}
+    (tmp_path / "run").mkdir(mode=0o700)
+    assert run("init", cwd=tmp_path, env=env).returncode == 0
+    link = f"udp:127.0.0.1:{free_port()}"
+    with running("master", "--no-page", "--rec", "off", "--link", link, cwd=tmp_path, env=env) as master:
+        master.wait_for("is up on")
+        assert children(master.pid) == []
+        assert "nothing is recorded" in run("rec", "list", cwd=tmp_path, env=env).stdout
+        saved = run("rec", "save", "x", cwd=tmp_path, env=env)
+        assert (saved.returncode, "nothing was recorded" in saved.stderr) == (2, True)
+    wrong = run("master", "--rec", "ten", cwd=tmp_path, env=env)
+    assert wrong.returncode == 2
+    assert "say how much to keep" in wrong.stderr
+
+
+def children(pid: int) -> list[int]:
+    """The processes that a process has started."""
+    found = []
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        found += [int(word) for word in (task / "children").read_text().split()]
+    return found

@@ -1,0 +1,118 @@
+"""What is recorded of a robot, read by programs of others."""
+
+import asyncio
+import json
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from msbot.demo import DemoRobot
+from msbot.lab.recorder.batch import RecordedChannel
+from msbot.lab.recorder.recorder import Recorder
+from msbot.lab.recordings.comparing import differences
+from msbot.lab.recordings.reading import Decoder, RecordingReader
+from msbot.lab.recordings.telling import frame_of, line_of
+from msbot.operations.dispatch import RunningOperations
+from msbot.space import MemorySpace, Qos, Topic
+from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo
+
+
+async def a_part_comes_and_goes(robot: DemoRobot, operations: RunningOperations) -> None:
+    await asyncio.sleep(3)
+    robot.unplug("BB")
+    await asyncio.sleep(8)
+    await operations.do("stop", who="Ada", reason="a finger")
+    await asyncio.sleep(1)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recording")
+    record_demo(folder, folder / "a.mcap", a_part_comes_and_goes)
+    return folder / "a.mcap"
+
+
+def test_other_programs_decode_every_sample_to_what_the_parts_said(recording: Path) -> None:
+    with recording.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        found = [
+            (channel.metadata.get("slot"), channel.metadata.get("port"), decoded)
+            for _, channel, _, decoded in reader.iter_decoded_messages(topics=["/HelloWorldTopic_1_to_2"])
+        ]
+    assert found
+    assert {slot for slot, _, _ in found} == {"AA"}
+    assert [one.index for _, _, one in found] == list(range(1, len(found) + 1))
+    assert all("turn-" in one.message for _, _, one in found)
+
+
+def test_states_acts_and_stop_are_in_it_with_their_reasons(recording: Path) -> None:
+    decoder = Decoder()
+    lines = [f"{one.topic} {line_of(one, decoder)}" for one in messages(recording) if one.topic.startswith("/msbot/")]
+    told = "\n".join(lines)
+    assert "/msbot/events EFGH-local: active -> late in slot BB" in told
+    assert "/msbot/events EFGH-local: late -> lost in slot BB" in told
+    assert "/msbot/acts Ada: stop(reason=a finger)" in told
+    assert "/msbot/stop STOP by Ada" in told
+    slots = [json.loads(one.data) for one in messages(recording) if one.topic == "/msbot/slots"]
+    assert {slot["slot"] for slot in slots} == {"AA", "BB", "CC"}
+    assert all(slot["ports"] for slot in slots)
+
+
+def test_times_are_those_of_the_robot(recording: Path) -> None:
+    found = messages(recording)
+    assert all(BEGAN_NS <= one.at_ns <= BEGAN_NS + 15 * NS for one in found)
+    lost = next(one for one in found if one.topic == "/msbot/events" and json.loads(one.data)["to"] == "lost")
+    assert 3 + 4 <= (lost.at_ns - BEGAN_NS) / NS <= 3 + 6.1
+
+
+def test_can_frames_are_the_ones_that_were_on_the_bus(tmp_path: Path) -> None:
+    seen = []
+
+    async def scene(robot: DemoRobot, _: RunningOperations) -> None:
+        robot.on_frame(lambda _at, _sender, frame: seen.append((frame.can_id, frame.data)))
+        await asyncio.sleep(2)
+
+    record_demo(tmp_path, tmp_path / "a.mcap", scene)
+    frames = [frame_of(one) for one in messages(tmp_path / "a.mcap") if one.topic.startswith("/msbot/frames/")]
+    recorded = [(frame.can_id, frame.data) for frame in frames if frame is not None]
+    assert len(recorded) == len(frames) > 100
+    assert sorted(recorded)[:50] != []
+    assert len(set(seen) - set(recorded)) == 0
+
+
+def test_the_same_run_gives_the_same_recording(tmp_path: Path, recording: Path) -> None:
+    (tmp_path / "again").mkdir()
+    record_demo(tmp_path / "again", tmp_path / "b.mcap", a_part_comes_and_goes)
+    first, second = messages(recording), messages(tmp_path / "b.mcap")
+    assert [(one.topic, one.at_ns, one.data) for one in first] == [(one.topic, one.at_ns, one.data) for one in second]
+
+
+def test_differences_name_what_happened_in_one_run_only(tmp_path: Path, recording: Path) -> None:
+    async def nothing(_: DemoRobot, __: RunningOperations) -> None:
+        await asyncio.sleep(12)
+
+    record_demo(tmp_path, tmp_path / "b.mcap", nothing)
+    reader = RecordingReader(tmp_path / "b.mcap")
+    lines = differences(RecordingReader(recording).messages(), reader.messages())
+    assert any(line.startswith("- EFGH-local: active -> late") for line in lines)
+    assert any(line.startswith("- Ada: stop") for line in lines)
+    assert not any(line.startswith("+ ") and "lost" in line for line in lines)
+    assert differences(RecordingReader(recording).messages(), RecordingReader(recording).messages()) == []
+
+
+def test_an_unknown_type_is_recorded_without_a_schema_and_ros_types_with_theirs() -> None:
+    recorder = Recorder(lambda: 1.0, lambda: BEGAN_NS)
+    space = recorder.space(MemorySpace(clock=lambda: 1.0))
+    space.writer(Topic("strange", "Unheard"), Qos(), bytes(16)).write(b"\x01")
+    space.writer(Topic("rt/range", "sensor_msgs::msg::dds_::Range_"), Qos(), bytes(16)).write(bytes(40))
+    octets = recorder.drain()
+    assert b'"/strange", "cdr", "", ""' in octets
+    assert b'"/range", "cdr", "sensor_msgs/msg/Range", "ros2msg"' in octets
+    assert recorder.drain() == b""
+
+
+def test_a_channel_survives_its_octets() -> None:
+    one = RecordedChannel("/a", "cdr", "p/msg/B", "ros2msg", "uint8 x", (("slot", "ä"),))
+    assert RecordedChannel.decode(one.encode()) == one
