@@ -174,6 +174,7 @@ def _look():
     idle = [[port, "in", type_name_of(kind[0]), "", None, ""] for port, kind in part._listeners.items()]
     return {
         "number": part.part_number,
+        "describes": part.describes,
         "state": part.state.value,
         "reason": part.reason,
         "slot": part.slot,

@@ -49,6 +49,7 @@ PUBLISHER = const(0x0013)
 
 _REFUSED_RETRY = const(2000)
 _SHORTEST_BEAT = const(20)
+_DESCRIBE = const(6)
 
 
 class ExpectedRobot:
@@ -84,6 +85,7 @@ class Membership:
         self._retry_at = self._beat_at = self._waiting_since = None
         self._heard_at = 0
         self._seals = None  # unless a robot asks for them
+        self.description = ""  # what the part says of itself to a robot that asks
         claim = bytearray()
         put_text(claim, part.part_number)
         put_text(claim, part.local_name)
@@ -158,6 +160,8 @@ class Membership:
             self._beat_answered(struct.unpack("<I", octets)[0], now)
         elif size == 8:
             number, place, kind, _ = struct.unpack("<IHBB", octets)
+            if kind == _DESCRIBE:
+                self._describe()
             self.part.noticed(kind, number, place, now)
         elif size == 12:
             lease, _, period, reason, _ = struct.unpack("<IIHBB", octets)
@@ -306,6 +310,12 @@ class Membership:
     def _send_claim(self, now):
         self.client.write(_REQUESTER, self._claim, RELIABLE)
         self._retry_at = now + (self._retry if self.state is _S.CLAIMING else _REFUSED_RETRY)
+
+    def _describe(self):
+        if self.description and self.state in _CLAIMS:
+            said = bytearray()
+            put_text(said, self.description)
+            self._ask(bytes(said), RELIABLE)
 
     def _fetch(self, now):
         self._read_replies(RELIABLE)

@@ -45,7 +45,7 @@ def _verb(when):
 class Part:
     """One part of a robot: a part number, ports, and functions that are called when something happens."""
 
-    def __init__(self, part_number, *, local_name=None, robot="*", uid=None, board=None, key=None):
+    def __init__(self, part_number, *, local_name=None, robot="*", uid=None, board=None, key=None, describes=False):
         self.part_number = _name("part number", part_number)
         self.local_name = _name("local name", part_number if local_name is None else local_name)
         self.robot = robot if isinstance(robot, ExpectedRobot) else ExpectedRobot(robot)
@@ -58,6 +58,9 @@ class Part:
 
             self.key = parse_key(key)
         self.nature = 0  # what is behind its ports: 1 = hardware, 2 = a model of it; the robot shows it
+        self.describes = describes is not False
+        self.called = describes if isinstance(describes, str) else self.local_name
+        self.declared = []  # what it says of itself: ("publish", port, class, None), ("setting", name, kind, ...), ...
         self.slot = ""
         self.settings = {}
         self.stopped = False
@@ -68,6 +71,7 @@ class Part:
         self._listeners = {}
         self._when = {}
         self._followers = []
+        self._defaults = {}
         self._told = {}
         self._safe = {}
         self._reported = set()
@@ -82,7 +86,7 @@ class Part:
 
     # Called by a student's program.
 
-    def every(self, period):
+    def every(self, period, *, default=None):
         """Call the function below every `period` seconds while the part is active; a text names a setting."""
         if not isinstance(period, str) and not period > 0:
             raise ConfigError("every({}): the period must be more than 0 seconds".format(period))
@@ -92,12 +96,13 @@ class Part:
             timed = _Every(1000 if isinstance(period, str) else _ms(period), function)
             self._timed.append(timed)
             if isinstance(period, str):
+                self._declare(period, float, default, 0.001, None, "s")
                 self._followers.append((period, float, lambda seconds: self._pace(timed, period, seconds)))
             return function
 
         return remember
 
-    def on(self, port, message_class, *, optional=False):
+    def on(self, port, message_class, *, optional=False, safe=None):
         """Call the function below with each message that arrives at the port."""
         if not (isinstance(message_class, type) and issubclass(message_class, Message)):
             words = "@part.on({!r}, ...) needs the class of the message, not {!r}: on({!r}, HelloWorld)"
@@ -108,16 +113,22 @@ class Part:
         def remember(function):
             _check(function)
             self._listeners[port] = (message_class, function, optional)
+            self.declared.append(("subscribe", port, message_class, safe))
             return function
 
         return remember
 
-    def on_setting(self, name, kind=str):
+    def publishes(self, port, message_class):
+        """Declare that the part publishes such messages at that port; a part that describes itself must."""
+        self.declared.append(("publish", port, message_class, None))
+
+    def on_setting(self, name, kind=str, *, default=None, least=None, most=None, unit=""):
         """Call the function below with the setting's value, before `on_join`, and whenever it changes."""
         _check_kind(name, kind)
 
         def remember(function):
             _check(function)
+            self._declare(name, kind, default, least, most, unit)
             self._followers.append((name, kind, function))
             return function
 
@@ -206,6 +217,10 @@ class Part:
         if self.uid is None:
             self.uid = struct.pack("<II", random.getrandbits(32), random.getrandbits(32))
         self._membership = Membership(self, link)
+        if self.describes:
+            from .description import describe
+
+            self._membership.description = describe(self)
         self._client = self._membership.client
         link.begin(self, self._client, now)
         self._client.start(now)
@@ -384,9 +399,9 @@ class Part:
     # Settings and the safe state.
 
     def _tell_settings(self):
-        told, self._told = self._told, dict(self.settings)
+        told, self._told = self._told, {}
         for name, kind, function in self._followers:
-            text = self.settings.get(name)
+            text = self._told[name] = self.settings.get(name, self._defaults.get(name))
             if text is None:
                 self._report("setting {!r}".format(name), "this robot does not set it", "absent")
             elif told.get(name) != text:
@@ -396,6 +411,17 @@ class Part:
                     self._report("setting {!r}".format(name), str(error))
                 else:
                     self._call(function, value)
+
+    def _declare(self, name, kind, default, least, most, unit):
+        if default is None and not self.describes:
+            return
+        if default is None:
+            words = "setting {!r} needs a default, because the part describes itself: for example "
+            words += "on_setting({!r}, float, default=1.0) or every({!r}, default=1.0)"
+            raise ConfigError(words.format(name, name, name))
+        default = kind(default)
+        self._defaults[name] = str(default).lower() if kind is bool else str(default)
+        self.declared.append(("setting", name, kind, (default, least, most, unit)))
 
     def _pace(self, timed, name, seconds):
         if not seconds >= 0.001:

@@ -56,7 +56,8 @@ class Seals:
 
     def seal_request(self, octets):
         """A request to the inventory, sealed unless it is a claim or a proof."""
-        return self.seal(1 if len(octets) == 8 else 0, octets) if len(octets) <= 8 else octets
+        size = len(octets)
+        return self.seal(1 if size >= 8 else 0, octets) if size <= 8 or size > 535 else octets
 
 
 class _Seal:

@@ -115,6 +115,16 @@ async def sealed(world: World) -> None:
     await asyncio.sleep(0.2)
 
 
+async def describes(world: World) -> None:
+    world.plug()
+    await asyncio.sleep(8.0)
+    for line in world.said_of_itself().splitlines():
+        world.note(line)
+    world.adopt("VANE-1")
+    await world.until_state("active")
+    await asyncio.sleep(0.2)
+
+
 async def settings(world: World) -> None:
     await begin(world, hears(world, "out", Count))
     await asyncio.sleep(0.7)
@@ -335,6 +345,17 @@ EXAMPLES = {
 SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
     "errors": Scene(wired("in in HelloWorld"), errors),
     "gpio": Scene(wired("in in HelloWorld"), gpio),
+    "describes": Scene(
+        wired("wind out Wind", "brake in Level", settings=(("gain", "5"), ("brake.safe.percent", "100"))), describes
+    ),
+    "describes_sealed": Scene(
+        replace(
+            wired("light out Light"),
+            options=Options(authentication="key+data", explain=False),
+            keys=((bytes(range(8)), KEY),),
+        ),
+        describes,
+    ),
     "key": Scene(KEYED, key),
     "large": Scene(wired("in in Text", "out out Text"), large),
     "listen": Scene(wired("in in HelloWorld"), listen),

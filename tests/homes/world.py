@@ -154,6 +154,17 @@ class World:
         key = next(info.client_key for info in self.master.inventory.view(now) if info.slot == slot)
         self.master.inventory.rearrange({key: to}, now, "moved by ann")
 
+    def said_of_itself(self) -> str:
+        """What the program's part has said of itself; empty: nothing."""
+        infos = self.master.inventory.view(0.0)
+        return next((info.says.text.rstrip() for info in infos if info.says is not None), "")
+
+    def adopt(self, number: str) -> None:
+        """Somebody gives the program's slot to parts of that number, which the library knows from now on."""
+        self.store.types[number] = PartType(number, "adopted")
+        self.store.slot_list[0] = Slot(SLOT, number)
+        self.master.inventory.reload(asyncio.get_running_loop().time())
+
     def identify(self) -> None:
         """Somebody asks which part the program's is."""
         key = next(info.client_key for info in self.master.inventory.view(0.0) if info.slot == SLOT)

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.errors import MsbotError
-from msbot.link import InprocHub, LinkInfo, LossyLink
+from msbot.link import InprocHub, Link, LinkInfo, LossyLink
 from msbot.master import Master
 from msbot.operations.dispatch import Operations, RunningOperations
 from msbot.operations.outcome import Outcome
@@ -106,6 +106,10 @@ class Stage:
         link = LossyLink(self._hub.connect(), random=Random(name), drop=drop)
         self._running[name] = self.tasks.create_task(part.run_async(link, epoch_ns=lambda: 0))
         return part
+
+    def connect(self) -> Link:
+        """A link for a part that a test makes itself."""
+        return self._hub.connect()
 
     def pull(self, name: str) -> None:
         """Pull a part out without a word."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from msbot.config import PartType
 from msbot.operations.dispatch import perform
 from msbot.operations.table import OPERATIONS
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
@@ -19,6 +20,14 @@ RING = ("AA=DIAL", "BB=EFGH", "CC=WXYZ", "DD=EFGH")
 async def ask(stage: Stage, do: str, **args: object) -> dict[str, object]:
     named = {name.rstrip("_"): value for name, value in args.items()}
     return await perform(stage.operations, {"do": do, "args": named, "who": "ann"})
+
+
+async def forgotten(stage: Stage) -> dict[str, object]:
+    """A part type that was adopted is forgotten."""
+    library = stage.operations.applying._running.library
+    assert library is not None
+    library.become(library.with_type(PartType("OLD", "old", origin="said by the part")))
+    return await ask(stage, "forget_type", number="OLD")
 
 
 class Tape:
@@ -75,6 +84,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             ),
             "add_slot": await ask(stage, "add_slot", slot="EE", part="EFGH"),
             "remove_slot": await ask(stage, "remove_slot", slot="EE"),
+            "forget_type": await forgotten(stage),
         }  # fmt: skip
         assert done.keys() == set(OPERATIONS)
         assert {name: answer["error"] for name, answer in done.items() if "error" in answer} == {}

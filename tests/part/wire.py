@@ -257,6 +257,9 @@ class SmallMaster:
                 return (
                     plug.BeatReply(configuration_version=self.version if known else 0) if self.answers_beats else None
                 )
+            case plug.DescriptionMessage(text=text):
+                self.requests.append(("description", text.rstrip()))
+                return None
             case plug.NatureMessage(lease=lease, nature=nature):
                 self.requests.append((f"nature {nature}", self.parts.get(lease, "")))
                 return None

@@ -15,12 +15,13 @@ from msbot.config.blueprint.model import (
     SlotPort,
     Timing,
 )
-from msbot.config.blueprint.reader import library_folders, load_blueprint, open_blueprint, parse_blueprint
+from msbot.config.blueprint.reader import ADOPTED, library_folders, load_blueprint, open_blueprint, parse_blueprint
 from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML, SAMPLES, write_sample
 from msbot.config.blueprint.writer import blueprint_toml, preset_of, slot_toml
 from msbot.config.library.board_document import board_documents
 from msbot.config.library.board_drivers import BOARD_DRIVERS
 from msbot.config.library.board_wiring import WiredPart, wired_part, wired_parts
+from msbot.config.library.description_reader import Described, read_description
 from msbot.config.library.library import (
     SHIPPED,
     BusKind,
@@ -49,6 +50,7 @@ from msbot.config.toml.problems import FoundProblems, problems_json
 from msbot.config.toml.table import Scalar
 
 __all__ = [
+    "ADOPTED",
     "BOARD_DRIVERS",
     "NOBODY",
     "PRESETS",
@@ -62,6 +64,7 @@ __all__ = [
     "Category",
     "Control",
     "ControlKind",
+    "Described",
     "Difference",
     "Direction",
     "DriverPin",
@@ -104,6 +107,7 @@ __all__ = [
     "parse_versions",
     "preset_of",
     "problems_json",
+    "read_description",
     "scalar_text",
     "slot_toml",
     "split_number",

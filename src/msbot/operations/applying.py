@@ -31,7 +31,7 @@ class BlueprintChange:
 
     async def add_slot(self, slot: str, part: str, description: str, who: str) -> Outcome:
         """Give the robot another slot, for parts of that number."""
-        present = await self._present()
+        present = await self.present()
         if present.slot(slot) is not None:
             raise ConfigError(said("there is a slot {slot} already: choose another name", slot=slot))
         made = Slot(slot, part, description=description)
@@ -40,9 +40,9 @@ class BlueprintChange:
     async def remove_slot(self, slot: str, who: str) -> Outcome:
         """Remove a slot and its ends of topics from the robot; the part in it is delisted."""
         target = slot_of(self._running, slot)
-        return await self._checked(without_slot(await self._present(), target), who)
+        return await self._checked(without_slot(await self.present(), target), who)
 
-    async def _present(self) -> Blueprint:
+    async def present(self) -> Blueprint:
         """The blueprint as it was last applied; changes made by hand are kept anyway."""
         registry, robot = self._running.database()
         return await registry.storage.in_time(partial(registry.robots.blueprint, robot, by_hand=False))
@@ -85,7 +85,10 @@ class BlueprintChange:
                 )
             )
         _, edit = await registry.storage.in_time(registry.robots.change_blueprint, blueprint, types, who)
-        running.library = running.master.library = types
+        if running.library is None:
+            running.library = types
+        running.library.become(types)  # for all who have it: the pages, too
+        running.master.library = running.library
         before, running.master.blueprint = running.master.blueprint, blueprint
         inventory.reload(running.now())
         running.configure(slot.name for slot in blueprint.slots)

@@ -18,6 +18,7 @@ from msbot.operations.applying import BlueprintChange
 from msbot.operations.arguments import read_arguments
 from msbot.operations.blocking import Blocking, StoredBlocking
 from msbot.operations.by_hand import ByHand
+from msbot.operations.described_parts import DescribedParts
 from msbot.operations.outcome import Outcome
 from msbot.operations.placement import Placement
 from msbot.operations.recording import Recording
@@ -140,15 +141,16 @@ class RunningOperations(Operations):
         library: Library | None = None,
     ) -> None:
         running = RunningRobot(master, registry, robot, library)
-        self.placement = Placement(running)
+        self.applying = BlueprintChange(running)
+        described = DescribedParts(running, self.applying)
+        self.placement = Placement(running, described)
         self.stopping = Stopping(running)
         self.showing = Showing(running)
-        self.applying = BlueprintChange(running)
         self.by_hand = ByHand(running)
         self.recording = Recording()
         super().__init__(
             SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
-            self.applying, self.by_hand, self.recording, Blocking(running), Wires(running),
+            self.applying, self.by_hand, self.recording, Blocking(running), Wires(running), described,
         )  # fmt: skip
 
 

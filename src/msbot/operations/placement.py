@@ -9,6 +9,7 @@ from functools import partial
 from msbot.errors import ConfigError, RegistryError
 from msbot.operations.adoption_window import AdoptionWindow
 from msbot.operations.changeable_robot import slot_of
+from msbot.operations.described_parts import DescribedParts
 from msbot.operations.outcome import Outcome, outcome_of
 from msbot.operations.part_names import describe
 from msbot.operations.running_robot import RunningRobot
@@ -37,8 +38,9 @@ class Placement:
     has changed.
     """
 
-    def __init__(self, running: RunningRobot) -> None:
+    def __init__(self, running: RunningRobot, described: DescribedParts) -> None:
         self._running = running
+        self._described = described
         self._inventory = running.inventory
         self._window = AdoptionWindow()
         self._newcomers: dict[bytes, tuple[str, str]] = {}
@@ -48,9 +50,18 @@ class Placement:
         self._inventory.on_take_over(self._taken_over)
 
     async def adopt(self, part: str, slot: str | None, who: str) -> Outcome:
-        """Put a standby part, or one that the library does not know, into an empty slot."""
+        """Put a standby part, or one that the library does not know, into an empty slot.
+
+        A part that says what it is gets a part type and a slot of its own, unless a slot that there is was named.
+        """
         info = self._running.part(part, prefer=lambda one: not one.state.is_registered)
         self._check_movable(info)
+        if info.says is not None and slot not in self._running.slot_names():
+            if info.says.fault:
+                raise ConfigError(
+                    said("what {part} says of itself is refused: {fault}", part=info.part, fault=info.says.fault)
+                )
+            return await self._described.make_type(info, slot, who)
         target = self._empty_slot_for(info) if slot is None else slot_of(self._running, slot)
         holder = self._running.holder(target)
         if holder is not None and holder.client_key == info.client_key:

@@ -222,6 +222,12 @@ _ROWS = (
         "Its ends of topics go with it, and a part in it is delisted.",
     ),
     Operation(
+        "forget_type", "Take a part type that was adopted out of the library again.",
+        (Argument("number", is_needed=True, shown_as="NUMBER", help="Its part number."),),
+        Right.DESIGN, Where.RUNNING, Kept.CHANGE, "library", "DELETE /library/{number}",
+        "No slot may take it any more; then a part may describe it anew.",
+    ),
+    Operation(
         "publish", "Drive a port by hand: the fan, the lamp, the servo.",
         (Argument("port", is_needed=True, shown_as="SLOT.PORT", help="A port that hears something, as fan.power."),
          Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=1000, shown_as="VALUE...",

@@ -26,11 +26,12 @@ from msbot.part.beginner import part_is_run, part_was_made
 from msbot.part.boards.gpio import UsbGpio
 from msbot.part.client.settings import ClientSettings
 from msbot.part.counters import PartCounters
+from msbot.part.description import describe
 from msbot.part.join.joining import ANY, ExpectedRobot, JoinState
 from msbot.part.join.keys import check_key, parse_key
 from msbot.part.join.plug import TEXT_OCTETS, UID_OCTETS, Nature
 from msbot.part.messages.message import Message
-from msbot.part.program import Action, Listener, PortAction, Program, When
+from msbot.part.program import Action, DeclaredSetting, Listener, PortAction, Program, When
 from msbot.part.program_runner import Identity, ProgramRunner
 from msbot.part.settings import V
 
@@ -56,6 +57,7 @@ class Part:
         board: UsbGpio | None = None,
         random: Random | None = None,
         key: bytes | str | None = None,
+        describes: bool | str = False,
     ) -> None:
         """Describe a part; `run` or `run_async` brings it to life.
 
@@ -67,6 +69,8 @@ class Part:
             board: the GPIO board that the part's functions drive; available as `part.board`.
             random: draws the client key and the session nonce, and the UID if there is none.
             key: the key with which the part proves its UID, as octets or as `msbot key new` writes it; never sent.
+            describes: when a robot does not know the part number, tell it what the part is, from what the program
+                declares; a text says it in a few words, for example `Light sensor of room 12`.
 
         Raises:
             ConfigError: a name is empty or too long, the UID does not have 8 octets, or the key is malformed.
@@ -81,6 +85,9 @@ class Part:
         """The part's key; if there is none, `run` uses the one kept for the part."""
         self.nature = Nature.UNKNOWN
         """What is behind its ports; the part tells its robot, and the page shows it."""
+        self.describes = describes is not False
+        """Whether it tells a robot that does not know its part number what it is."""
+        self._called = describes if isinstance(describes, str) else self.local_name
         self._board = board
         self._random = random or SystemRandom()
         self._program = Program()
@@ -89,11 +96,12 @@ class Part:
 
     # What a student's program declares.
 
-    def every(self, period: float | str) -> Callable[[_A], _A]:
+    def every(self, period: float | str, *, default: float | None = None) -> Callable[[_A], _A]:
         """Call the decorated function every `period` seconds while the part is active (the first time at once).
 
         Args:
             period: seconds, or the name of a setting that holds them; a change of the setting takes effect at once.
+            default: of that setting, seconds; declares it.
 
         Raises:
             ConfigError: the period is not positive, or the decorated object is not a plain function without arguments.
@@ -103,15 +111,17 @@ class Part:
             raise ConfigError(f"@part.every above {name} needs the seconds in parentheses: @part.every(1.0)")
         if not isinstance(period, str) and not period > 0:
             raise ConfigError(f"every({period}): the period must be more than 0 seconds")
+        if default is not None and not isinstance(period, str):
+            raise ConfigError(f'every({period}, default=...): only a setting has a default: every("period_s", ...)')
 
         def remember(function: _A) -> _A:
-            self._program.add_timed(period, function)
+            self._program.add_timed(period, function, default)
             return function
 
         return remember
 
     def on(
-        self, port: str, message_class: type[_M] | None = None, *, optional: bool = False
+        self, port: str, message_class: type[_M] | None = None, *, optional: bool = False, safe: _M | None = None
     ) -> Callable[[Callable[[_M], object]], Callable[[_M], object]]:
         """Call the decorated function with each message that comes in at the port.
 
@@ -119,6 +129,7 @@ class Part:
             port: the part's own name for it.
             message_class: the class of the incoming messages.
             optional: the robot need not use the port; otherwise the part reports it when the robot does not.
+            safe: the port's safe value, which a part that describes itself declares.
 
         Raises:
             ConfigError: not a message class, a second function for the port, or not a plain function of one argument.
@@ -129,22 +140,58 @@ class Part:
         if not (isinstance(message_class, type) and issubclass(message_class, Message)):
             what = "" if message_class is None else f", not {message_class!r}"
             raise ConfigError(f"@part.on({port!r}, ...) needs the class of the message{what}: on({port!r}, HelloWorld)")
+        if safe is not None and not isinstance(safe, message_class):
+            raise ConfigError(f"the safe value of port {port!r} must be a {message_class.__name__}, not {safe!r}")
 
         def remember(function: Callable[[_M], object]) -> Callable[[_M], object]:
-            self._program.add_listener(port, Listener(message_class, function, optional))  # type: ignore[arg-type]  # decoded as _M
+            self._program.add_listener(port, Listener(message_class, function, optional, safe))  # type: ignore[arg-type]  # decoded as _M
             return function
 
         return remember
 
-    def on_setting(self, name: str, kind: type[V] = str) -> Callable[[Callable[[V], object]], Callable[[V], object]]:  # type: ignore[assignment]  # the kind follows the argument
-        """Call the decorated function with the setting's value, before `on_join`, and whenever it changes.
+    def publishes(self, port: str, message_class: type[Message]) -> None:
+        """Declare that the part publishes such messages at that port; a part that describes itself must.
 
         Raises:
-            ConfigError: the kind is not bool, int, float or str, or this is not a plain function of one argument.
+            ConfigError: not a message class, or the port has another one.
         """
+        if not (isinstance(message_class, type) and issubclass(message_class, Message)):
+            raise ConfigError(
+                f"part.publishes({port!r}, ...) needs the class of the messages, not {message_class!r}: "
+                f"publishes({port!r}, HelloWorld)"
+            )
+        self._program.add_publication(port, message_class)
+
+    def on_setting(
+        self,
+        name: str,
+        kind: type[V] = str,  # type: ignore[assignment]  # the kind follows the argument
+        *,
+        default: V | None = None,
+        least: float | None = None,
+        most: float | None = None,
+        unit: str = "",
+    ) -> Callable[[Callable[[V], object]], Callable[[V], object]]:
+        """Call the decorated function with the setting's value, before `on_join`, and whenever it changes.
+
+        Args:
+            name: name of the setting.
+            kind: bool, int, float or str.
+            default: the value in a robot that does not set it; declares the setting.
+            least: lowest value of a number; only with a default.
+            most: highest value of a number; only with a default.
+            unit: unit of a number; only with a default.
+
+        Raises:
+            ConfigError: the kind is not bool, int, float or str, the default is not of that kind, or this is not a
+                plain function of one argument.
+        """
+        declared = None if default is None else DeclaredSetting(kind, default, least, most, unit)  # type: ignore[arg-type]  # V is one of the kinds
+        if declared is None and (least is not None or most is not None or unit):
+            raise ConfigError(f"on_setting({name!r}, ...): a range or unit needs a default, too")
 
         def remember(function: Callable[[V], object]) -> Callable[[V], object]:
-            self._program.add_follower(name, kind, function)
+            self._program.add_follower(name, kind, function, declared)
             return function
 
         return remember
@@ -291,7 +338,10 @@ class Part:
         part_is_run(self)
         if self.uid is None:
             self.uid = self._random.randbytes(UID_OCTETS)
-        identity = Identity(self.part_number, self.local_name, self.robot, self.uid, lambda: self.key, self.nature)
+        description = describe(self.part_number, self._called, self._program) if self.describes else ""
+        identity = Identity(
+            self.part_number, self.local_name, self.robot, self.uid, lambda: self.key, self.nature, description
+        )
         await self._runner.run(link, identity, random=self._random, settings=settings, epoch_ns=epoch_ns)
 
     def end(self) -> None:

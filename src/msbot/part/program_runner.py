@@ -46,6 +46,8 @@ class Identity:
     """The key that proves its UID; called at each challenge, because a part may get its key while it runs."""
     nature: Nature = Nature.UNKNOWN
     """What is behind its ports."""
+    description: str = ""
+    """What it says of itself to a robot that does not know its part number; empty: nothing."""
 
     def prove(self, nonce: bytes, session_key: int) -> bytes | None:
         """The answer to a challenge in that session; None = the part has no key."""
@@ -83,7 +85,7 @@ class ProgramRunner:
     def __init__(self, program: Program) -> None:
         self.program = program
         self.guard = Guard(self._mistaken)
-        self.settings = Settings(self.guard, program.followers)
+        self.settings = Settings(self.guard, program.followers, self._default_of)
         self.safety = Safety(program.listeners, program.when["safe"], self.guard)
         self.joining = Joining(ExpectedRobot())
         """The state of the part; between runs, that of the last run."""
@@ -179,6 +181,7 @@ class ProgramRunner:
             on_topic=self._sample_received,
             obeyed_stop=lambda: self.safety.number,
             nature=identity.nature,
+            description=identity.description,
         )
         self._ports = Ports(membership.client, membership.participant, membership.subscriber, membership.seals.seal)
         membership.start()
@@ -199,6 +202,10 @@ class ProgramRunner:
         if self._membership is not None:
             self._membership.end("ended")
             self._membership.client.close_soon()
+
+    def _default_of(self, setting: str) -> str | None:
+        declared = self.program.declared.get(setting)
+        return None if declared is None else declared.default_text
 
     def _tell(self, when: When) -> None:
         for function in self.program.when[when]:

@@ -38,11 +38,18 @@ class Settings:
     Args:
         guard: calls the followers.
         followers: name of a setting -> who wants to know when it changes; may grow.
+        default: the text of a setting that the robot does not set; None: the program gives none.
     """
 
-    def __init__(self, guard: Guard, followers: Mapping[str, Iterable[Follower]]) -> None:
+    def __init__(
+        self,
+        guard: Guard,
+        followers: Mapping[str, Iterable[Follower]],
+        default: Callable[[str], str | None] = lambda _: None,
+    ) -> None:
         self._guard = guard
         self._followers = followers
+        self._default = default
         self._texts: dict[str, str] = {}
         self._told: dict[str, str] = {}
 
@@ -79,9 +86,11 @@ class Settings:
 
     def tell(self) -> None:
         """Call the functions whose setting has changed since they were last called."""
-        told, self._told = self._told, dict(self._texts)
+        told, self._told = self._told, {}
         for name, followers in self._followers.items():
-            text = self._texts.get(name)
+            text = self._texts.get(name, self._default(name))
+            if text is not None:
+                self._told[name] = text
             if text is None:
                 self._guard.report(f"setting {name!r}", "this robot does not set it", kind="absent")
             elif told.get(name) != text:

@@ -86,6 +86,8 @@ class Admission:
             record = self._other_part(session, record, now)
         elif record.identity not in (b"", identity):
             record = self._other_part(session, record, now)
+        if record.claim is not None and record.claim.part_number != claim.part_number:
+            record.forget_description()
         record.claim, record.heard_at = _presentable(claim), now
         if record.plugged_in_at is None:
             record.plugged_in_at = now

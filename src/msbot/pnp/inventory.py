@@ -25,6 +25,7 @@ from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.life_watch import LifeWatch
 from msbot.pnp.model import THESIS_TIMING, Claim, Configuration, LifeTiming, PartInfo, PartStore, Standing, Verdict
 from msbot.pnp.part_events import PartEvent, PartState
+from msbot.pnp.self_descriptions import SelfDescriptions
 from msbot.pnp.session_seals import SessionSeals
 from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
 from msbot.pnp.slot_matching import Match, Matcher
@@ -59,8 +60,8 @@ class Inventory:
         self._matcher = Matcher(store)
         self._index = InventoryIndex(random, timing, keep_ended=keep_ended)
         self.hand = HandControl()
-        """Ports that people drive by hand."""
         self._changes = StateChanges(store, self._index, self._matcher, self.hand)
+        self.descriptions = SelfDescriptions(self._index, self._changes, self.dropped)
         self._assignment = SlotAssignment(store, self._index, self._matcher, self._changes)
         self._take_over_handlers: list[Callable[[TakeOver], None]] = []
         self.watch = LifeWatch(self._index, self._changes, timing, now)
@@ -100,8 +101,7 @@ class Inventory:
 
     def holder(self, slot: str, now: float) -> PartInfo | None:
         """The part that holds a slot."""
-        record = self._index.holders.get(slot)
-        return None if record is None else record.info(now, slot)
+        return None if (record := self._index.holders.get(slot)) is None else record.info(now, slot)
 
     def view(self, now: float) -> list[PartInfo]:
         """All parts that are present or were recently, in order of appearance."""
@@ -138,8 +138,7 @@ class Inventory:
 
     def shown_key(self, key: int) -> int | None:
         """The client key shown by the session that the agent knows as `key`; None: there is no such session."""
-        session = self._index.sessions.get(key)
-        return None if session is None else session.client_key
+        return None if (session := self._index.sessions.get(key)) is None else session.client_key
 
     def standing_of(self, client_key: int) -> Standing | None:
         """The status of the part behind a session; None: there is no such session, or no part behind it."""
@@ -378,6 +377,7 @@ class Inventory:
     def _reopen(self, session: PartSession, record: InventoryRecord, now: float) -> None:
         self._index.void_lease(record)
         record.address, record.plugged_in_at, record.contest = session.address, session.plugged_in_at, None
+        record.forget_description()  # it may be another program
         if record.state not in (PartState.NEW, PartState.CHECKING):
             self._changes.move(
                 record, PartState.CHECKING, now, said("opened its session again: both steps from the start")

@@ -6,7 +6,7 @@ from collections import deque
 
 from msbot.part.join.plug import Nature, Refusal
 from msbot.pnp.life_status import Life, check_transition
-from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo
+from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo, SelfDescription
 from msbot.pnp.part_events import Evidence, PartEvent, PartState
 from msbot.runtime.sentence import said
 
@@ -38,6 +38,7 @@ class InventoryRecord:
 
     __slots__ = (
         "address",
+        "asked_what",
         "claim",
         "client_key",
         "configuration",
@@ -56,8 +57,10 @@ class InventoryRecord:
         "refusal",
         "refused_claims",
         "refused_samples",
+        "says",
         "since",
         "slot",
+        "spoke_unasked",
         "state",
     )
 
@@ -85,6 +88,12 @@ class InventoryRecord:
         self.refused_claims = 0
         self.refused_samples = 0
         """Samples that showed its session but had no valid seal."""
+        self.asked_what = 0
+        """How many times it was asked what it is."""
+        self.says: SelfDescription | None = None
+        """What it answered."""
+        self.spoke_unasked = False
+        """It said what it is although nobody asked; noted once."""
         self.contest: Contest | None = None
         self.heard_at = plugged_in_at
         """When it last claimed or sent a beat."""
@@ -154,6 +163,10 @@ class InventoryRecord:
         """The part says what is behind its ports (`Nature`)."""
         self.nature = Nature.of(number)
 
+    def forget_description(self) -> None:
+        """Another program may speak for the part now: what it said of itself does not count, and it may be asked."""
+        self.asked_what, self.says = 0, None
+
     def note_duplicate(self, address: str) -> None:
         """Remember where a device with the same UID was seen; each address once."""
         if address not in self.duplicates:
@@ -181,6 +194,7 @@ class InventoryRecord:
             duplicates=tuple(self.duplicates),
             refusal=None if self.is_registered else self.refusal,
             nature=self.nature,
+            says=self.says if self.refusal is Refusal.UNKNOWN_PART and not self.is_registered else None,
         )
 
     def sentences(self, now: float) -> list[str]:

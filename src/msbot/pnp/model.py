@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from msbot.config import PartType, Slot
+from msbot.config import Described, PartType, Slot
 from msbot.errors import ConfigError
 from msbot.part.join.plug import Nature, Refusal
 from msbot.pnp.emergency_stop import StopRecord
@@ -154,6 +154,18 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True)
+class SelfDescription:
+    """What a part says of itself; until somebody adopts it, it counts for nothing."""
+
+    text: str
+    """As it was said, at most `plug.MOST_DESCRIPTION` octets."""
+    described: Described | None = None
+    """The same, checked; None: not checked yet, or refused."""
+    fault: str = ""
+    """Why it is refused."""
+
+
+@dataclass(frozen=True, slots=True)
 class PartInfo:
     """A part as the inventory shows it."""
 
@@ -183,6 +195,8 @@ class PartInfo:
     """Why it has no lease, if it is refused or stands by."""
     nature: Nature = Nature.UNKNOWN
     """What is behind its ports, as the part itself says."""
+    says: SelfDescription | None = None
+    """What it says of itself, while the library does not know its part number."""
 
 
 class PartStore(Protocol):

@@ -78,6 +78,9 @@ class RequestHandler:
                 if not self._inventory.nature_told(lease, client_key, nature):
                     self.dropped.count("nature with an unknown lease")
                 return None
+            case plug.DescriptionMessage(text=text):
+                self._inventory.descriptions.said(client_key, text, now)
+                return None
             case plug.ConfigurationRequest(lease=lease):
                 configuration = self._inventory.configuration_request(lease, client_key)
                 return None if configuration is None else self._configuration_message(configuration, client_key)
@@ -85,6 +88,11 @@ class RequestHandler:
                 return self._answer_to(claim_of(message), client_key, asker, now)
             case plug.Proof(proof=proof) | plug.SealedProof(proof=proof):
                 return self._take_proof(proof, client_key, asker, now)
+
+    def asks_what(self, request: plug.Request, client_key: int) -> bool:
+        """Whether to ask the part behind a request what it is: only where strangers get an answer, or after a proof."""
+        is_claim = isinstance(request, plug.ClaimMessage | plug.Proof | plug.SealedProof)
+        return is_claim and (self._explain or self._keys is not None) and self._inventory.descriptions.ask(client_key)
 
     def encode(self, reply: plug.Reply | None, client_key: int) -> bytes | None:
         """The octets of an answer; None: there is none, or it cannot be encoded, which is counted."""

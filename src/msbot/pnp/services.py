@@ -240,6 +240,8 @@ class InventoryService:
         reply = None if request is None else self.requests.answer(request, client_key, now, asker)
         self._remember(client_key, asker, reply)
         self._asking = None
+        if request is not None and self.requests.asks_what(request, client_key):
+            self._notify(client_key, plug.NoticeKind.DESCRIBE)
         if request is None or reply is None:
             return
         if isinstance(reply, plug.ConfigurationMessage) and self.stop.holds:

@@ -82,6 +82,7 @@ class EditKind(Enum):
     GO = "go"
     WINDOW = "window"
     HAND = "hand"
+    LIBRARY = "library"
     RESTORE = "restore"
 
 

@@ -10,11 +10,19 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from msbot.config import Binding, Blueprint, Library, PartType, Slot
+from msbot.config import Binding, Blueprint, Library, PartType, Port, Slot, scalar_text
 from msbot.master import Master
-from msbot.pnp import PartInfo, StopStatus
+from msbot.pnp import PartInfo, SelfDescription, StopStatus
 from msbot.runtime.sentence import said
-from msbot.web.api.models import PartLine, PortLine, Scalar, SlotCard, StopConfirmed, StopState
+from msbot.web.api.models import (
+    PartLine,
+    PortLine,
+    Scalar,
+    SlotCard,
+    StopConfirmed,
+    StopState,
+)
+from msbot.web.api.says import Says, SaysPort, SaysSetting
 from msbot.web.live import Live, TopicWatch
 from msbot.web.simulated.bench import Bench
 
@@ -156,7 +164,34 @@ def part_line(info: PartInfo, *, is_ignored: bool) -> PartLine:
         duplicates=list(info.duplicates),
         ignored=is_ignored,
         nature=info.nature.word,
+        says=None if info.says is None else _says(info.says),
     )
+
+
+def _says(said: SelfDescription) -> Says:
+    if said.described is None:
+        return Says(checked=False, fault=said.fault)
+    part_type = said.described.part_type
+    return Says(
+        name=part_type.name,
+        description=part_type.description,
+        ports=[_says_port(port) for port in part_type.ports],
+        settings=[
+            SaysSetting(name=one.name, default=scalar_text(one.default), least=one.least, most=one.most, unit=one.unit)
+            for one in part_type.parameters
+        ],
+        checked=True,
+    )
+
+
+def _says_port(port: Port) -> SaysPort:
+    message = port.message
+    fields = {} if message is None else {name: message.units.get(name, "") for name in message.fields}
+    safe = ", ".join(f"{name} = {scalar_text(value)}" for name, value in (port.safe or {}).items())
+    return SaysPort(
+        name=port.name, direction=port.direction.value, type=port.type_name,
+        fields=[f"{name} {unit}".strip() for name, unit in fields.items()], safe=safe,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

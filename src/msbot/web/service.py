@@ -310,7 +310,9 @@ def _check_size(toml: str) -> None:
 
 def done_of(outcome: Outcome) -> Done:
     """The outcome of an operation, for page and API."""
-    return Done(words=outcome.words, edit=outcome.edit_id)
+    return Done.model_validate(
+        {"words": outcome.words, "edit": outcome.edit_id, "offers": outcome.answer.get("offers", [])}
+    )
 
 
 def _user_line(user: User) -> UserLine:

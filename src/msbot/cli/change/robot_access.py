@@ -6,7 +6,7 @@ import json
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -72,14 +72,15 @@ def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, objec
     return answer
 
 
-def say(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> None:
-    """Have an operation carried out, and print its outcome in words, or with `--json` as JSON."""
+def say(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> dict[str, Any]:
+    """Have an operation carried out, print its outcome in words, or with `--json` as JSON, and return it."""
     answer = perform(db, robot, do, args)
     if wants_json():
         click.echo(json.dumps(answer))
-        return
+        return answer
     undo = f" (`msbot undo {answer['edit']}` takes it back)" if "edit" in answer and do != "undo" else ""
     click.echo(f"{answer['words']}{undo}")
+    return answer
 
 
 def running_master(db: str | None, robot: str | None) -> RunningProcess | None:

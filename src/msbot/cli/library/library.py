@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.options import json_option, library_here, library_option
+from msbot.cli.options import answer_options, json_option, library_here, library_option
 
 
 @click.group("library")
@@ -105,3 +105,16 @@ def add(what: str, folder: Path) -> None:
 
     path = add_file(Path(what), folder) if what.endswith(".toml") else add_template(what, folder)
     click.echo(f'{path} is written. Name its folder at the top of robot.toml:  library = ["{folder}"]')
+
+
+@command.command("forget")
+@click.argument("number")
+@answer_options
+def forget(number: str, db: str | None, robot: str | None) -> None:
+    """Take the part type NUMBER, which a running robot has adopted, out of its library; then it can be adopted anew.
+
+    Its slots must be gone: `msbot slot remove SLOT`.
+    """
+    from msbot.cli.change.robot_access import say
+
+    say(db, robot, "forget_type", {"number": number})

@@ -23,6 +23,9 @@ from msbot.config.toml.document import Document, parse_document, read_document
 from msbot.config.toml.problems import Problems
 from msbot.config.toml.table import Table
 
+ADOPTED = "adopted"
+"""The folder beside a blueprint where the robot keeps the part types that it has adopted; it is read by itself."""
+
 
 def open_blueprint(path: Path, *folders: Path) -> tuple[Blueprint, Library]:
     """Read a blueprint with its library: MsBOT's own part types, those it names itself, and those of `folders`.
@@ -34,7 +37,7 @@ def open_blueprint(path: Path, *folders: Path) -> tuple[Blueprint, Library]:
     document = _open(path, problems)
     named = _read_library(Table(document, problems, document.values))
     problems.raise_if_any()
-    library = load_library(*(path.parent / folder for folder in named), *folders)
+    library = load_library(*(path.parent / folder for folder in named), *_adopted(path), *folders)
     return _checked(document, problems, library, path), library
 
 
@@ -50,7 +53,7 @@ def library_folders(path: Path) -> tuple[Path, ...]:
     document = _open(path, problems)
     named = _read_library(Table(document, problems, document.values))
     problems.raise_if_any()
-    return tuple(path.parent / folder for folder in named)
+    return (*(path.parent / folder for folder in named), *_adopted(path))
 
 
 def load_blueprint(path: Path, library: Library) -> Blueprint:
@@ -74,6 +77,11 @@ def parse_blueprint(text: str, library: Library, name: str = "robot.toml") -> Bl
     problems.raise_if_any()
     assert document is not None
     return _checked(document, problems, library, None)
+
+
+def _adopted(path: Path) -> tuple[Path, ...]:
+    folder = path.parent / ADOPTED
+    return (folder,) if folder.is_dir() else ()
 
 
 def _open(path: Path, problems: Problems) -> Document:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Iterator, Mapping
 
 from msbot.config.blueprint.model import PRESETS, Binding, Blueprint, Slot, Timing
-from msbot.config.toml.table import Scalar
-
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
+from msbot.config.toml.values import toml_key, toml_value
 
 
 def blueprint_toml(blueprint: Blueprint, notes: Mapping[tuple[str, str], str] | None = None) -> str:
@@ -31,15 +27,15 @@ def _lines(blueprint: Blueprint, notes: Mapping[tuple[str, str], str]) -> Iterat
         yield ""
     yield "[robot]"
     for name in ("name", "version", "serial_number", "released", "manufacturer"):
-        yield f"{name} = {_value(getattr(robot, name))}"
+        yield f"{name} = {toml_value(getattr(robot, name))}"
     yield ""
     yield "[timing]"
     yield from _timing(blueprint.timing)
     yield ""
     yield "[options]"
-    yield f"explain = {_value(options.explain)}"
+    yield f"explain = {toml_value(options.explain)}"
     yield f"free_topics = {_list(options.free_topics)}"
-    yield f"authentication = {_value(options.authentication)}"
+    yield f"authentication = {toml_value(options.authentication)}"
     for slot in blueprint.slots:
         yield ""
         yield from _slot(slot, notes)
@@ -59,7 +55,7 @@ def preset_of(timing: Timing) -> str:
 
 
 def _timing(timing: Timing) -> Iterator[str]:
-    yield f"preset = {_value(timing.preset)}"
+    yield f"preset = {toml_value(timing.preset)}"
     yield from _overrides(timing, PRESETS[timing.preset])
 
 
@@ -67,29 +63,29 @@ def _overrides(timing: Timing, preset: Timing) -> Iterator[str]:
     for name in ("beat_period_s", "tick_period_s", "life", "profile_period_s"):
         value = getattr(timing, name)
         if value != getattr(preset, name):
-            yield f"{name} = {_value(value)}"
+            yield f"{name} = {toml_value(value)}"
 
 
 def _slot(slot: Slot, notes: Mapping[tuple[str, str], str]) -> Iterator[str]:
     yield "[[slot]]"
-    yield f"name = {_value(slot.name)}"
-    yield f"part = {_value(slot.part_number)}"
+    yield f"name = {toml_value(slot.name)}"
+    yield f"part = {toml_value(slot.part_number)}"
     if slot.local_name:
-        yield f"local_name = {_value(slot.local_name)}"
+        yield f"local_name = {toml_value(slot.local_name)}"
     if slot.description:
-        yield f"description = {_value(slot.description)}"
+        yield f"description = {toml_value(slot.description)}"
     if slot.settings:
         yield ""
         yield "[slot.settings]"
         for name, value in slot.settings.items():
-            yield f"{_key(name)} = {_value(value)}{_note(notes, slot.name, name)}"
+            yield f"{toml_key(name)} = {toml_value(value)}{_note(notes, slot.name, name)}"
 
 
 def _binding(binding: Binding, notes: Mapping[tuple[str, str], str]) -> Iterator[str]:
     yield f"[[binding]]{_note(notes, binding.topic, '')}"
-    yield f"topic = {_value(binding.topic)}"
-    yield f"type = {_value(binding.type_name)}"
-    yield f"from = {_value(str(binding.source))}"
+    yield f"topic = {toml_value(binding.topic)}"
+    yield f"type = {toml_value(binding.type_name)}"
+    yield f"from = {toml_value(str(binding.source))}"
     yield f"to = {_list(tuple(str(target) for target in binding.targets))}"
     if not binding.reliable:
         yield "reliable = false"
@@ -98,9 +94,9 @@ def _binding(binding: Binding, notes: Mapping[tuple[str, str], str]) -> Iterator
     if binding.in_dds.ros:
         yield "ros = true"
     if binding.in_dds.ros_type:
-        yield f"ros_type = {_value(binding.in_dds.ros_type)}"
+        yield f"ros_type = {toml_value(binding.in_dds.ros_type)}"
     if binding.in_dds.ros_fields:
-        pairs = ", ".join(f"{_key(ours)} = {_value(theirs)}" for ours, theirs in binding.in_dds.ros_fields)
+        pairs = ", ".join(f"{toml_key(ours)} = {toml_value(theirs)}" for ours, theirs in binding.in_dds.ros_fields)
         yield f"ros_fields = {{ {pairs} }}"
 
 
@@ -110,17 +106,4 @@ def _note(notes: Mapping[tuple[str, str], str], *place: str) -> str:
 
 
 def _list(texts: tuple[str, ...]) -> str:
-    return f"[{', '.join(_value(text) for text in texts)}]"
-
-
-def _key(name: str) -> str:
-    return name if _BARE.fullmatch(name) else _value(name)
-
-
-def _value(value: Scalar) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        # TOML understands what JSON escapes, but also needs DEL escaped.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
-    return repr(value)
+    return f"[{', '.join(toml_value(text) for text in texts)}]"

@@ -26,7 +26,7 @@ from msbot.config.library.part_types import (
     Supply,
     scalar_text,
 )
-from msbot.config.library.reader import LibraryFile, open_library_file, read_part_type
+from msbot.config.library.reader import LibraryFile, add_message_types, open_library_file, read_part_type
 from msbot.config.library.search import PartSearch
 from msbot.config.library.versions import split_number
 from msbot.config.toml.document import Document, parse_document, read_document
@@ -106,6 +106,19 @@ class Library:
             raise ConfigError(f"part {number} is known, but not in version {version!r}; known: {known.versions}")
         raise ConfigError(f'the library has no part number "{shown}"; {self.suggest(number)}')
 
+    def with_type(self, part_type: PartType, messages: Iterable[MessageType] = ()) -> Library:
+        """A library with one part type more, or another one of that number, and its message types."""
+        others = (entry for entry in self if entry.number != part_type.number)
+        return Library((*others, part_type), {**self.messages, **{message.name: message for message in messages}})
+
+    def without_type(self, number: str) -> Library:
+        """A library without that part type; its message types stay."""
+        return Library((entry for entry in self if entry.number != number), self.messages)
+
+    def become(self, other: Library) -> None:
+        """Take over the content of another library, for all who use this one."""
+        self._by_number, self.messages, self._search = other._by_number, other.messages, None
+
     def numbers(self) -> list[str]:
         """All part numbers, sorted."""
         return sorted(self._by_number)
@@ -137,7 +150,7 @@ def load_library(*extra: Path) -> Library:
     opened = [open_library_file(document, problems) for document in (*_shipped(problems), *_in(extra, problems))]
     messages = dict(standard_message_types())
     for file in opened:
-        _add_messages(messages, file)
+        add_message_types(messages, file)
     types: dict[str, tuple[LibraryFile, PartType]] = {}
     for file in opened:
         part_type = read_part_type(file, messages)
@@ -154,16 +167,6 @@ def load_library(*extra: Path) -> Library:
     check_agreement({number: (file.table, part_type) for number, (file, part_type) in types.items()})
     problems.raise_if_any()
     return Library((part_type for _, part_type in types.values()), messages)
-
-
-def _add_messages(messages: dict[str, MessageType], file: LibraryFile) -> None:
-    for table, message in file.messages:
-        other = messages.setdefault(message.name, message)
-        if not other.same_as(message) and message.name:
-            table.problem(
-                f'the message type "{message.name}" has other fields in {other.source}; use those or another name',
-                "name",
-            )
 
 
 def _shipped(problems: Problems) -> Iterator[Document]:

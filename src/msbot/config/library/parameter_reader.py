@@ -5,6 +5,9 @@ from __future__ import annotations
 from msbot.config.library.part_types import Parameter, ParameterKind
 from msbot.config.toml.table import Table
 
+FORBIDDEN_IN_NAMES = "."
+"""In a part's settings a dot marks what is none of its parameters: safe values, STOP."""
+
 
 def read_parameter(table: Table) -> Parameter:
     """Read one table that describes a parameter or option."""
@@ -13,7 +16,7 @@ def read_parameter(table: Table) -> Parameter:
         table.problem("is missing; add the value that holds when nobody sets another", "default")
     default = table.scalar("default")
     parameter = Parameter(
-        name=table.name("name", "period_s"),
+        name=table.name("name", "period_s", forbidden=FORBIDDEN_IN_NAMES),
         kind=kind,
         default="" if default is None else default,
         unit=table.text("unit", "s"),

@@ -249,6 +249,8 @@ class PartType:
     """Versions of the part (behind the @ of its number) that this entry describes."""
     simulator: Simulator | None = None
     """How the part behaves without hardware; None only for types that were not read from a library."""
+    origin: str = ""
+    """How the entry came into the library, in words; empty: somebody wrote it."""
 
     def port(self, name: str) -> Port | None:
         """The port of that name."""

@@ -47,6 +47,17 @@ def open_library_file(document: Document, problems: Problems) -> LibraryFile:
     return LibraryFile(document, table, read_message_types(table, document.file))
 
 
+def add_message_types(messages: dict[str, MessageType], file: LibraryFile) -> None:
+    """Add a file's message types to those of other files, with which they must agree."""
+    for table, message in file.messages:
+        other = messages.setdefault(message.name, message)
+        if not other.same_as(message) and message.name:
+            table.problem(
+                f'the message type "{message.name}" has other fields in {other.source}; use those or another name',
+                "name",
+            )
+
+
 def read_part_type(file: LibraryFile, known: Mapping[str, MessageType]) -> PartType | None:
     """The part type of a file; None when the file has message types only.
 
@@ -81,6 +92,7 @@ def read_part_type(file: LibraryFile, known: Mapping[str, MessageType]) -> PartT
         picture=_read_picture(table),
         versions=_read_versions(table),
         simulator=SimulatorReader(table.table("simulator"), ports, parameters).read(),
+        origin=table.text("origin", "said by the part, adopted by ada"),
     )
     table.finish()
     _check_sources(table, part_type)

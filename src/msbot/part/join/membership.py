@@ -70,6 +70,7 @@ class Membership:
         on_topic: Callable[[int, int, bytes], None] = lambda *_: None,
         obeyed_stop: Callable[[], int] = lambda: 0,
         nature: plug.Nature = plug.Nature.UNKNOWN,
+        description: str = "",
     ) -> None:
         """Make the client and request what joining needs; `start` begins.
 
@@ -88,6 +89,7 @@ class Membership:
             on_topic: called with the samples that are not the robot's profile, as `Client.on_topic`.
             obeyed_stop: the number of the STOP that the part obeys, which its beats then carry; 0 = none.
             nature: what is behind the part's ports.
+            description: what the part says of itself to a robot that asks; empty: nothing.
         """
         self.joining = joining
         self.dropped = 0
@@ -107,6 +109,7 @@ class Membership:
         self._on_topic = on_topic
         self._obeyed_stop = obeyed_stop
         self._nature = nature
+        self._description = description
         self._turn = Turn(self._work)
         # Without a name: nobody learns who the part is before it has recognised its robot.
         self.participant = client.create_participant()
@@ -183,6 +186,8 @@ class Membership:
                 self.joining.challenged(reply.nonce, now)
             case plug.SealedChallenge():
                 self.joining.challenged(reply.nonce, now, sealed=True)
+            case plug.Notice(kind=plug.NoticeKind.DESCRIBE):
+                self._describe()
             case plug.Notice():
                 self._noticed(reply)
             case plug.ConfigurationMessage():
@@ -226,6 +231,12 @@ class Membership:
     def _say_nature(self) -> None:
         message = plug.NatureMessage(lease=self.joining.lease, nature=self._nature)
         self._send(message.encode(), STREAM_RELIABLE)
+
+    def _describe(self) -> None:
+        """The robot asks what the part is; it has not been let in, and may be asked again."""
+        if self._description and self.joining.state in (JoinState.CLAIMING, JoinState.REFUSED):
+            _log.info("the robot does not know this part number, and asks what the part is: it is told")
+            self._send(plug.DescriptionMessage(text=self._description).encode(), STREAM_RELIABLE)
 
     def _send_beat(self, lease: int) -> None:
         number = self._obeyed_stop()

@@ -15,10 +15,12 @@ from the part             answer of the inventory                  octets
 `ConfigurationRequest`    `ConfigurationMessage`                   8, 20 or more
 `ClaimMessage`, key+data  `SealedChallenge`                        28 or more, 17
 `SealedProof`             `VerdictMessage`                         24, 12
+`DescriptionMessage`      none                                     536 or more
 ========================  =======================================  ==============
 
 The inventory may also speak unasked: a `VerdictMessage` (a standby part has been given a slot), a `BeatReply`
-(the configuration has changed, or the lease is void) and a `Notice` (8 octets).
+(the configuration has changed, or the lease is void) and a `Notice` (8 octets), which may ask for a
+`DescriptionMessage`.
 
 In a robot with `authentication = "key+data"` everything but claims, challenges and proofs is followed by a seal of 10
 octets (`msbot.part.join.seal`).
@@ -31,6 +33,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Annotated
 
+from msbot.part.join.refusal import Refusal as Refusal  # noqa: PLC0414 - others look for it here
 from msbot.part.join.seal import CONFIGURATIONS, SHORT_SAYINGS
 from msbot.part.messages.message import Message
 from msbot.part.messages.wire_types import AtMost, Octets, uint8, uint16, uint32
@@ -61,6 +64,11 @@ stopped before it is active, and no notice can be lost on the way. Names of para
 
 SAFE_MARK = ".safe."
 """In the name of a setting: `PORT.safe.FIELD` is a field of the port's safe value. Names of parameters have no dot."""
+
+MOST_DESCRIPTION = 4096
+"""Longest description of a part, in octets of UTF-8."""
+LEAST_DESCRIPTION = 540
+"""Shortest one; newlines fill it up, because the length of a request tells what it is, and claims are shorter."""
 
 MOST_BINDINGS = 120
 """Ports of one part that a configuration can bind: each takes two of the 256 objects that an agent grants a client."""
@@ -187,6 +195,15 @@ class NatureMessage(Message):
     """`Nature`; another number counts as unknown."""
 
 
+class DescriptionMessage(Message):
+    """What a part says of itself when it is asked: the text of a library file (`msbot.part.description`)."""
+
+    type_name = "Description"
+
+    text: Annotated[str, AtMost(MOST_DESCRIPTION)]
+    """TOML, at least `LEAST_DESCRIPTION` octets."""
+
+
 class BeatReply(Message):
     """The answer to a beat."""
 
@@ -252,6 +269,8 @@ class NoticeKind(IntEnum):
     """Go to the safe state, and stay in it."""
     GO = 5
     """STOP is over."""
+    DESCRIBE = 6
+    """Say what you are: the library does not know your part number."""
 
 
 class Notice(Message):
@@ -271,41 +290,6 @@ NO_BINDING = 0xFFFF
 """`Notice.binding` of a notice that is about the part as a whole."""
 
 
-class Refusal(IntEnum):
-    """Why a claim got no lease; the numbers are the reason codes on the wire."""
-
-    UNKNOWN_PART = 1
-    BLOCKED = 2
-    DUPLICATE = 3
-    NO_SLOT = 4
-    WRONG_ROBOT = 5
-    BAD_CLAIM = 6
-    NOT_READY = 7
-    WRONG_KEY = 8
-    KEY_NEEDED = 9
-    NO_KEY = 10
-    REPLAYED = 11
-
-    @property
-    def words(self) -> str:
-        """The reason in plain words, without naming the part; the same at the part and at the master."""
-        return _REFUSALS[self]
-
-
-_REFUSALS = {
-    Refusal.UNKNOWN_PART: "this part number is not in the library",
-    Refusal.BLOCKED: "this part is blocked",
-    Refusal.DUPLICATE: "another part with the same UID is active",
-    Refusal.NO_SLOT: "every fitting slot is taken, or it is not clear which one is meant",
-    Refusal.WRONG_ROBOT: "this robot has no slot for this part number",
-    Refusal.BAD_CLAIM: "the claim makes no sense",
-    Refusal.NOT_READY: "the inventory cannot read its registry",
-    Refusal.WRONG_KEY: "the part's key is not the one on file for its UID",
-    Refusal.KEY_NEEDED: "this robot asks for keys, and the part proves none",
-    Refusal.NO_KEY: "this robot asks for keys, and has none for this part",
-    Refusal.REPLAYED: "an old proof was shown again, or one that nobody asked for",
-}
-
 _BEAT_OCTETS = 4
 _NATURE_OCTETS = 5
 _STOPPED_BEAT_OCTETS = 6
@@ -315,8 +299,12 @@ _VERDICT_OCTETS = 12
 _SEALED_CHALLENGE_OCTETS = 17
 
 SHORTEST_CLAIM_OCTETS = 28
+LONGEST_CLAIM_OCTETS = 535
+"""Two texts of 254 octets, UID and nonce (532 octets), and up to 3 octets of padding."""
 
-Request = Beat | NatureMessage | StoppedBeat | ConfigurationRequest | Proof | SealedProof | ClaimMessage
+Request = (
+    Beat | NatureMessage | StoppedBeat | ConfigurationRequest | Proof | SealedProof | DescriptionMessage | ClaimMessage
+)
 """What a part asks of the inventory."""
 
 
@@ -338,6 +326,8 @@ def decode_request(payload: bytes) -> Request:
         return Proof.decode(payload)
     if len(payload) == SEALED_PROOF_OCTETS:
         return SealedProof.decode(payload)
+    if len(payload) > LONGEST_CLAIM_OCTETS:
+        return DescriptionMessage.decode(payload)
     return ClaimMessage.decode(payload)
 
 
@@ -366,7 +356,8 @@ def decode_reply(payload: bytes) -> Reply:
 
 def is_sealed_request(octets: int) -> bool:
     """Whether a request of that length has a seal where samples are sealed: all but claims and their proofs."""
-    return octets < SHORTEST_CLAIM_OCTETS and octets != SEALED_PROOF_OCTETS
+    is_short = octets < SHORTEST_CLAIM_OCTETS and octets != SEALED_PROOF_OCTETS
+    return is_short or octets > LONGEST_CLAIM_OCTETS
 
 
 def is_sealed_reply(octets: int) -> bool:
@@ -381,7 +372,8 @@ def is_refusal(payload: bytes) -> bool:
 
 def channel_of_request(octets: int) -> int:
     """The channel of the seal of a request that has that length without it."""
-    return CONFIGURATIONS if octets == _CONFIGURATION_REQUEST_OCTETS else SHORT_SAYINGS
+    is_reliable = octets == _CONFIGURATION_REQUEST_OCTETS or octets > LONGEST_CLAIM_OCTETS
+    return CONFIGURATIONS if is_reliable else SHORT_SAYINGS
 
 
 def channel_of_reply(octets: int) -> int:

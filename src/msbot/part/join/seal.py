@@ -34,7 +34,8 @@ LAST_COUNTER = 0xFFFFFFFF
 SHORT_SAYINGS = 0
 """Channel of beats, their answers, notices and verdicts."""
 CONFIGURATIONS = 1
-"""Channel of configurations and the requests for them: they travel reliably, so the short messages overtake them."""
+"""Channel of configurations, the requests for them and descriptions: they travel reliably, so the short messages
+overtake them."""
 
 TOO_SHORT = "no seal"
 WRONG_TAG = "the seal does not fit"

@@ -210,7 +210,7 @@ edits = Table(
     Column("robot_id", ForeignKey("robots.id", ondelete="CASCADE"), comment="the robot it changed; empty: all of them"),
     Column("at_ns", BigInteger, nullable=False, comment="when it was made"),
     Column("who", Text, nullable=False, comment="who made it"),
-    Column("kind", Text, nullable=False, comment="value, place, block, bind, apply, user, key, or undo"),
+    Column("kind", Text, nullable=False, comment="value, place, block, bind, apply, library, user, key, or undo"),
     Column("slot", Text, nullable=False, comment="name of the slot it is about, empty when it is about none"),
     Column("words", Text, nullable=False, comment="what it did, in words"),
     Column("before", JSON, nullable=False, comment="what it changed, as it was before"),

@@ -6,17 +6,13 @@ of asking, so nobody has to share a clock.
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from msbot.web.api.model import Model as Model  # noqa: PLC0414 - others look for it here
 from msbot.web.api.said import Said
+from msbot.web.api.says import Offer, Says
 
 Scalar = bool | int | float | str
-
-
-class Model(BaseModel):
-    """Base: values are never changed, and unknown fields in a request are an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Health(Model):
@@ -38,6 +34,8 @@ class Done(Model):
     """What happened, for people."""
     edit: int | None = None
     """Its number, for undo; absent when it cannot be undone."""
+    offers: list[Offer] = Field(default_factory=list)
+    """Wires that would fit the new slot of a part that described itself."""
 
 
 class Me(Model):
@@ -118,6 +116,8 @@ class PartLine(Model):
     ignored: bool = False
     nature: str = ""
     """`real` or `simulated`, as the part itself says; empty when it does not."""
+    says: Says | None = None
+    """What it says of itself, while the library does not know its part number."""
 
 
 class SlotCard(Model):

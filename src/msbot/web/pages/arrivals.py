@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 from fastapi import Request
 from nicegui import ui
 
 from msbot.operations.rights import Right
 from msbot.web.api.models import PartLine
+from msbot.web.api.says import Offer
 from msbot.web.api.session import parts_for
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import heading, show_dialog
 from msbot.web.pages.simulator import simulator_panel
+from msbot.web.pages.slots_by_hand import slot_name
+from msbot.web.pages.topics_by_hand import free_name
 from msbot.web.service import Service
 from msbot.web.svg.drawings import state_chip
 
@@ -128,10 +133,12 @@ def _card(page: Page, part: PartLine) -> None:
 
 def _deeds(page: Page, part: PartLine) -> None:
     name = part.uid or part.client_key
+    if page.may(Right.DESIGN) and part.says is not None and part.says.checked:
+        ui.button(page.say("Adopt"), icon="add_circle", on_click=partial(adopt, page, name)).props("color=positive")
     if page.may(Right.ARRANGE):
-        with ui.button(page.say("Adopt into slot …"), icon="add_link") as adopt:
+        with ui.button(page.say("Adopt into slot …"), icon="add_link").props("outline") as into:
             menu = ui.menu()
-        adopt.on_click(partial(_offer_slots, page, part, menu))  # as they are then, not when the part came
+        into.on_click(partial(_offer_slots, page, part, menu))  # as they are then, not when the part came
         _offer_slots(page, part, menu)
         ui.button(page.say("Ignore"), on_click=lambda: page.act("ignore", part=name)).props("flat")
         ui.button(page.say("Block"), on_click=lambda: page.act("block", part=name)).props("flat color=negative")
@@ -144,10 +151,49 @@ def _deeds(page: Page, part: PartLine) -> None:
     ui.button(page.say("Why?"), on_click=partial(_why, page, part)).props("flat")
 
 
+async def adopt(page: Page, name: str) -> None:
+    """Make the part what it says it is, and offer the wires that fit."""
+    with page.here():
+        done = await page.act("adopt", part=name)
+        if done is not None and done.offers:
+            offer_wires(page, done.offers)
+
+
+def offer_wires(page: Page, offers: Sequence[Offer]) -> None:
+    """Show wires that would fit; each is made with one press."""
+    with ui.dialog() as dialog, ui.card().style("max-width:min(40rem,95vw)"):
+        heading(page.say("Wires that fit"))
+        ui.label(page.say("These ports carry the same message. Press what is to be joined."))
+        with ui.element("div").classes("ms-offers"):
+            for offer in offers:
+                _offered(page, offer)
+        ui.button(page.say("Close"), on_click=dialog.close).props("flat")
+    show_dialog(dialog)
+
+
+def _offered(page: Page, offer: Offer) -> None:
+    button = ui.button(f"{offer.source} → {', '.join(offer.to)}", icon="add_link").props("outline no-caps")
+
+    async def join() -> None:
+        wish: dict[str, Any] = {"from": offer.source}
+        done = await page.act("bind", topic=offer.topic, type=offer.type, to=offer.to, **wish)
+        if done is not None:
+            button.props("icon=check")
+            button.disable()
+
+    button.on_click(join)
+
+
 def _offer_slots(page: Page, part: PartLine, menu: ui.menu) -> None:
     menu.clear()
     free = page.service.views.free_slots(part.part_number)
+    part_type = page.service.views.library.find(part.part_number)
     with menu:
+        if part_type is not None and page.may(Right.DESIGN):
+            taken = {card.name for card in page.service.robot().slots}
+            new = free_name(slot_name(part_type.name), taken)
+            make = partial(page.act, "add_slot", slot=new, part=part_type.number)
+            ui.menu_item(page.say("Into a new slot, {name}", name=new), make).props("role=menuitem")
         if not free:
             ui.menu_item(page.say("No slot is free: release or swap one.")).props("disable role=menuitem")
         for card in free:

@@ -19,6 +19,7 @@ from msbot.part import JoinState
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
 from msbot.web.html import Markup, render
+from msbot.web.pages.arrivals import adopt
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import show_dialog
 from msbot.web.programs.browser_files import examples
@@ -90,10 +91,16 @@ class _Desk:
             with ui.element("div").classes("ms-prog-left"):
                 self._editor = ui.codemirror("", language="Python", theme="githubLight").classes("ms-prog-editor")
                 ui.html(render("console", say=say), sanitize=False).classes("w-full")
-            ui.html(Markup(render("program", say=say, words=json.dumps(_words(self._page)))), sanitize=False).classes(
-                "ms-prog-right"
-            )
+            ui.html(
+                Markup(
+                    render(
+                        "program", say=say, words=json.dumps(_words(self._page)), may_adopt=self._page.may(Right.DESIGN)
+                    )
+                ),
+                sanitize=False,
+            ).classes("ms-prog-right")
         ui.on("ms_program_line", self._mark)
+        ui.on("ms_program_adopt", self._adopt)
         ui.run_javascript(f"msbotProgram.label({self._editor.id}, {json.dumps(say('Program text'))})")
         ui.timer(0.5, self._follow_look)
         assert self._page.client is not None
@@ -191,6 +198,12 @@ class _Desk:
         ]
         if lines:
             self._editor.reveal_line(lines[0])
+
+    async def _adopt(self, event: GenericEventArguments) -> None:
+        """Adopt the part that runs in this browser; `event.args` comes from there, and the right is checked again."""
+        uid = event.args.get("uid") if isinstance(event.args, dict) else None
+        if isinstance(uid, str):
+            await adopt(self._page, uid)
 
     async def _follow_look(self) -> None:
         is_dark = await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=5)
@@ -316,6 +329,7 @@ def _words(page: Page) -> dict[str, object]:
         "slot": say("In slot {slot}"),
         "stopped": say("STOP holds: messages do not reach the program"),
         "adopt": say("Under Arrivals a teacher can let {number} in."),
+        "describes": say("It tells the robot what it is: a teacher can adopt it."),
         "line": say("line {number}"),
         "left": say("… and {number} more lines, too many at once"),
         "tooFast": say(

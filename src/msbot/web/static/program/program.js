@@ -53,7 +53,9 @@ const msbotProgram = (() => {
     if (isStuck) return;
     if (!seen.state) return;
     const reason = (seen.slot ? say("slot", { slot: seen.slot }) + ". " : "") + (seen.stopped ? say("stopped") + ". " : "") +
-      (seen.state === "refused" ? `${seen.reason}. ${say("adopt", { number: seen.number })}` : seen.slot ? "" : seen.reason);
+      (seen.state === "refused" ? `${seen.reason}. ${say(seen.describes ? "describes" : "adopt", { number: seen.number })}`
+        : seen.slot ? "" : seen.reason);
+    showAdopt(seen.state === "refused", seen.describes);
     state(seen.state, looks[seen.state] || "checking", reason);
     const rows = seen.ports.map(([port, way, type, topic, age, shown]) => {
       const row = document.createElement("tr");
@@ -65,6 +67,14 @@ const msbotProgram = (() => {
     });
     if (rows.length) at("ms-prog-ports").replaceChildren(...rows);
     at("ms-prog-settings").textContent = seen.settings.map(([key, value]) => `${key} = ${value}`).join(", ");
+  }
+
+  function showAdopt(isRefused, describes) {
+    at("ms-prog-adopt").hidden = !isRefused;
+    const button = document.querySelector("#ms-prog-adopt button");
+    if (button === null) return;
+    button.hidden = !describes;
+    button.onclick = () => emitEvent("ms_program_adopt", { uid: uid() });
   }
 
   // The device's sensors, and what the program does with it.
@@ -216,6 +226,7 @@ const msbotProgram = (() => {
     worker = null;
     isStuck = false;
     document.documentElement.classList.remove("ms-runs");
+    showAdopt(false);
     state("not running", "empty", "");
   }
 

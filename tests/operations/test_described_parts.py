@@ -1,0 +1,183 @@
+"""Parts that say what they are: adopted with one operation, refused with the reason, forgotten again."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import AbstractContextManager
+from pathlib import Path
+from random import Random
+from unittest import mock
+
+from msbot import Level, Light, Message, Part, float32
+from msbot.config import load_library
+from msbot.part.join.joining import JoinState
+from msbot.part.join.plug import DescriptionMessage
+from msbot.xrce.messages import STREAM_RELIABLE
+from tests.operations.stage import Stage, play
+
+WAIT_S = 3.0
+"""A refused part claims again every 2 s."""
+MINE = """number = "VANE-1"
+name = "Vane"
+[[port]]
+name = "light"
+direction = "publish"
+type = "Light"
+"""
+
+
+class Wind(Message):
+    """A message that no library knows."""
+
+    units = {"speed": "m/s"}  # noqa: RUF012 - as students write it
+    speed: float32
+
+
+def vane(number: str = "VANE-1", **more: str) -> tuple[Part, list[float]]:
+    """A part with a port each way, a setting, and a message of its own; and the levels that it was told."""
+    part = Part(number, uid=b"vane....", random=Random(4), describes=more.get("name", "Weather vane"))
+    told: list[float] = []
+    part.publishes("wind", Wind)
+    part.publishes("light", Light)
+
+    @part.on("brake", Level, safe=Level(percent=100))
+    def brake(level: Level) -> None:
+        told.append(level.percent)
+
+    @part.every("period_s", default=0.5)
+    def measure() -> None:
+        if part.bound("wind"):
+            part.publish("wind", Wind(speed=3.5))
+
+    return part, told
+
+
+def run(stage: Stage, part: Part) -> asyncio.Task[None]:
+    assert stage.tasks is not None
+    return stage.tasks.create_task(part.run_async(stage.connect(), epoch_ns=lambda: 0))
+
+
+def test_one_operation_makes_type_slot_and_offers_and_lets_the_part_in(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        part, told = vane()
+        task = run(stage, part)
+        await asyncio.sleep(WAIT_S)
+        says = stage.info("VANE-1").says
+        assert says is not None
+        assert says.described is not None
+        assert says.described.part_type.name == "Weather vane"
+        assert part.state is JoinState.REFUSED
+        assert any("it says what it is: Weather vane" in line for line in stage.master.why("VANE-1"))
+        done = await stage.do.adopt("VANE-1", who="ann")
+        assert done.words == (
+            "VANE-1 (Weather vane) is in the library now, as the part describes it, and has slot vane_1"
+        )
+        await asyncio.sleep(0.5)
+        assert (part.state, part.slot, dict(part.settings)) == (JoinState.ACTIVE, "vane_1", {"period_s": "0.5"})
+        part_type = load_library(tmp_path / "adopted").get("VANE-1")
+        assert part_type is not None
+        assert part_type.origin == f"said by the part {b'vane....'.hex()}, adopted by ann"
+        assert [port.name for port in part_type.ports] == ["wind", "light", "brake"]
+        assert part_type.ports[2].safe == {"percent": 100.0}
+        assert done.answer == {"slot": "vane_1", "offers": []}
+        await stage.do.bind("wind", "Wind", "vane_1.wind", (), reliable=True, who="ann")
+        await stage.do.bind("brake", "Level", None, ("vane_1.brake",), reliable=True, who="ann")
+        await asyncio.sleep(0.5)
+        assert part.bound("wind")
+        await stage.do.stop("", who="ann")
+        await asyncio.sleep(0.5)
+        assert told == [100.0], "its safe value came from its own words"
+        await stage.do.go(who="ann")
+        part.end()
+        await task
+        await stage.do.remove_slot("vane_1", who="ann")
+        await stage.do.forget_type("VANE-1", who="ann")
+        assert not list((tmp_path / "adopted").iterdir())
+
+    play(tmp_path, scene)
+
+
+def test_a_forgotten_type_can_be_described_anew(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        for name in ("first", "second"):
+            part, _ = vane(name=name)
+            task = run(stage, part)
+            await asyncio.sleep(WAIT_S)
+            await stage.do.adopt("VANE-1", "eye", who="ann")
+            await asyncio.sleep(0.5)
+            assert part.slot == "eye"
+            assert load_library(tmp_path / "adopted").require("VANE-1").name == name
+            assert "has slots: eye" in await stage.refusal(stage.do.forget_type("VANE-1", who="ann"))
+            part.end()
+            await task
+            await stage.do.remove_slot("eye", who="ann")
+            await stage.do.forget_type("VANE-1", who="ann")
+        assert "was not adopted" in await stage.refusal(stage.do.forget_type("ABCD", who="ann"))
+
+    play(tmp_path, scene)
+
+
+def say(text: str) -> AbstractContextManager[object]:
+    """Whatever parts declare, they say this."""
+    return mock.patch("msbot.part.part.describe", return_value=text.ljust(540))
+
+
+def test_what_is_wrong_is_refused_with_the_reason_and_nothing_is_written(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        part, _ = vane()
+        task = run(stage, part)
+        await asyncio.sleep(WAIT_S)
+        says = stage.info("VANE-1").says
+        assert says is not None
+        assert says.described is None
+        for words in (says.fault, *stage.master.why("VANE-1")[-1:]):
+            assert 'there is no message type "Lihgt"; did you mean "Light"' in words
+        assert says.fault in await stage.refusal(stage.do.adopt("VANE-1", who="ann"))
+        assert not (tmp_path / "adopted").exists()
+        part.end()
+        await task
+
+    with say(MINE.replace('"Light"', '"Lihgt"')):
+        play(tmp_path, scene)
+
+
+def test_who_claims_a_known_number_is_not_asked_and_what_it_says_does_not_count(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        part, _ = vane("ABCD")
+        task = run(stage, part)
+        await asyncio.sleep(WAIT_S)
+        assert stage.info("ABCD").says is None
+        membership = part._runner._membership
+        assert membership is not None
+        for _ in range(3):
+            membership._send(DescriptionMessage(text=MINE.ljust(540)).encode(), STREAM_RELIABLE)
+        await asyncio.sleep(WAIT_S)
+        assert stage.info("ABCD").says is None
+        lines = [line for line in stage.master.why("ABCD") if "the library's entry of its number counts" in line]
+        assert len(lines) == 1, "said once"
+        part.end()
+        await task
+
+    play(tmp_path, scene)
+
+
+def test_a_part_that_was_adopted_by_another_number_is_checked_again(tmp_path: Path) -> None:
+    """Two parts describe the same number: the second is known by the time somebody adopts it."""
+
+    async def scene(stage: Stage) -> None:
+        parts = []
+        for serial in (1, 2):
+            part, _ = vane()
+            part.uid = serial.to_bytes(8, "big")
+            parts.append((part, run(stage, part)))
+        await asyncio.sleep(WAIT_S)
+        await stage.do.adopt("0000000000000001", who="ann")
+        words = await stage.refusal(stage.do.adopt("0000000000000002", who="ann"))
+        assert "the library knows VANE-1 already" in words
+        await asyncio.sleep(WAIT_S)
+        assert [part.state.value for part, _ in parts] == ["active", "refused"]
+        for part, task in parts:
+            part.end()
+            await task
+
+    play(tmp_path, scene)

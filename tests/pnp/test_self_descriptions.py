@@ -1,0 +1,145 @@
+"""Who is asked what it is, and whose answer is taken: after the proof, once, whatever the octets are."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msbot.errors import RemoteProtocolError
+from msbot.part.join import keys, plug
+from msbot.pnp import Keys, Refusal, SelfDescription
+from msbot.pnp.requests import RequestHandler
+from tests.pnp.robot import Rig, sample_store, uid
+
+KEY, OTHER = 0xAAAAAAAA, bytes(range(16))
+SECRET = bytes(range(16, 32))
+STRANGER = plug.ClaimMessage(part_number="NEW-1", local_name="eye", uid=uid(1), session_nonce=7)
+WORDS = "number = 'NEW-1'".ljust(plug.LEAST_DESCRIPTION)
+
+
+class Desk:
+    """A rig with requests in front of it, and what checkers were handed."""
+
+    def __init__(self, *, explain: bool = True, with_keys: bool = False) -> None:
+        store = sample_store()
+        store.keys[uid(1)] = SECRET
+        self.rig = Rig(store)
+        self.rig.join(KEY)
+        self.requests = RequestHandler(
+            self.rig.inventory, explain=explain, keys=Keys(store, Random(1)) if with_keys else None
+        )
+        self.handed: list[tuple[int, str, SelfDescription]] = []
+        self.rig.inventory.descriptions.on_described(lambda *what: self.handed.append(what))
+
+    def ask(self, request: plug.Request) -> plug.Reply | None:
+        return self.requests.answer(request, KEY, self.rig.now, b"asker")
+
+    def is_asked(self, request: plug.Request) -> bool:
+        self.ask(request)
+        return self.requests.asks_what(request, KEY)
+
+    def says(self, text: str = WORDS) -> SelfDescription | None:
+        octets = plug.DescriptionMessage(text=text).encode()
+        assert self.requests.compact(octets, KEY, self.rig.now) is None
+        return self.rig.part(KEY).says
+
+
+def test_a_stranger_is_asked_three_times_and_its_first_answer_is_kept() -> None:
+    desk = Desk()
+    assert [desk.is_asked(STRANGER) for _ in range(5)] == [True, True, True, False, False]
+    says = desk.says()
+    assert says == SelfDescription(WORDS)
+    assert desk.handed == [(KEY, "NEW-1", says)]
+    desk.says("another".ljust(plug.LEAST_DESCRIPTION))
+    assert desk.rig.part(KEY).says is says
+    assert desk.rig.inventory.dropped == {"description that nobody asked for": 1}
+
+
+def test_what_was_checked_counts_for_the_same_words_only() -> None:
+    desk = Desk()
+    desk.is_asked(STRANGER)
+    says = desk.says()
+    assert says is not None
+    checked = SelfDescription(says.text, fault="no ports")
+    desk.rig.inventory.descriptions.checked(KEY, SelfDescription("others"), checked, desk.rig.now)
+    assert desk.rig.part(KEY).says is says
+    desk.rig.inventory.descriptions.checked(KEY, says, checked, desk.rig.now)
+    assert desk.rig.part(KEY).says is checked
+    assert any("what it says of itself is refused: no ports" in line for line in desk.rig.inventory.why("eye", 0.0))
+    desk.rig.join(KEY)  # another session: it may be another program
+    desk.ask(STRANGER)
+    assert desk.rig.part(KEY).says is None
+
+
+def test_a_part_of_a_known_number_or_another_refusal_is_not_asked() -> None:
+    desk = Desk()
+    known = plug.ClaimMessage(part_number="ABCD", local_name="", uid=uid(1), session_nonce=7)
+    assert not desk.is_asked(known)
+    assert desk.says() is None
+    assert desk.handed == []
+
+
+def test_a_silent_robot_asks_nobody() -> None:
+    assert not Desk(explain=False).is_asked(STRANGER)
+
+
+def test_with_keys_it_counts_only_after_the_proof() -> None:
+    desk = Desk(explain=False, with_keys=True)
+    challenge = desk.ask(STRANGER)
+    assert isinstance(challenge, plug.Challenge)
+    assert not desk.requests.asks_what(STRANGER, KEY)
+    assert desk.says() is None
+    wrong = keys.prove(OTHER, challenge.nonce, uid(1), part_number="NEW-1", local_name="eye", session_key=KEY)
+    assert not desk.is_asked(plug.Proof(proof=wrong))
+    assert desk.rig.part(KEY).refusal is Refusal.WRONG_KEY
+    assert desk.says() is None
+    challenge = desk.ask(STRANGER)
+    assert isinstance(challenge, plug.Challenge)
+    right = keys.prove(SECRET, challenge.nonce, uid(1), part_number="NEW-1", local_name="eye", session_key=KEY)
+    assert desk.is_asked(plug.Proof(proof=right))
+    assert desk.says() == SelfDescription(WORDS)
+
+
+def test_a_part_that_claims_another_number_has_said_nothing() -> None:
+    desk = Desk()
+    desk.is_asked(STRANGER)
+    assert desk.says() is not None
+    desk.is_asked(plug.ClaimMessage(part_number="NEW-2", local_name="eye", uid=uid(1), session_nonce=7))
+    assert desk.rig.part(KEY).says is None
+
+
+def test_no_claim_is_as_long_as_a_description() -> None:
+    text = "x" * plug.TEXT_OCTETS
+    longest = plug.ClaimMessage(part_number=text, local_name=text, uid=uid(1), session_nonce=1).encode()
+    assert len(longest) + 3 == plug.LONGEST_CLAIM_OCTETS
+    shortest = plug.DescriptionMessage(text="x" * plug.LEAST_DESCRIPTION).encode()
+    assert len(shortest) > plug.LONGEST_CLAIM_OCTETS
+    assert isinstance(plug.decode_request(longest), plug.ClaimMessage)
+    assert isinstance(plug.decode_request(shortest), plug.DescriptionMessage)
+
+
+def test_a_description_that_is_too_large_is_dropped_and_counted() -> None:
+    desk = Desk()
+    desk.is_asked(STRANGER)
+    octets = (5001).to_bytes(4, "little") + b"x" * 5000 + b"\0"
+    assert desk.requests.compact(octets, KEY, desk.rig.now) is None
+    assert desk.rig.part(KEY).says is None
+    assert any("4096" in reason for reason in desk.requests.dropped)
+
+
+@given(st.binary(max_size=64).map(lambda octets: octets.ljust(600, b"\0")) | st.binary(min_size=530, max_size=5000))
+def test_any_long_octets_are_a_description_or_refused(octets: bytes) -> None:
+    try:
+        request = plug.decode_request(octets)
+    except RemoteProtocolError:
+        return
+    assert isinstance(request, plug.DescriptionMessage | plug.ClaimMessage)
+    assert not isinstance(request, plug.DescriptionMessage) or len(request.text.encode()) <= plug.MOST_DESCRIPTION
+
+
+@pytest.mark.parametrize("octets", [4, 5, 6, 8, 16, 24, 28, 535, 536, 4101])
+def test_what_is_sealed_follows_from_the_length(octets: int) -> None:
+    assert plug.is_sealed_request(octets) == (octets in (4, 5, 6, 8, 16) or octets >= 536)
