@@ -17,8 +17,3 @@ def carried_folder(name: str, in_checkout: str) -> Path:
     """
     installed = _PACKAGE / "web" / name
     return installed if installed.is_dir() else _PACKAGE.parents[1] / in_checkout
-
-
-def board_sources() -> Path:
-    """The folder of the package `msbot` for MicroPython."""
-    return carried_folder("micropython", "micropython/msbot")

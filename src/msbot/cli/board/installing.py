@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from msbot.cli.board.connection import Board, BoardFile, Facts
-from msbot.cli.board.package import FOLDER, package_files
 from msbot.errors import ConfigError
+from msbot.runtime.board_package import FOLDER, package_files
 
 SETTINGS = "msbot.json"
 LINKS = ("can", "serial", "udp", "ws", "wss")

@@ -72,7 +72,8 @@ class _Desk:
     async def lay_out(self, name: str, shared: str) -> None:
         """Make everything, and open what the address names: a program, a shared one, or the last."""
         say = self._page.say
-        ui.add_head_html('<script src="/web/program/program.js"></script>')
+        for script in ("board", "program"):
+            ui.add_head_html(f'<script src="/web/program/{script}.js"></script>')
         with ui.element("div").classes("row w-full ms-prog-bar"):
             self._choice = ui.select([], label=say("Program"), on_change=self._chosen).props("dense outlined")
             self._choice.classes("ms-prog-choice")
@@ -80,6 +81,8 @@ class _Desk:
             run.on("click", js_handler="() => msbotProgram.run()")
             stop = ui.button(say("Stop"), icon="stop").props("outline").classes("ms-prog-stop")
             stop.on("click", js_handler="() => msbotProgram.stop()")
+            board = ui.button(say("Put on a board"), icon="usb", on_click=self._keep_if_changed).props("flat")
+            board.on("click", js_handler="() => msbotProgram.showBoard()")
             ui.button(say("Keep"), icon="save", on_click=self._keep_now).props("flat")
             with ui.button(icon="more_vert").props(f'flat dense aria-label="{say("More")}"'), ui.menu():
                 ui.menu_item(say("New program"), self._new)
@@ -343,6 +346,27 @@ def _words(page: Page) -> dict[str, object]:
         "noFiles": say("The robot's computer does not answer: the program cannot start."),
         "tilt": say("Tilt:"),
         "noTilt": say("No tilt from this device (yet)."),
+        "boardNoPort": say("No port was chosen."),
+        "boardAsks": say("Asking the board …"),
+        "boardWrites": say("{done} of {all} kB are written"),
+        "boardRuns": say(
+            "{name} runs on the board now, and whenever it starts; {count} files were written. The console shows what "
+            "it says."
+        ),
+        "board_busy": say("The port cannot be opened: does another program use it? ({detail})"),
+        "board_silent": say(
+            "The board does not answer, not even to Ctrl-C: press its RESET button and try again, or put MicroPython "
+            "on it."
+        ),
+        "board_garbage": say("What is at this port does not answer as MicroPython does: {detail}"),
+        "board_unplugged": say("The board was unplugged. Plug it in and write again: it goes on from there."),
+        "board_other": say("The board runs {detail}: it needs MicroPython 1.22 or newer."),
+        "board_old": say("The board has MicroPython {detail}: it needs 1.22 or newer."),
+        "board_noSpace": say("The board has no space: {detail} kB more are needed. Nothing was written."),
+        "board_full": say("The board has no space left: {detail}"),
+        "board_failed": say("The board says: {detail}"),
+        "board_noWay": say("The board does not know its way to the master yet: write it into the field above."),
+        "board_noFiles": say("The robot's computer does not answer: nothing was written."),
         "tiltNeedsTls": say("Browsers tell the tilt only on pages with https: start the robot with --certificate."),
     }
 

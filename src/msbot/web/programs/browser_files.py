@@ -5,16 +5,21 @@ The VM itself and the scripts are files under `/web`; here are those that lie el
 
 from __future__ import annotations
 
+import asyncio
+import base64
+import hashlib
 import json
 from functools import cache
 from importlib.resources import files
 
 from fastapi import FastAPI, Request, Response
 
-from msbot.runtime.carried_files import board_sources, carried_folder
+from msbot.runtime.board_package import board_sources, package_files
+from msbot.runtime.carried_files import carried_folder
 
 FILES_PATH = "/program/files.json"
 WORKER_PATH = "/program/worker.js"
+BOARD_PATH = "/program/board.json"
 
 
 @cache
@@ -33,12 +38,27 @@ def examples() -> dict[str, str]:
     return {path.name: path.read_text("utf-8") for path in found}
 
 
+@cache
+def board_files(mpy_version: int | None) -> str:
+    """`{name: [sha256, content]}` as JSON, in hexadecimal digits and base64: the package as it is put on a board."""
+    return json.dumps({
+        name: [hashlib.sha256(octets).hexdigest(), base64.b64encode(octets).decode()]
+        for name, octets in package_files(mpy_version).items()
+    })  # fmt: skip
+
+
 def add_browser_files(app: FastAPI) -> None:
     """Serve them; the guard lets only signed-in people through."""
 
     @app.get(FILES_PATH, include_in_schema=False)
     async def program_files() -> Response:
         return Response(home_files(), media_type="application/json")
+
+    @app.get(BOARD_PATH, include_in_schema=False)
+    async def program_board(mpy: int = 0) -> Response:
+        # Compiled for the only version there is since MicroPython 1.19; boards with another one get sources.
+        text = await asyncio.to_thread(board_files, 6 if mpy == 6 else None)
+        return Response(text, media_type="application/json")
 
     @app.get(WORKER_PATH, include_in_schema=False)
     async def program_worker(request: Request) -> Response:

@@ -230,6 +230,100 @@ const msbotProgram = (() => {
     state("not running", "empty", "");
   }
 
+  // The same program on a board.
+
+  let board = null;
+
+  function showBoard() {
+    const panel = at("ms-board");
+    panel.hidden = !panel.hidden;
+    if (panel.hidden) return void leaveBoard();
+    at("ms-board-command").textContent = `msbot board run ${name}`;
+    const isThere = msbotBoard.isThere();
+    at("ms-board-none").hidden = isThere;
+    at("ms-board-form").hidden = !isThere;
+    tellBoard("", "");
+    panel.scrollIntoView({ block: "nearest" });
+  }
+
+  function tellBoard(words, kind) {
+    const told = at("ms-board-state");
+    told.textContent = words;
+    told.className = kind === "error" ? "ms-said-error" : "soft";
+    told.dataset.kind = kind;
+  }
+
+  function settings() {
+    const link = at("ms-board-link").value.trim(), found = {};
+    if (!link) return null;
+    found.link = link;
+    const wifi = at("ms-board-wifi").value;
+    if (wifi) found.wifi = [wifi, at("ms-board-password").value];
+    if (at("ms-board-token").value.trim()) found.token = at("ms-board-token").value.trim();
+    return found;
+  }
+
+  async function putOnBoard() {
+    const bar = at("ms-board-bar"), button = at("ms-board-put"), program = text(), file = name;
+    let port;
+    try {
+      port = await navigator.serial.requestPort();
+    } catch {
+      return tellBoard(say("boardNoPort"), "error");
+    }
+    await leaveBoard();
+    const mine = (board = new msbotBoard.Board(port));
+    button.disabled = true;
+    bar.hidden = false;
+    bar.removeAttribute("value");
+    tellBoard(say("boardAsks"), "");
+    const packageFiles = async (mpy) => {
+      const answer = await fetch(`/program/board.json?mpy=${mpy}`).catch(() => null);
+      if (!answer || !answer.ok) throw new BoardError("noFiles");
+      return answer.json();
+    };
+    const tell = (done, all) => {
+      bar.max = all;
+      bar.value = done;
+      tellBoard(say("boardWrites", { done: Math.ceil(done / 1024), all: Math.ceil(all / 1024) }), "");
+    };
+    try {
+      await mine.open();
+      const put = await msbotBoard.put(mine, { program, name: file, settings: settings(), packageFiles, tell });
+      at("ms-console").replaceChildren();
+      await mine.restart(lines());
+      tellBoard(say("boardRuns", { name: put.name, count: put.written.length }), "done");
+    } catch (error) {
+      if (!(error instanceof BoardError)) throw error;
+      tellBoard(say(`board_${error.word}`, { detail: error.detail }), "error");
+      await mine.close();
+      if (board === mine) board = null;
+    } finally {
+      button.disabled = false;
+      bar.hidden = true;
+    }
+  }
+
+  // What a board prints, line by line, in the console.
+  function lines() {
+    const decoder = new TextDecoder();
+    let rest = "";
+    return (octets) => {
+      const all = (rest + decoder.decode(octets, { stream: true })).split(/\r?\n/);
+      rest = all.pop().slice(-2000);
+      write(all.map((one) => {
+        const place = one.match(new RegExp(`File "${name.replace(/[.]/g, "\\.")}", line (\\d+)`));
+        return [one.startsWith("# ") ? "info" : "print", one.slice(0, 2000), place ? Number(place[1]) : 0];
+      }));
+    };
+  }
+
+  async function leaveBoard() {
+    const before = board;
+    board = null;
+    if (before !== null) await before.close();
+  }
+
   function opened(id, file) {
     editor = id;
     name = file;
@@ -245,5 +339,5 @@ const msbotProgram = (() => {
   }
 
   addEventListener("pagehide", () => { if (worker !== null) { worker.postMessage({ do: "stop" }); } });
-  return { run, stop, opened, label, isRunning: () => worker !== null };
+  return { run, stop, opened, label, showBoard, putOnBoard, isRunning: () => worker !== null };
 })();

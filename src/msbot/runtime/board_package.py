@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from msbot.runtime.carried_files import board_sources
+from msbot.runtime.carried_files import carried_folder
 
 FOLDER = "msbot"
 """Where it lies below the board's `lib`."""
@@ -40,6 +40,11 @@ def compiled() -> dict[str, bytes]:
             subprocess.run([compiler, "-O3", "-s", name, "-o", str(out), str(path)], check=True)
             found[out.name] = out.read_bytes()
     return found
+
+
+def board_sources() -> Path:
+    """The folder of its sources."""
+    return carried_folder("micropython", "micropython/msbot")
 
 
 def _sources() -> list[Path]:
