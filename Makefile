@@ -73,6 +73,7 @@ bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/matching.py
 	PYTHONPATH=. $(BIN)/python bench/spare.py
 	PYTHONPATH=. $(BIN)/python bench/many_parts.py --kill
+	PYTHONPATH=. $(BIN)/python bench/stop.py
 	PYTHONPATH=. $(BIN)/python bench/micropython.py
 	PYTHONPATH=. $(BIN)/python bench/page.py
 	PYTHONPATH=. $(BIN)/python bench/page_parts.py

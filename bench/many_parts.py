@@ -44,6 +44,9 @@ TICKS_PER_S = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 STEP_S = 0.1
 PASSWORD = "many parts at once"
 BAD = ("late", "lost")
+FLOODING = "P0000"
+"""The part that floods, if one does."""
+ITSELF, OTHERS = f"part = '{FLOODING}'", f"part != '{FLOODING}'"
 
 _ROBOT = """\
 [robot]
@@ -73,13 +76,14 @@ async def be_parts(first: int, count: int, address: str, flood: int) -> None:
     loop = asyncio.get_running_loop()
     await loop.run_in_executor(None, sys.stdin.readline)
     losses: Counter[str] = Counter()
-    flooding = asyncio.Event()
+    flooding, sent = asyncio.Event(), 0
     loop.run_in_executor(None, lambda: sys.stdin.readline() and loop.call_soon_threadsafe(flooding.set))
 
     async def report() -> None:
         said = ""
         while True:
-            news = json.dumps({"active": sum(part.state is JoinState.ACTIVE for part in parts), "losses": losses})
+            active = sum(part.state is JoinState.ACTIVE for part in parts)
+            news = json.dumps({"active": active, "losses": losses, "sent": sent})
             if news != said:
                 print(news, flush=True)
                 said = news
@@ -87,6 +91,7 @@ async def be_parts(first: int, count: int, address: str, flood: int) -> None:
 
     async def flood_master() -> None:
         """The first part's own session sends beats with a lease that nobody has, as fast as it is told to."""
+        nonlocal sent
         await flooding.wait()
         link = links[0]
         assert link.remote is not None
@@ -98,7 +103,7 @@ async def be_parts(first: int, count: int, address: str, flood: int) -> None:
                 for _ in range(32):
                     with contextlib.suppress(Exception):
                         link.send(packet, link.remote)
-                due += 32 / flood
+                due, sent = due + 32 / flood, sent + 32
             await asyncio.sleep(0)
 
     links = [open_link(address) for _ in parts]
@@ -116,6 +121,8 @@ class Crowd:
 
     def __init__(self, size: int, processes: int, address: str, flood: int) -> None:
         self.active: dict[int, int] = {}
+        self.sent = 0
+        """Packets of the one that floods."""
         self._losses: dict[int, Counter[str]] = {}
         self._processes = []
         edges = [size * number // processes for number in range(processes + 1)]
@@ -133,6 +140,7 @@ class Crowd:
         assert process.stdout is not None
         for line in process.stdout:
             news = json.loads(line)
+            self.sent = max(self.sent, news["sent"])
             self.active[number], self._losses[number] = news["active"], Counter(news["losses"])
 
     def tell(self) -> None:
@@ -208,13 +216,18 @@ class Robot:
         """The last line of its journal."""
         return int(str(self._ask("select coalesce(max(id), 0) from journal")[0][0]))
 
-    def events(self, since: int) -> Counter[str]:
+    def events(self, since: int, whose: str = "1") -> Counter[str]:
         """How often a part got into which state since that line of the journal, other than by the master's own end."""
         rows = self._ask(
-            f"select to_state, count(*) from journal where id > {since} "
+            f"select to_state, count(*) from journal where id > {since} and {whose} "
             "and reason != 'the master was started anew' group by to_state"
         )
         return Counter({str(state): int(str(count)) for state, count in rows})
+
+    def said_of_flood(self) -> str:
+        """What the journal says of the part that floods."""
+        rows = self._ask("select reason from journal where reason like '%more than its share%' order by id")
+        return str(rows[-1][0]) if rows else "nothing"
 
     def link_to_page(self) -> str:
         """Where its page is: at first the form that makes a visitor its administrator, later the one to sign in."""
@@ -276,14 +289,19 @@ def see(title: str, robot: Robot, crowd: Crowd, *, size: int, rest_s: float, sin
         f"{joined_s - before_s:.1f} s, the parts' {in_s:.1f} s; {told(joining)}; {lost_words(lost)}",
         flush=True,
     )
-    mark, at, lost = robot.mark(), time.monotonic(), crowd.lost
+    mark, at, lost, sent = robot.mark(), time.monotonic(), crowd.lost, crowd.sent
     time.sleep(rest_s)
     used = 100 * (cpu_s(robot.pid) - joined_s) / (time.monotonic() - at)
+    events = robot.events(mark, OTHERS if crowd.sent else "1")
     print(
         f"  at rest for {rest_s:g} s: {sum(crowd.active.values())} active; the master needs {used:.0f} % of a core; "
-        f"{told(robot.events(mark))}; {lost_words(crowd.lost - lost)}; load {os.getloadavg()[0]:.1f}",
+        f"{told(events)}; {lost_words(crowd.lost - lost)}; load {os.getloadavg()[0]:.1f}",
         flush=True,
     )
+    if crowd.sent > sent:
+        rate = (crowd.sent - sent) / (time.monotonic() - at)
+        itself = told(robot.events(mark, ITSELF))
+        print(f"  {FLOODING} sent {rate:.0f} packets/s; itself: {itself}; told: {robot.said_of_flood()}")
 
 
 def told(events: Counter[str]) -> str:

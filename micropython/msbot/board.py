@@ -1,7 +1,8 @@
 """What a board is connected to, read once when a program starts.
 
 `msbot.json` lies on the board: `{"link": "can:1?bitrate=500000"}`, or `serial:1?baudrate=115200`, or
-`udp:192.168.1.20:8888` with `"wifi": ["name", "password"]`; optionally `"key"` and `"uid"`, as hexadecimal digits.
+`udp:192.168.1.20:8888` with `"wifi": ["name", "password"]`, or `ws://192.168.1.20:8080` with `"token"`, an API token of
+the page, besides; optionally `"key"` and `"uid"`, as hexadecimal digits.
 """
 
 import hashlib
@@ -33,10 +34,10 @@ def open_for(part):
         part.key = parse_key(settings["key"])
     if part.uid is None:
         part.uid = _uid(settings["uid"]) if "uid" in settings else _board_uid()
-    return open_link(settings.get("link", ""), settings.get("wifi"))
+    return open_link(settings.get("link", ""), settings.get("wifi"), settings.get("token", ""))
 
 
-def open_link(address, wifi=None):
+def open_link(address, wifi=None, token=""):
     """Open the link for an address; raises ConfigError when there is none."""
     kind, _, rest = address.partition(":")
     place, _, options = rest.partition("?")
@@ -65,11 +66,22 @@ def open_link(address, wifi=None):
                 _join_wifi(wifi)
             host, _, port = place.rpartition(":")
             return PacketLink(UdpPipe(host, int(port)), address)
+        if kind == "ws" and place.startswith("//"):
+            from .websocket import TcpStream, WebSocketLink
+
+            if not token:
+                raise ConfigError("link {!r} needs a token in {}: page Admin, API tokens".format(address, FILE))
+            if wifi:
+                _join_wifi(wifi)
+            host, _, port = place[2:].partition("/")[0].partition(":")
+            port = int(port or "80")
+            return WebSocketLink(lambda: TcpStream(host, port), address, token)
     except ImportError as error:
         raise ConfigError("this board cannot do {}: {}".format(address, error)) from None
     except ValueError:
         pass
-    words = "link {!r}: write can:1?bitrate=500000, serial:1?baudrate=115200 or udp:192.168.1.20:8888"
+    words = "link {!r}: write can:1?bitrate=500000, serial:1?baudrate=115200, udp:192.168.1.20:8888"
+    words += " or ws://192.168.1.20:8080"
     raise ConfigError(words.format(address))
 
 

@@ -12,7 +12,7 @@
 import { openSync, readdirSync, readFileSync, readSync, writeSync, constants } from "node:fs";
 import { join } from "node:path";
 
-const settings = { flash: 200_000, buffer: 0, window: 2048, uart: "", boot: "", lib: "", files: {}, ...JSON.parse(process.argv[2]) };
+const settings = { flash: 600_000, buffer: 0, window: 2048, uart: "", boot: "", lib: "", files: {}, ...JSON.parse(process.argv[2]) };
 const { loadMicroPython } = await import(join(settings.vm, "micropython.mjs"));
 const INTERRUPT = 3, NO_SPACE = 28, BLOCK = 512, POLL_MS = 0.5;
 const RAW = 1, FRIENDLY = 2, SOFT_RESET = 4;

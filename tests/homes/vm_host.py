@@ -2,7 +2,7 @@
 
 `answer(line)` takes one request as JSON and gives the answer as JSON:
 
-    {"do": "start", "program": TEXT, "name": "x.py", "link": "can"|"serial", "uid": HEX, "now": MS}
+    {"do": "start", "program": TEXT, "name": "x.py", "link": "can"|"serial"|"pipe"|"ws", "uid": HEX, "now": MS}
     {"do": "step", "now": MS, "in": [...], "room": FRAMES, "pending": FRAMES}
     {"do": "collect"}, then {"do": "memory"}
 
@@ -33,7 +33,7 @@ class Wire:
     def read(self):
         if self.is_stream:
             octets, self.incoming = b"".join(self.incoming), []
-            return octets
+            return octets or None
         return self.recv()
 
     def send(self, identifier, extended, octets):
@@ -68,6 +68,10 @@ def _make_link(kind, wire):
         from msbot.can import CanLink
 
         return CanLink(wire)
+    if kind == "ws":
+        from msbot.websocket import WebSocketLink
+
+        return WebSocketLink(lambda: wire, "ws://127.0.0.1:8080", "a token")
     from msbot.links import PacketLink, SerialLink
 
     return SerialLink(wire) if kind == "serial" else PacketLink(wire)
@@ -80,7 +84,7 @@ def _start(request):
     from msbot.annotations import with_fields
 
     msbot.listen(_say)
-    _wire = Wire(request["link"] == "serial")
+    _wire = Wire(request["link"] in ("serial", "ws"))
 
     def host(part):
         _parts.append(part)

@@ -63,6 +63,13 @@ class Robot:
         assert isinstance(found, dict)
         return answer.status_code, found
 
+    def open_page(self) -> httpx.Client:
+        """A connection to the page's API that is open from now on, as that of a browser is."""
+        bearer = {"authorization": f"Bearer {TOKEN}"}
+        page = self.stack.enter_context(httpx.Client(base_url=self.page, headers=bearer, timeout=PATIENCE_S))
+        assert page.get("/robot").status_code == httpx.codes.OK
+        return page
+
     def part(self, name: str) -> Process:
         process = running("part", name, "--link", self.link, cwd=self.folder, env=self.env)
         return self.stack.enter_context(process)

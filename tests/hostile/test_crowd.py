@@ -11,6 +11,7 @@ from random import Random
 import pytest
 
 from msbot.agent import AgentSettings
+from msbot.agent.join_queue import FORGET_S
 from msbot.agent.outside_share import BEYOND_OUTSIDE
 from msbot.config import Blueprint, PartType, RobotProfile, Slot
 from msbot.link import InprocHub
@@ -136,9 +137,16 @@ def test_a_part_that_floods_gets_its_share_and_is_told_of_and_no_other_part_is_l
     run_virtual(scene())
 
 
-@pytest.mark.parametrize("addresses", [1, 200])
-def test_a_flood_of_strangers_is_read_in_part_and_nobody_is_late_or_kept_out(
-    addresses: int, caplog: pytest.LogCaptureFixture
+EVER_NEW = 1 << 40
+"""More addresses than a flood has packets: each of its packets looks like a newcomer."""
+
+
+@pytest.mark.parametrize(
+    ("addresses", "patience_s"),
+    [(1, 1), (200, 2), (EVER_NEW, FORGET_S + 2)],  # the places of who never asks again are free after FORGET_S
+)
+def test_a_flood_of_strangers_is_read_in_part_and_nobody_is_late_or_kept_out_when_it_is_over(
+    addresses: int, patience_s: float, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def scene() -> None:
         random, loop = Random(1), asyncio.get_running_loop()
@@ -162,8 +170,8 @@ def test_a_flood_of_strangers_is_read_in_part_and_nobody_is_late_or_kept_out(
         def switch_on(part: Part) -> None:
             tasks.append(loop.create_task(part.run_async(hub.connect(), epoch_ns=lambda: 0)))
 
-        async def all_in(count: int) -> None:
-            async with asyncio.timeout(5):
+        async def all_in(count: int, patience_s: float = 5.0) -> None:
+            async with asyncio.timeout(patience_s):
                 while sum(part.state is JoinState.ACTIVE for part in parts) < count:  # noqa: ASYNC110 - virtual time
                     await asyncio.sleep(0.01)
 
@@ -180,7 +188,7 @@ def test_a_flood_of_strangers_is_read_in_part_and_nobody_is_late_or_kept_out(
             if step == 500:
                 switch_on(parts[-1])
             await asyncio.sleep(0.002)
-        await all_in(10)
+        await all_in(10, patience_s)
         most = AgentSettings().max_outside_per_s
         unread = master.agent.dropped()[BEYOND_OUTSIDE]
         assert sent - most * 2.5 <= unread <= sent - most / 4

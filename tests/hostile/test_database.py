@@ -188,8 +188,12 @@ def test_with_another_program_that_holds_the_lock_of_the_file(tmp_path: Path) ->
 
 
 def stops(robot: Robot) -> None:
-    """STOP reaches the master and every part, and is stored."""
+    """STOP reaches the master and every part, and is stored; by the page, too."""
     assert robot.tell("stop")["stored"] is True, "the file has it"
+    robot.tell("go")
+    status, answer = robot.call("POST", "/stop", {})
+    assert status == 200, answer
+    assert robot.tell("status")["stopped"]
     robot.tell("go")
 
 

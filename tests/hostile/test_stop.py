@@ -16,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import httpx
 import pytest
 
 from msbot.agent.status_files import find_files
@@ -160,6 +161,7 @@ def children(master: Process) -> set[int]:
 def test_stop_gets_through_when_everything_else_is_stuck(robot: Robot) -> None:
     master = robot.master(page=True)
     robot.parts("AA")
+    page = robot.open_page()
     for state in (
         a_blueprint_is_compared,
         silent_connections,
@@ -170,6 +172,10 @@ def test_stop_gets_through_when_everything_else_is_stuck(robot: Robot) -> None:
         with state(robot, master):
             said = robot.tell("stop")
             assert (said["told"], said["stored"]) == (1, True), state.__doc__
+            robot.tell("go")
+            answer = page.post("/stop", json={})
+            assert answer.status_code == httpx.codes.OK, (state.__doc__, answer.text)
+            assert robot.tell("status")["stopped"], state.__doc__
             robot.tell("go")
     master.send(signal.SIGSTOP)
     try:

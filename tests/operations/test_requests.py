@@ -77,6 +77,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "stored": await ask(stage, "stored"),
             "go": await ask(stage, "go"),
             "ignore": await ask(stage, "ignore", part="DD"),
+            "simulate": await ask(stage, "simulate", slot="CC"),
             "identify": await ask(stage, "identify", part="AA"),
             "why": await ask(stage, "why", part="AA"),
             "apply": await ask(

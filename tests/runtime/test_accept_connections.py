@@ -45,5 +45,6 @@ async def test_without_descriptors_it_pauses_instead_of_spinning(monkeypatch: py
                 await arrived.wait()
         acceptor.stop()
         assert dropped == {EXHAUSTED: 3}
+        assert taken[0].getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY), "small answers do not wait for each other"
         assert listening.tries < 10, "one try for each pause"
     taken[0].close()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
@@ -64,6 +65,66 @@ async def test_a_connection_that_breaks_is_made_again() -> None:
         site.break_all()
         await site.until(lambda: not site.active())
         await site.until(lambda: site.active() == {"S0"})
+
+
+@asynccontextmanager
+async def proxy(status: bytes = b"200 OK") -> AsyncIterator[tuple[int, list[str]]]:
+    """A proxy that knows CONNECT, as a school's: its port, and the places it was asked for."""
+    asked: list[str] = []
+    work: set[asyncio.Task[None]] = set()
+
+    async def copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(OSError):
+            while octets := await reader.read(4096):
+                writer.write(octets)
+            writer.close()
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        method, place, _ = (await reader.readuntil(b"\r\n\r\n")).decode().split("\r\n")[0].split(" ")
+        asked.append(f"{method} {place}")
+        writer.write(b"HTTP/1.1 " + status + b"\r\n\r\n")
+        if not status.startswith(b"200"):
+            writer.close()
+            return
+        theirs = await asyncio.open_connection(*place.split(":"))
+        for ends in ((reader, theirs[1]), (theirs[0], writer)):
+            work.add(asyncio.create_task(copy(*ends)))
+
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    try:
+        yield server.sockets[0].getsockname()[1], asked
+    finally:
+        server.close()
+        for task in work:
+            task.cancel()
+        await asyncio.gather(*work, return_exceptions=True)
+
+
+async def test_a_part_comes_through_the_proxy_that_the_environment_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with part_site() as site, proxy() as (port, asked):
+        monkeypatch.setenv("http_proxy", f"http://127.0.0.1:{port}")
+        monkeypatch.setenv("no_proxy", "")
+        async with site.part(0, await site.token("bob")):
+            await site.until(lambda: site.active() == {"S0"})
+        assert asked == [f"CONNECT 127.0.0.1:{site.port}"]
+
+
+@pytest.mark.parametrize(
+    ("status", "named", "words"),
+    [
+        (b"407 Proxy Authentication Required", "http", r"the proxy wants a name and a password .* HTTP status 407"),
+        (b"403 Forbidden", "http", "the proxy refuses the way, HTTP status 403: check http_proxy"),
+        (b"200 OK", "ftp", "check http_proxy and https_proxy"),
+    ],
+)
+async def test_a_proxy_that_refuses_is_told_in_one_sentence(
+    status: bytes, named: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with part_site() as site, proxy(status) as (port, _):
+        monkeypatch.setenv("http_proxy", f"{named}://127.0.0.1:{port}")
+        monkeypatch.setenv("no_proxy", "")
+        with pytest.raises(LinkDown, match=words):
+            await asyncio.wait_for(site.client(await site.token("bob")).run(), 30)
 
 
 class Fake:

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import sqlite3
+import sys
+import tempfile
 import tracemalloc
 from collections.abc import AsyncIterator
 from contextlib import closing
 from pathlib import Path
 
+import pytest
+
 from msbot.config import blueprint_toml
 from msbot.operations.rights import Role
 from msbot.registry import open_registry
+from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
+from msbot.web.access.sessions import Session
 from msbot.web.access.users import User
 from msbot.web.records import RegistryUsers, robot_tiles
 from tests.operations.stage import AA_IS_A_DIAL
@@ -100,10 +107,18 @@ def test_what_was_set_by_hand_goes_out_with_a_remark(tmp_path: Path) -> None:
     show(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
 
 
+async def whole(rig: Rig, session: Session) -> bytes:
+    """A backup, all of it."""
+    backup = await rig.service.backup(session)
+    content = b"".join([piece async for piece in backup.octets])
+    assert len(content) == backup.size
+    return content
+
+
 def test_a_backup_comes_back_with_the_next_start(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         ada = rig.session(Role.ADMINISTRATOR)
-        content = await rig.service.backup(ada)
+        content = await whole(rig, ada)
         assert content.startswith(b"SQLite format 3")
         assert "when the master restarts" in (await rig.service.restore(ada, chunks(content))).words
         assert ("ada", "restore") in [(edit.who, edit.kind) for edit in await rig.service.edits(5)]
@@ -133,7 +148,7 @@ def test_a_large_backup_is_taken_in_pieces_and_the_robot_has_its_turn_after_each
     async def scene(rig: Rig) -> None:
         ada = rig.session(Role.ADMINISTRATOR)
         large = tmp_path / "large.db"
-        large.write_bytes(await rig.service.backup(ada))
+        large.write_bytes(await whole(rig, ada))
         with closing(sqlite3.connect(large)) as database:
             database.execute("CREATE TABLE filling AS SELECT zeroblob(?) AS octets", [LARGE])
             database.execute("DROP TABLE filling")  # the file stays as large as it was
@@ -163,3 +178,49 @@ def test_a_large_backup_is_taken_in_pieces_and_the_robot_has_its_turn_after_each
         assert (tmp_path / "robot.db.restore").stat().st_size > LARGE
 
     show(tmp_path, scene, parts=())
+
+
+def test_a_large_backup_goes_out_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def large(address: str, target: Path) -> int:
+        rows = back_up(address, target)
+        os.truncate(target, LARGE)
+        return rows
+
+    back_up = upkeep.back_up
+    monkeypatch.setattr(upkeep, "back_up", large)
+
+    async def scene(rig: Rig) -> None:
+        tracemalloc.start()
+        try:
+            backup = await rig.service.backup(rig.session(Role.ADMINISTRATOR))
+            size = 0
+            async for piece in backup.octets:
+                size += len(piece)
+            _, most = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert size == backup.size == LARGE
+        assert most < LARGE / 4
+
+    show(tmp_path, scene, parts=())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux lists the open files of a process")
+def test_a_download_that_is_broken_off_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    async def scene(rig: Rig) -> None:
+        before = open_files()
+        backup = await rig.service.backup(rig.session(Role.ADMINISTRATOR))
+        await anext(backup.octets)
+        assert open_files() == before + 1
+        del backup  # as the web server does when the browser has gone
+        assert open_files() == before
+
+    show(tmp_path, scene, parts=())
+    assert list(tmp_path.glob("msbot-backup-*")) == []
+
+
+def open_files() -> int:
+    """Files in the folder of the test that this process has open."""
+    return sum("backup.db" in os.path.realpath(f"/proc/self/fd/{one}") for one in os.listdir("/proc/self/fd"))

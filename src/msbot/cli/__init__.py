@@ -23,6 +23,7 @@ CHANGING = (
     "unbind",
     "undo",
     "identify",
+    "simulate",
     "stop",
     "go",
 )

@@ -26,6 +26,7 @@ from msbot.operations.rights import Asker, user_of_computer
 from msbot.operations.running_robot import RunningRobot
 from msbot.operations.settings import SlotSettings
 from msbot.operations.showing import Showing
+from msbot.operations.stand_ins import StandIns
 from msbot.operations.stop_and_go import Stopping
 from msbot.operations.stored_placement import StoredPlacement
 from msbot.operations.stored_robot import StoredRobot
@@ -144,13 +145,14 @@ class RunningOperations(Operations):
         self.applying = BlueprintChange(running)
         described = DescribedParts(running, self.applying)
         self.placement = Placement(running, described)
+        self.stand_ins = StandIns(running, self.placement)
         self.stopping = Stopping(running)
         self.showing = Showing(running)
         self.by_hand = ByHand(running)
         self.recording = Recording()
         super().__init__(
             SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
-            self.applying, self.by_hand, self.recording, Blocking(running), Wires(running), described,
+            self.applying, self.by_hand, self.recording, Blocking(running), Wires(running), described, self.stand_ins,
         )  # fmt: skip
 
 

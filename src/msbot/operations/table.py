@@ -140,6 +140,13 @@ _ROWS = (
         "The part stands by, and a spare gets the slot if there is one.",
     ),
     Operation(
+        "simulate", "Let a simulated part stand in for that of a slot, or end that.",
+        (_slot("The slot."),
+         Argument("end", ArgumentKind.FLAG, default=False, option="--end", help="End it: the slot is given back.")),
+        Right.ARRANGE, Where.RUNNING, Kept.NOTHING, "", "POST /slots/{slot}/simulate",
+        "The part that holds the slot stands by meanwhile. Stand-ins end with the master.",
+    ),
+    Operation(
         "window", "Open the adoption window: let parts be adopted that the library would turn away.",
         (Argument("seconds", ArgumentKind.NUMBER, default=60.0, least=1.0, most=3600.0, help="How long it stays open."),
          _slot("An empty slot that the next newcomer gets.", is_needed=False)),

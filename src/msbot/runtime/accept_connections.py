@@ -7,6 +7,7 @@ failure is counted once per pause and logged once, and everything else keeps run
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import logging
 import socket
@@ -75,4 +76,15 @@ class Acceptor:
                 self._dropped.count(BROKEN)
                 continue
             connection.setblocking(False)
+            _send_at_once(connection)
             self._take(connection)
+
+
+def _send_at_once(connection: socket.socket) -> None:
+    """Have the system not wait for more before it sends little: an answer in two pieces took 40 ms longer (Nagle).
+
+    asyncio does this only for sockets that were made with a protocol number.
+    """
+    if connection.family in (socket.AF_INET, socket.AF_INET6):
+        with contextlib.suppress(OSError):  # it is gone already, and found out when it is read
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

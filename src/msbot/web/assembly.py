@@ -25,7 +25,8 @@ from msbot.web.programs.program_shelf import RegistryShelf
 from msbot.web.records import RegistryUsers, no_records, registry_records
 from msbot.web.server import WebServer, WebSettings
 from msbot.web.service import Service
-from msbot.web.simulated.bench import Bench, NoBench
+from msbot.web.simulated.bench import Bench
+from msbot.web.simulated.simulated_bench import SimulatedBench
 from msbot.web.timeline import Timeline
 from msbot.web.views import BusMeter, Views
 
@@ -96,7 +97,7 @@ class WebRoom:
             live=Live(master.space, _classes_of(library), clock),
             frames=seen.frames,
             timeline=timeline,
-            bench=seen.bench or NoBench(),
+            bench=seen.bench or SimulatedBench(operations.stand_ins),
             clock=clock,
             ignored=operations.showing.is_ignored,
             by_hand=operations.by_hand.said,

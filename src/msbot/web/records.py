@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import shutil
 import tempfile
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import NoReturn
+from typing import BinaryIO, NoReturn
 
 from msbot.config import Library, blueprint_toml, compare_text, parse_blueprint
 from msbot.errors import RegistryError
@@ -26,6 +28,45 @@ from msbot.runtime.worker import Workshop
 from msbot.web.access.users import User
 from msbot.web.api.models import JournalLine, Robot, RobotTile
 
+PIECE = 1 << 18
+"""Octets of a backup that are read at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Backup:
+    """A backup that is on the disk and goes out in pieces."""
+
+    size: int
+    """In octets."""
+    octets: Pieces
+    """Its content."""
+
+
+class Pieces:
+    """A file, piece by piece; it is closed at its end, or as soon as nobody wants any more of it.
+
+    Args:
+        file: what is read.
+        aside: where it is read.
+    """
+
+    def __init__(self, file: BinaryIO, aside: DaemonThreads) -> None:
+        self._file = file
+        self._aside = aside
+
+    def __aiter__(self) -> Pieces:
+        return self
+
+    async def __anext__(self) -> bytes:
+        piece = await asyncio.get_running_loop().run_in_executor(self._aside, self._file.read, PIECE)
+        if not piece:
+            self._file.close()
+            raise StopAsyncIteration
+        return piece
+
+    def __del__(self) -> None:
+        self._file.close()
+
 
 @dataclass(frozen=True, slots=True)
 class Records:
@@ -39,7 +80,7 @@ class Records:
     """What another blueprint would change; raises ConfigError when it is wrong."""
     apply: Callable[[str, str], Awaitable[str]]
     """(TOML, who) -> what was changed, in words."""
-    backup: Callable[[], Awaitable[bytes]]
+    backup: Callable[[], Awaitable[Backup]]
     restore: Callable[[AsyncIterator[bytes], str], Awaitable[str]]
     """(backup as it comes in, who) -> what happens now, in words."""
     people_edits: Callable[[int], Awaitable[Sequence[EditRecord]]]
@@ -98,8 +139,9 @@ def registry_records(
         wanted = await workshop.run(parse_blueprint, toml, library)
         return (await operations.applying.put_in_force(wanted, who=who)).words
 
-    async def backup() -> bytes:
-        return await asyncio.get_running_loop().run_in_executor(aside, _backup, address)
+    async def backup() -> Backup:
+        file = await asyncio.get_running_loop().run_in_executor(aside, _backup, address)
+        return Backup(os.fstat(file.fileno()).st_size, Pieces(file, aside))
 
     async def restore(backup: AsyncIterator[bytes], who: str) -> str:
         known = registry.runs.store(robot).users
@@ -167,11 +209,18 @@ def no_records(robot: Callable[[], Robot]) -> Records:
     )
 
 
-def _backup(address: str) -> bytes:
+def _backup(address: str) -> BinaryIO:
+    """A new backup, in a file without a name: it is gone when it is closed."""
     with tempfile.TemporaryDirectory(prefix="msbot-backup-") as folder:
         target = Path(folder) / "backup.db"
         upkeep.back_up(address, target)
-        return target.read_bytes()
+        if os.name == "posix":
+            return target.open("rb")  # an open file outlives its name
+        kept = tempfile.TemporaryFile()  # noqa: SIM115 - whoever sends it closes it
+        with target.open("rb") as made:
+            shutil.copyfileobj(made, kept)
+    kept.seek(0)
+    return kept
 
 
 def journal_lines(registry: Registry, robot: RobotRecord) -> Callable[[int, str | None], Awaitable[list[JournalLine]]]:

@@ -35,7 +35,7 @@ from msbot.web.api.models import (
 from msbot.web.local_masters import LocalMaster, LocalMasters, StopForAll
 from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.programs.program_shelf import NoShelf, ProgramShelf
-from msbot.web.records import Records
+from msbot.web.records import Backup, Records
 from msbot.web.views import Views
 
 SHARED_S = 0.2
@@ -272,8 +272,8 @@ class Service:
         await self.accounts.remove_token(name, purpose, who=session.name)
         return Done(words=said("the token for {purpose} is removed", purpose=purpose))
 
-    async def backup(self, session: Session) -> bytes:
-        """The whole database in one file."""
+    async def backup(self, session: Session) -> Backup:
+        """The whole database in one file, which goes out in pieces."""
         self._need(session, Right.ADMINISTER)
         return await self._records.backup()
 

@@ -233,7 +233,7 @@ def _prepared(
 
     if link is not None:
         check_link(link)
-    needs_token = link is not None and link.startswith(("ws:", "wss:"))
+    needs_token = link is not None and link.startswith("ws:")
     token = os.environ.get(TOKEN, "").strip() if needs_token else None
     if token == "":
         raise ConfigError(

@@ -12,7 +12,7 @@ from msbot.errors import ConfigError
 from msbot.runtime.board_package import FOLDER, package_files
 
 SETTINGS = "msbot.json"
-LINKS = ("can", "serial", "udp", "ws", "wss")
+LINKS = ("can", "serial", "udp", "ws")
 """Kinds of links that a board has."""
 MAIN = "main.py"
 

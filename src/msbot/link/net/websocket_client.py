@@ -95,7 +95,7 @@ class WebSocketClientLink(BaseLink):
         """
         try:
             from websockets.asyncio.client import connect
-            from websockets.exceptions import InvalidHandshake, InvalidStatus
+            from websockets.exceptions import InvalidHandshake, InvalidProxy, InvalidProxyStatus, InvalidStatus
         except ImportError:
             raise LinkDown("links by WebSocket need the library websockets: pip install 'msbot[ws]'") from None
         while True:
@@ -108,6 +108,10 @@ class WebSocketClientLink(BaseLink):
                     refusal = await self._serve(connection)
             except InvalidStatus as error:
                 self._judge(error.response.status_code)
+            except InvalidProxyStatus as error:
+                self._judge_proxy(error.response.status_code)
+            except InvalidProxy as error:
+                raise LinkDown(f"{self.info.name}: {error}: check http_proxy and https_proxy") from None
             except ssl.SSLCertVerificationError as error:
                 raise LinkDown(
                     f"{self.info.name}: its certificate is not trusted here ({error.verify_message}): name the file "
@@ -129,6 +133,18 @@ class WebSocketClientLink(BaseLink):
         if status < 500:
             raise LinkDown(f"{self.info.name}: there is no page of MsBOT; copy the address that msbot master prints")
         _log.debug("%s: no connection: HTTP status %d", self.info.name, status)
+
+    def _judge_proxy(self, status: int) -> None:
+        """Handle a refusal by the proxy on the way; one that cannot reach the page (5xx) is tried again."""
+        if status < 500:
+            wants = (
+                "wants a name and a password (http://NAME:PASSWORD@HOST:PORT)" if status == 407 else "refuses the way"
+            )
+            raise LinkDown(
+                f"{self.info.name}: the proxy {wants}, HTTP status {status}: check http_proxy and https_proxy, or name "
+                "the page's host in no_proxy"
+            )
+        _log.debug("%s: the proxy has no connection: HTTP status %d", self.info.name, status)
 
     async def _serve(self, connection: ClientConnection) -> str:
         """Carry packets until the connection ends; returns why the server does not want this part, or ""."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Request
-from fastapi.responses import Response
+from fastapi.responses import Response, StreamingResponse
 
 from msbot.runtime.sentence import said
 from msbot.web.api.models import Done, NewToken, NewUser, UserChange, UserLine, Words
@@ -59,10 +59,11 @@ def make_admin_api(service: Service) -> APIRouter:
     @router.get("/backup")
     async def backup(session: SignedIn) -> Response:
         """The whole database in one file."""
-        return Response(
-            await service.backup(session),
+        made = await service.backup(session)
+        return StreamingResponse(
+            made.octets,
             media_type="application/octet-stream",
-            headers={"content-disposition": 'attachment; filename="msbot-backup.db"'},
+            headers={"content-disposition": 'attachment; filename="msbot-backup.db"', "content-length": str(made.size)},
         )
 
     @router.post("/restore")

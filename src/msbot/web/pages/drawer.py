@@ -43,6 +43,7 @@ def open_drawer(page: Page, slot: str) -> None:
         values_panel(page, slot)
         _rhythm(page, slot)
         _deeds(page, card)
+        _stand_in(page, card, dialog)
         _why(page, card)
 
     def look_whether_there() -> None:
@@ -130,6 +131,21 @@ def _deeds(page: Page, card: SlotCard) -> None:
                 if spare.state == "standby" and spare.uid:
                     words = page.say("Swap to {part}", part=spare.part)
                     button(words, "swap_horiz", "swap", slot=card.name, to=spare.uid)
+
+
+def _stand_in(page: Page, card: SlotCard, dialog: ui.dialog) -> None:
+    """One click lets a simulated part stand in for that of the slot, another gives the slot back."""
+    is_here = card.name in page.service.operations.stand_ins.names
+    if not page.may(Right.ARRANGE) or (card.simulated and not is_here):
+        return
+
+    async def change() -> None:
+        if await page.act("simulate", slot=card.name, end=is_here) is not None:
+            dialog.close()
+            open_drawer(page, card.name)
+
+    words = page.say("Give the slot back") if is_here else page.say("Simulate this slot")
+    ui.button(words, icon="settings_backup_restore" if is_here else "smart_toy", on_click=change).props("outline")
 
 
 def _why(page: Page, card: SlotCard) -> None:

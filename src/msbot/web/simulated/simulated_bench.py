@@ -1,0 +1,89 @@
+"""Simulated parts of this process as the page's `Bench`: those of the demo, and stand-ins of a real robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from msbot.config import ControlKind
+from msbot.errors import ConfigError
+from msbot.runtime.sentence import said
+from msbot.sim import SimulatedPart
+from msbot.web.api.models import ControlLine, Scalar
+
+
+class SimulatedParts(Protocol):
+    """Simulated parts by the name of their slot: those of the demo, and stand-ins of a real robot."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their slots."""
+
+    def is_plugged(self, slot: str) -> bool:
+        """Whether that part is on the wire."""
+
+    def plug(self, slot: str) -> None:
+        """Plug it in."""
+
+    def unplug(self, slot: str) -> None:
+        """Pull it out."""
+
+    def simulated(self, slot: str) -> SimulatedPart | None:
+        """The part; None: it is pulled out, or has nothing to be played with."""
+
+
+class SimulatedBench:
+    """Simulated parts as the page's `Bench`."""
+
+    def __init__(self, robot: SimulatedParts) -> None:
+        self._robot = robot
+
+    def slots(self) -> tuple[str, ...]:
+        """See `Bench.slots`."""
+        return self._robot.names
+
+    def is_plugged(self, slot: str) -> bool:
+        """See `Bench.is_plugged`."""
+        return self._robot.is_plugged(slot)
+
+    def plug(self, slot: str) -> None:
+        """See `Bench.plug`."""
+        self._robot.plug(slot)
+
+    def unplug(self, slot: str) -> None:
+        """See `Bench.unplug`."""
+        self._robot.unplug(slot)
+
+    def controls(self, slot: str) -> tuple[ControlLine, ...]:
+        """See `Bench.controls`; the thesis' three have none."""
+        simulated = self._robot.simulated(slot)
+        if simulated is None:
+            return ()
+        return tuple(
+            ControlLine(
+                name=control.name,
+                kind=control.kind.value,
+                least=control.least,
+                most=control.most,
+                unit=control.unit,
+                choices=list(control.choices),
+                words=control.words,
+                value=simulated.value(control.name),
+                momentary=control.momentary,
+            )
+            for control in simulated.controls
+        )
+
+    def operate(self, slot: str, control: str, value: Scalar) -> None:
+        """See `Bench.operate`."""
+        simulated = self._robot.simulated(slot)
+        if simulated is None:
+            raise ConfigError(said("part {slot} has nothing that could be operated, or is not plugged in", slot=slot))
+        wanted = simulated.control(control)
+        is_number = wanted.kind is ControlKind.NUMBER and isinstance(value, int) and not isinstance(value, bool)
+        simulated.set(control, float(value) if is_number else value)
+
+    def readings(self, slot: str) -> Mapping[str, Scalar]:
+        """See `Bench.readings`."""
+        simulated = self._robot.simulated(slot)
+        return {} if simulated is None else simulated.readings()
