@@ -57,7 +57,7 @@ class Seals:
     def seal_request(self, octets):
         """A request to the inventory, sealed unless it is a claim or a proof."""
         size = len(octets)
-        return self.seal(1 if size >= 8 else 0, octets) if size <= 8 or size > 535 else octets
+        return self.seal(1 if size == 8 or size > 535 else 0, octets) if size <= 17 or size > 535 else octets
 
 
 class _Seal:

@@ -66,6 +66,7 @@ def test_a_chip_that_vanishes_is_said_and_comes_back(number: str, tmp_path: Path
         assert "`i2cdetect -y 1`" in bench.unit.fault
         said = [len(heard) for heard in bench.heard.values()]
         await asyncio.sleep(5)
+        assert bench.unit.fault[:180] in bench.master.why("unit")[0], "the robot knows why it has gone"
         assert [len(heard) for heard in bench.heard.values()] == said, "nothing is said without a chip"
         bus.chips[address] = chip
         await bench.until_active()

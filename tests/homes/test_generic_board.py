@@ -247,6 +247,10 @@ def test_a_chip_that_is_pulled_out_is_lost_with_a_reason_and_comes_back(make: Ca
         await begin(world, "lamp", "air")
         world.board.machine("pull", 0x76)
         await world.until(air="left", lamp="active")
+        sentence = (
+            "no BMP280 answers at 0x76 (scl at pin 22, sda at pin 21): check its supply, both wires, and its address"
+        )
+        assert sentence in world.master.why("air")[0]
         await asyncio.sleep(2.0)
         report = world.heard[f"{SLOT}/report"][-1]
         assert isinstance(report, Text)

@@ -263,6 +263,9 @@ class SmallMaster:
             case plug.NatureMessage(lease=lease, nature=nature):
                 self.requests.append((f"nature {nature}", self.parts.get(lease, "")))
                 return None
+            case plug.TroublePiece(lease=lease, place=place):
+                self.requests.append((f"trouble {place}", self.parts.get(lease, "")))
+                return None
             case plug.ConfigurationRequest(lease=lease):
                 number = self.parts.get(lease, "")
                 self.requests.append(("configuration", number))

@@ -39,6 +39,8 @@ RETRY_S = 1.0
 """Time between two attempts to open a driver."""
 SAFE_S = 0.25
 """Longest wait for a bus to take a safe value. Only here does the loop wait: STOP must not be confirmed any earlier."""
+TELL_S = 0.25
+"""Time that the robot has to hear why a part ends before its session is over."""
 ALIVE_S = 1.0
 """Period in which even a part that speaks only on a change is read."""
 MOST_EVENTS = 32
@@ -108,6 +110,8 @@ class HardwarePart(ModelPart):
         self._given: object = None
         self._events: deque[Values] = deque(maxlen=MOST_EVENTS)
         self._said_fault = ""
+        self._leaving: asyncio.TimerHandle | None = None
+        """Set while the robot is told why the part ends."""
         self.part.every(self._tick_s() if not self._driver.drives else 0.02)(self._tick)
         self.part.on_join(self._joined)
 
@@ -170,6 +174,9 @@ class HardwarePart(ModelPart):
         if not self._touched:
             return
         self._open = self._touched = False
+        if self._leaving is not None:
+            self._leaving.cancel()
+            self._leaving = None
         self._sampling = self._driving = None
         with contextlib.suppress(HardwareFault):  # closed because it does not answer
             await self._in_bus(self._driver.close)
@@ -203,7 +210,10 @@ class HardwarePart(ModelPart):
             _log.debug("%s: %s", self.part.local_name, fault)
             return
         self._note(str(fault))
-        self.part.end()
+        if self._leaving is None:
+            assert self._loop is not None
+            self.part.trouble(str(fault))
+            self._leaving = self._loop.call_later(TELL_S, self.part.end)
 
     # Reading.
 

@@ -344,6 +344,10 @@ class Part:
         )
         await self._runner.run(link, identity, random=self._random, settings=settings, epoch_ns=epoch_ns)
 
+    def trouble(self, sentence: str) -> None:
+        """Say what is wrong with the part's hardware, before `end`: the robot shows it (up to 180 octets)."""
+        self._runner.say_trouble(sentence)
+
     def end(self) -> None:
         """End `run_async` cleanly: the session is deleted, so the master knows at once."""
         self._runner.end()

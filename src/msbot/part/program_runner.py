@@ -197,6 +197,11 @@ class ProgramRunner:
         if self._mistake is not None:
             raise self._mistake
 
+    def say_trouble(self, sentence: str) -> None:
+        """See `Part.trouble`."""
+        if self._membership is not None:
+            self._membership.say_trouble(sentence)
+
     def end(self) -> None:
         """End `run` cleanly: the session is deleted, so the master knows at once."""
         if self._membership is not None:

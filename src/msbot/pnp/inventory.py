@@ -188,6 +188,8 @@ class Inventory:
         if session is None or session.record is None:
             return
         record = session.record
+        if record.trouble:
+            reason = said("{reason}; it said: {trouble}", reason=reason, trouble=record.trouble)
         if record.state is not None and not record.state.is_over:
             lost = not politely and (record.holds_slot or record.state is PartState.STANDBY)
             self._changes.retire(
@@ -266,6 +268,12 @@ class Inventory:
         """The part with that lease says what is behind its ports; False: the lease is unknown."""
         if (record := self._index.by_lease(lease, client_key)) is not None:
             record.take_nature(nature)
+        return record is not None
+
+    def trouble_told(self, lease: int, client_key: int, place: int, text: bytes) -> bool:
+        """The part with that lease says a piece of what is wrong with its hardware; False: the lease is unknown."""
+        if (record := self._index.by_lease(lease, client_key)) is not None:
+            record.take_trouble(place, text)
         return record is not None
 
     def configuration_request(self, lease: int, client_key: int) -> Configuration | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from msbot.part.join.plug import Nature, Refusal
+from msbot.part.join.plug import TROUBLE_ENDS, TROUBLE_OCTETS, TROUBLE_PIECES, Nature, Refusal
 from msbot.pnp.life_status import Life, check_transition
 from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo, SelfDescription
 from msbot.pnp.part_events import Evidence, PartEvent, PartState
@@ -62,6 +62,8 @@ class InventoryRecord:
         "slot",
         "spoke_unasked",
         "state",
+        "trouble",
+        "trouble_pieces",
     )
 
     def __init__(self, client_key: int, address: str, timing: LifeTiming, plugged_in_at: float) -> None:
@@ -85,6 +87,9 @@ class InventoryRecord:
         self.refusal: Refusal | None = None
         self.nature = Nature.UNKNOWN
         """What is behind its ports, as the part itself says."""
+        self.trouble = ""
+        """What is wrong with its hardware, as the part said before it ended."""
+        self.trouble_pieces = b""
         self.refused_claims = 0
         self.refused_samples = 0
         """Samples that showed its session but had no valid seal."""
@@ -166,6 +171,19 @@ class InventoryRecord:
     def forget_description(self) -> None:
         """Another program may speak for the part now: what it said of itself does not count, and it may be asked."""
         self.asked_what, self.says = 0, None
+
+    def take_trouble(self, place: int, piece: bytes) -> None:
+        """The part says a piece of what is wrong with its hardware (`TroublePiece`)."""
+        at = (place & ~TROUBLE_ENDS) * TROUBLE_OCTETS
+        if at == 0:
+            self.trouble_pieces = b""
+        if at != len(self.trouble_pieces) or at >= TROUBLE_PIECES * TROUBLE_OCTETS:
+            self.trouble_pieces = b""  # one is missing, or they are too many
+            return
+        self.trouble_pieces += piece
+        if place & TROUBLE_ENDS:
+            text = self.trouble_pieces.rstrip(b"\0").decode(errors="replace")
+            self.trouble = "".join(letter for letter in text if letter.isprintable())
 
     def note_duplicate(self, address: str) -> None:
         """Remember where a device with the same UID was seen; each address once."""

@@ -81,6 +81,10 @@ class RequestHandler:
             case plug.DescriptionMessage(text=text):
                 self._inventory.descriptions.said(client_key, text, now)
                 return None
+            case plug.TroublePiece(lease=lease, place=place, text=text):
+                if not self._inventory.trouble_told(lease, client_key, place, text):
+                    self.dropped.count("trouble with an unknown lease")
+                return None
             case plug.ConfigurationRequest(lease=lease):
                 configuration = self._inventory.configuration_request(lease, client_key)
                 return None if configuration is None else self._configuration_message(configuration, client_key)

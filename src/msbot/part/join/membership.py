@@ -238,6 +238,12 @@ class Membership:
             _log.info("the robot does not know this part number, and asks what the part is: it is told")
             self._send(plug.DescriptionMessage(text=self._description).encode(), STREAM_RELIABLE)
 
+    def say_trouble(self, sentence: str) -> None:
+        """Tell the robot what is wrong with the part's hardware; only a part that has a lease can."""
+        if self.joining.lease:
+            for piece in plug.trouble_pieces(self.joining.lease, sentence):
+                self._send(piece.encode(), STREAM_RELIABLE)
+
     def _send_beat(self, lease: int) -> None:
         number = self._obeyed_stop()
         beat = plug.StoppedBeat(lease=lease, number=number & 0xFFFF) if number else plug.Beat(lease=lease)

@@ -43,7 +43,7 @@ def open_drawer(page: Page, slot: str) -> None:
         values_panel(page, slot)
         _rhythm(page, slot)
         _deeds(page, card)
-        _stand_in(page, card, dialog)
+        _stand_in(page, card)
         _why(page, card)
 
     def look_whether_there() -> None:
@@ -133,7 +133,7 @@ def _deeds(page: Page, card: SlotCard) -> None:
                     button(words, "swap_horiz", "swap", slot=card.name, to=spare.uid)
 
 
-def _stand_in(page: Page, card: SlotCard, dialog: ui.dialog) -> None:
+def _stand_in(page: Page, card: SlotCard) -> None:
     """One click lets a simulated part stand in for that of the slot, another gives the slot back."""
     is_here = card.name in page.service.operations.stand_ins.names
     if not page.may(Right.ARRANGE) or (card.simulated and not is_here):
@@ -141,8 +141,7 @@ def _stand_in(page: Page, card: SlotCard, dialog: ui.dialog) -> None:
 
     async def change() -> None:
         if await page.act("simulate", slot=card.name, end=is_here) is not None:
-            dialog.close()
-            open_drawer(page, card.name)
+            ui.navigate.to(f"/?slot={quote(card.name)}")  # the drawer with, or without, the part's controls
 
     words = page.say("Give the slot back") if is_here else page.say("Simulate this slot")
     ui.button(words, icon="settings_backup_restore" if is_here else "smart_toy", on_click=change).props("outline")
