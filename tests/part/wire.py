@@ -13,6 +13,7 @@ from msbot.link import BaseLink, InprocHub, Link, LinkInfo, PacketHandler, Peer,
 from msbot.part.client.settings import ConnectionState
 from msbot.part.join import plug
 from msbot.part.join.membership import INVENTORY
+from msbot.part.join.trouble import TroublePiece
 from msbot.space import MemorySpace
 from msbot.xrce.objects import EndpointQos
 from tests.hearing_client import HearingClient
@@ -263,7 +264,7 @@ class SmallMaster:
             case plug.NatureMessage(lease=lease, nature=nature):
                 self.requests.append((f"nature {nature}", self.parts.get(lease, "")))
                 return None
-            case plug.TroublePiece(lease=lease, place=place):
+            case TroublePiece(lease=lease, place=place):
                 self.requests.append((f"trouble {place}", self.parts.get(lease, "")))
                 return None
             case plug.ConfigurationRequest(lease=lease):

@@ -264,17 +264,9 @@ class Inventory:
         self._publish(now)
         return version
 
-    def nature_told(self, lease: int, client_key: int, nature: int) -> bool:
-        """The part with that lease says what is behind its ports; False: the lease is unknown."""
-        if (record := self._index.by_lease(lease, client_key)) is not None:
-            record.take_nature(nature)
-        return record is not None
-
-    def trouble_told(self, lease: int, client_key: int, place: int, text: bytes) -> bool:
-        """The part with that lease says a piece of what is wrong with its hardware; False: the lease is unknown."""
-        if (record := self._index.by_lease(lease, client_key)) is not None:
-            record.take_trouble(place, text)
-        return record is not None
+    def with_lease(self, lease: int, client_key: int) -> InventoryRecord | None:
+        """The part that says something with that lease; None: the lease is unknown."""
+        return self._index.by_lease(lease, client_key)
 
     def configuration_request(self, lease: int, client_key: int) -> Configuration | None:
         """The configuration of the part with that lease, or None: the lease is unknown, so no answer is sent."""

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part.join import plug
 from msbot.part.join.seal import SEAL_OCTETS, TOO_SHORT
+from msbot.part.join.trouble import TroublePiece
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
@@ -75,15 +76,19 @@ class RequestHandler:
             case plug.Beat(lease=lease) | plug.StoppedBeat(lease=lease):
                 return plug.BeatReply(configuration_version=self._inventory.beat(lease, client_key, now))
             case plug.NatureMessage(lease=lease, nature=nature):
-                if not self._inventory.nature_told(lease, client_key, nature):
+                if (record := self._inventory.with_lease(lease, client_key)) is None:
                     self.dropped.count("nature with an unknown lease")
+                else:
+                    record.take_nature(nature)
                 return None
             case plug.DescriptionMessage(text=text):
                 self._inventory.descriptions.said(client_key, text, now)
                 return None
-            case plug.TroublePiece(lease=lease, place=place, text=text):
-                if not self._inventory.trouble_told(lease, client_key, place, text):
+            case TroublePiece(lease=lease, place=place, text=text):
+                if (record := self._inventory.with_lease(lease, client_key)) is None:
                     self.dropped.count("trouble with an unknown lease")
+                else:
+                    record.take_trouble(place, text)
                 return None
             case plug.ConfigurationRequest(lease=lease):
                 configuration = self._inventory.configuration_request(lease, client_key)

@@ -30,6 +30,7 @@ from msbot.part.join.joining import (
 )
 from msbot.part.join.keys import KEY_VARIABLE
 from msbot.part.join.part_seals import PartSeals
+from msbot.part.join.trouble import trouble_pieces
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl
 
 INVENTORY = ServiceNames(
@@ -241,7 +242,7 @@ class Membership:
     def say_trouble(self, sentence: str) -> None:
         """Tell the robot what is wrong with the part's hardware; only a part that has a lease can."""
         if self.joining.lease:
-            for piece in plug.trouble_pieces(self.joining.lease, sentence):
+            for piece in trouble_pieces(self.joining.lease, sentence):
                 self._send(piece.encode(), STREAM_RELIABLE)
 
     def _send_beat(self, lease: int) -> None:

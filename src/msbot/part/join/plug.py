@@ -36,6 +36,7 @@ from typing import Annotated
 
 from msbot.part.join.refusal import Refusal as Refusal  # noqa: PLC0414 - others look for it here
 from msbot.part.join.seal import CONFIGURATIONS, SHORT_SAYINGS
+from msbot.part.join.trouble import TROUBLE_PIECE_OCTETS, TroublePiece
 from msbot.part.messages.message import Message
 from msbot.part.messages.wire_types import AtMost, Octets, uint8, uint16, uint32
 
@@ -70,10 +71,6 @@ MOST_DESCRIPTION = 4096
 """Longest description of a part, in octets of UTF-8."""
 LEAST_DESCRIPTION = 540
 """Shortest one; newlines fill it up, because the length of a request tells what it is, and claims are shorter."""
-TROUBLE_OCTETS = 12
-TROUBLE_PIECES = 15
-"""Most pieces of one text: they fit into the window of a reliable stream."""
-TROUBLE_ENDS = 0x80
 
 MOST_BINDINGS = 120
 """Ports of one part that a configuration can bind: each takes two of the 256 objects that an agent grants a client."""
@@ -209,27 +206,6 @@ class DescriptionMessage(Message):
     """TOML, at least `LEAST_DESCRIPTION` octets."""
 
 
-class TroublePiece(Message):
-    """A part says what is wrong with its hardware before it ends: pieces of a text, in order; not answered."""
-
-    lease: uint32
-    place: uint8
-    """Counted from 0; the last piece has bit 7 set."""
-    text: Annotated[bytes, Octets(TROUBLE_OCTETS)]
-    """UTF-8; NUL fills up the last one."""
-
-
-def trouble_pieces(lease: int, sentence: str) -> list[TroublePiece]:
-    """A sentence in pieces; what is too long is cut off."""
-    text = sentence.encode()[: TROUBLE_PIECES * TROUBLE_OCTETS]
-    pieces = [text[at : at + TROUBLE_OCTETS].ljust(TROUBLE_OCTETS, b"\0") for at in range(0, len(text), TROUBLE_OCTETS)]
-    last = len(pieces) - 1
-    return [
-        TroublePiece(lease=lease, place=place | (TROUBLE_ENDS if place == last else 0), text=piece)
-        for place, piece in enumerate(pieces)
-    ]
-
-
 class BeatReply(Message):
     """The answer to a beat."""
 
@@ -322,7 +298,6 @@ _STOPPED_BEAT_OCTETS = 6
 _CONFIGURATION_REQUEST_OCTETS = 8
 _NOTICE_OCTETS = 8
 _VERDICT_OCTETS = 12
-_TROUBLE_PIECE_OCTETS = 17
 _SEALED_CHALLENGE_OCTETS = 17
 
 SHORTEST_CLAIM_OCTETS = 28
@@ -359,7 +334,7 @@ def decode_request(payload: bytes) -> Request:
         return ConfigurationRequest.decode(payload)
     if len(payload) == PROOF_OCTETS:
         return Proof.decode(payload)
-    if len(payload) == _TROUBLE_PIECE_OCTETS:
+    if len(payload) == TROUBLE_PIECE_OCTETS:
         return TroublePiece.decode(payload)
     if len(payload) == SEALED_PROOF_OCTETS:
         return SealedProof.decode(payload)
