@@ -31,6 +31,7 @@ from msbot.link.can.protocol.ids import (
     read_join,
     stop_frame,
 )
+from msbot.link.can.protocol.join_master import LISTEN_S
 from msbot.xrce.compression.header_compression import compress, decompress
 
 MTU = 300
@@ -259,6 +260,8 @@ class CanTarget:
             world = CanWorld(codec=len(case) % 2 == 0)
             tasks = [asyncio.create_task(_serve(link)) for link in world.links]
             await asyncio.sleep(0.1)
+            world.buses[0].leave(40)  # the question whether it is alone
+            await asyncio.sleep(2 * LISTEN_S)
             world.buses[0].leave(40)  # only after its first beacon has left is the master no longer starting
             await asyncio.sleep(2.0)  # else another master on the bus ends ours, as it should
             for step in case:

@@ -88,7 +88,7 @@ class CanMasterLink(NativeEnd):
         self._wires: list[CanWire | None] = [None] * (NODES + 1)
         self._members: list[JoinedPart | None] = [None] * (NODES + 1)
         self._up = ids.up
-        self._started = False
+        self._started = self._is_up = False
         self._other_masters: set[int] = set()
 
     @property
@@ -112,7 +112,7 @@ class CanMasterLink(NativeEnd):
             BusTaken: another master is on the bus.
             LinkDown: the controller cannot be opened or has gone.
         """
-        self._started = False
+        self._started = self._is_up = False
         await super().run()
 
     def frame_received(self, frame: Frame, now: float) -> None:
@@ -137,12 +137,14 @@ class CanMasterLink(NativeEnd):
             self._flush(now)
             for event in events:
                 self._handle(event, now)
+            self._up_if_alone(now)
         else:
             self.foreign += 1
 
     def drained(self, now: float) -> None:
         """See `PortOwner`."""
-        self._join.sent(now)
+        if self._join.sent(now):
+            self._port.arm()
 
     def bus_up(self, now: float) -> None:
         """See `PortOwner`."""
@@ -153,8 +155,9 @@ class CanMasterLink(NativeEnd):
             self._wires = [None] * (NODES + 1)
             self._members = [None] * (NODES + 1)
             self._join.start(now)
+        self._is_up = False
         self._flush(now)
-        self._signal_handler(Signal.LINK_UP, None, f"epoch {self.epoch}", now)
+        self._up_if_alone(now)
 
     def timer(self) -> float | None:
         """See `PortOwner`."""
@@ -164,6 +167,13 @@ class CanMasterLink(NativeEnd):
         """See `PortOwner`."""
         self._join.handle_timer(now)
         self._flush(now)
+        self._up_if_alone(now)
+
+    def _up_if_alone(self, now: float) -> None:
+        """Say that the link is up, once it is known that this bus has no other master."""
+        if not self._is_up and not self._join.is_listening and self._port.is_up:
+            self._is_up = True
+            self._signal_handler(Signal.LINK_UP, None, f"epoch {self.epoch}", now)
 
     def _wire(self, peer: int) -> CanWire | None:
         return self._wires[peer] if 0 < peer <= NODES else None

@@ -21,6 +21,7 @@ from msbot.link.can.protocol.ids import (
     assign_frame,
     beacon_frame,
     join_frame,
+    question_frame,
     stop_frame,
 )
 from msbot.link.can.protocol.legacy_frames import split_legacy
@@ -52,6 +53,7 @@ def decoder() -> CanDecoder:
         (stop_frame(1, IDS), "STOP: STOP was pressed"),
         (stop_frame(77, IDS), "STOP: reason 77"),
         (beacon_frame(Beacon(0, 5, 0xC0FFEE), IDS), "BEACON: robot 00c0ffee, epoch 5"),
+        (question_frame(0xC0FFEE, IDS), "question: a master starts, robot 00c0ffee; is there one on this bus?"),
         (
             beacon_frame(Beacon(CAN_FD | COMPRESSION, 5, 0xC0FFEE), IDS),
             "BEACON: robot 00c0ffee, epoch 5, offers CAN FD and header compression",

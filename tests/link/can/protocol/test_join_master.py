@@ -18,10 +18,13 @@ from msbot.link.can.protocol.ids import (
     Beacon,
     beacon_frame,
     join_frame,
+    question_frame,
     read_assign,
     read_beacon,
 )
 from msbot.link.can.protocol.join_master import (
+    LISTEN_S,
+    REPEAT_S,
     UNPROVEN_S,
     MasterJoin,
     NodeEvicted,
@@ -35,10 +38,22 @@ from tests.link.joining import HASH, IDS, UID, any_frame, beacon, uid
 
 def master(node_ids: MemoryNodeIds | None = None, *, seed: int = 1, caps: int = 0) -> MasterJoin:
     join = MasterJoin(node_ids or MemoryNodeIds(), profile_hash=HASH, random=Random(seed), caps=caps)
-    join.start(0.0)
+    join.start(-LISTEN_S)
+    listen(join, -LISTEN_S)
     join.take_frames()
     join.sent(0.0)
     return join
+
+
+def listen(join: MasterJoin, now: float) -> None:
+    """It asks whether it is alone, and nobody answers: its first beacon is ready."""
+    assert join.take_frames() == [question_frame(HASH, IDS)]
+    assert join.is_listening
+    join.sent(now)
+    due = join.timer()
+    assert due == now + LISTEN_S
+    join.handle_timer(due)
+    assert not join.is_listening
 
 
 def answer(join: MasterJoin) -> Assign:
@@ -50,7 +65,8 @@ def answer(join: MasterJoin) -> Assign:
 
 def test_a_master_says_beacon_at_once_and_each_second() -> None:
     join = MasterJoin(MemoryNodeIds(), profile_hash=HASH, random=Random(1), caps=CAN_FD)
-    join.start(10.0)
+    join.start(10.0 - LISTEN_S)
+    listen(join, 10.0 - LISTEN_S)
     (frame,) = join.take_frames()
     assert read_beacon(frame, IDS) == Beacon(CAN_FD | STARTING, join.epoch, HASH)
     join.sent(10.0)
@@ -62,6 +78,55 @@ def test_a_master_says_beacon_at_once_and_each_second() -> None:
     assert join.timer() == 12.0
     join.handle_timer(12.0)
     assert read_beacon(join.take_frames()[0], IDS) == Beacon(CAN_FD, join.epoch, HASH)
+
+
+def test_a_master_that_starts_says_nothing_to_parts_before_it_knows_that_it_is_alone() -> None:
+    running, second = master(seed=2), MasterJoin(MemoryNodeIds(), profile_hash=HASH + 1, random=Random(3))
+    second.start(10.0)
+    (question,) = second.take_frames()
+    second.sent(10.0)
+    assert second.receive(join_frame(UID, 0, IDS), 10.0) == []
+    second.stranger(7, 10.0)
+    assert second.take_frames() == []
+    assert running.receive(question, 10.0) == [OtherMaster(HASH + 1, fatal=False)]
+    (answer,) = running.take_frames()
+    assert second.receive(answer, 10.01) == [OtherMaster(HASH, fatal=True)]
+    assert second.take_frames() == []
+    running.receive(question, 10.0 + REPEAT_S / 2)
+    assert running.take_frames() == [], "questions without end get no answers without end"
+
+
+def test_a_master_that_has_just_said_its_first_beacon_answers_as_one_that_was_there() -> None:
+    join = master()
+    assert join.receive(question_frame(HASH + 1, IDS), 0.1) == [OtherMaster(HASH + 1, fatal=False)]
+    (frame,) = join.take_frames()
+    assert read_beacon(frame, IDS) == Beacon(0, join.epoch, HASH)
+
+
+def test_a_question_that_nobody_acknowledges_says_that_nobody_is_there() -> None:
+    join = MasterJoin(MemoryNodeIds(), profile_hash=HASH, random=Random(1))
+    join.start(0.0)
+    join.take_frames()
+    assert join.timer() == LISTEN_S
+    join.handle_timer(LISTEN_S)
+    assert not join.is_listening
+    assert join.take_frames() == [beacon_frame(Beacon(STARTING, join.epoch, HASH), IDS)]
+
+
+def test_of_two_that_listen_at_once_none_answers() -> None:
+    join = MasterJoin(MemoryNodeIds(), profile_hash=HASH, random=Random(1))
+    join.start(0.0)
+    join.take_frames()
+    assert join.receive(question_frame(HASH + 1, IDS), 0.1) == []
+    assert join.take_frames() == []
+
+
+def test_a_master_that_comes_back_on_the_bus_before_it_has_an_answer_asks_again() -> None:
+    join = MasterJoin(MemoryNodeIds(), profile_hash=HASH, random=Random(1))
+    join.start(0.0)
+    join.take_frames()
+    join.resume(3.0)
+    listen(join, 3.1)
 
 
 def test_epochs_differ_between_starts() -> None:

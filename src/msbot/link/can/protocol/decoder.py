@@ -24,6 +24,7 @@ from msbot.link.can.protocol.ids import (
     read_assign,
     read_beacon,
     read_join,
+    read_question,
     read_stop,
     stop_words,
 )
@@ -124,7 +125,8 @@ class CanDecoder:
         if beacon := read_beacon(frame, ids):
             words = f"BEACON: robot {beacon.profile_hash:08x}, epoch {beacon.epoch}"
             return words + _caps_words(", offers", beacon.flags) + (", starts" if beacon.flags & STARTING else "")
-        return ""
+        asking = read_question(frame, ids)
+        return "" if asking is None else f"question: a master starts, robot {asking:08x}; is there one on this bus?"
 
     def _assigned(self, assign: Assign) -> str:
         node, uid = assign.node_id, assign.uid.hex()

@@ -39,6 +39,7 @@ STOP_REASONS: Final = {0: "no reason given", 1: "STOP was pressed", 2: "a progra
 """Reason byte of a STOP frame in words; other numbers are free for applications."""
 
 _BEACON = Struct("<BBHI")
+_QUESTION = Struct("<BI")
 _HASH_MASK = (1 << 22) - 1
 
 
@@ -166,6 +167,19 @@ def read_beacon(frame: Frame, ids: CanIds) -> Beacon | None:
         return None
     version, flags, epoch, profile_hash = _BEACON.unpack(frame.data)
     return Beacon(flags, epoch & EPOCHS - 1, profile_hash) if version == VERSION else None
+
+
+def question_frame(profile_hash: int, ids: CanIds) -> Frame:
+    """A master that starts asks whether the bus has one: parts ignore it, a running master answers with its BEACON."""
+    return Frame(ids.beacon, _QUESTION.pack(VERSION, profile_hash))
+
+
+def read_question(frame: Frame, ids: CanIds) -> int | None:
+    """The profile hash of the master that asks whether it is alone; None: the frame is something else."""
+    if not _is_classic_data(frame, _QUESTION.size, extended=False) or frame.can_id != ids.beacon:
+        return None
+    version, profile_hash = _QUESTION.unpack(frame.data)
+    return int(profile_hash) if version == VERSION else None
 
 
 def stop_frame(reason: int, ids: CanIds) -> Frame:

@@ -6,10 +6,12 @@ sent data, so asking for addresses, however often, never uses up the one that a 
 says each second that the master is there, in which epoch and for which robot. Pure: frames and times in, frames and
 events out.
 
-A bus has one master. A master that has just started says so in its beacons, and ends when it hears one that was there
-before; of two that start at once, the one with the smaller (epoch, profile hash) stays. The one that stays answers at
-once, so that the other one hears it. A master past its start never ends because of another one's frames: any node can
-send those.
+A bus has one master. A master that starts first asks, with a frame that parts ignore, whether another one is there, and
+says nothing else until it has listened for the answer: a beacon of a new epoch would throw every part off its address.
+The answer can be lost, and two can listen at once. So a master that has just started says so in its beacons, and ends
+when it hears one that was there before; of two that start at once, the one with the smaller (epoch, profile hash)
+stays. The one that stays answers at once, so that the other one hears it. A master past its start never ends because of
+another one's frames: any node can send those.
 """
 
 from __future__ import annotations
@@ -29,12 +31,17 @@ from msbot.link.can.protocol.ids import (
     CanIds,
     assign_frame,
     beacon_frame,
+    question_frame,
     read_beacon,
     read_join,
+    read_question,
 )
 from msbot.link.can.protocol.node_ids import NodeIds
 
 BEACON_PERIOD_S: Final = 1.0
+LISTEN_S: Final = 0.2
+"""How long a starting master listens after its question has left the controller, or waits for that. A running one
+answers at once."""
 STARTING_S: Final = 1.5
 """How long a master counts as starting after its first beacon has left the controller; until then another one's beacon
 ends it. A running master answers ours at once, so this is ample."""
@@ -112,6 +119,10 @@ class MasterJoin:
     """By node id."""
     epoch: int = field(default=0, init=False)
     _outbox: list[Frame] = field(default_factory=list, init=False)
+    _is_listening: bool = field(default=False, init=False)
+    """It has asked whether it is alone, and says nothing until it knows."""
+    _has_asked: bool = field(default=False, init=False)
+    """The question has left the controller."""
     _first_sent_at: float | None = field(default=None, init=False)
     """When the first beacon was on the bus; while nobody else is there, it waits in the controller."""
     _answered_at: float = field(default=-REPEAT_S, init=False)
@@ -119,35 +130,54 @@ class MasterJoin:
     _taken_back_at: dict[int, float] = field(default_factory=dict, init=False)
 
     def start(self, now: float) -> None:
-        """Begin a new epoch: no part has an address; send a BEACON at once."""
+        """Begin a new epoch, in which no part has an address; the first BEACON comes when no other master answers."""
         self.epoch = self.random.randrange(EPOCHS)
         self.members.clear()
         self._taken_back_at.clear()
         self._first_sent_at = None
-        self._send_beacon(now)
+        self._ask(now)
 
     def resume(self, now: float) -> None:
         """Go on in the same epoch after a time off the bus: parts that still wait for a beacon need not join again."""
-        self._send_beacon(now)
+        if self._is_listening:
+            self._ask(now)
+        else:
+            self._send_beacon(now)
 
     def receive(self, frame: Frame, now: float) -> list[MasterEvent]:
-        """Take a frame that is not a data frame; anything but JOIN and BEACON is ignored."""
+        """Take a frame that is not a data frame; anything but JOIN, BEACON and another master's question is ignored."""
         join = read_join(frame, self.ids)
         if join is not None:
-            return self._admit(*join, now)
+            return [] if self._is_listening else self._admit(*join, now)
+        asking = read_question(frame, self.ids)
+        if asking is not None:
+            return self._asked(asking, now)
         beacon = read_beacon(frame, self.ids)
         if beacon is None:
             return []
         return [self._meet(beacon, now)]
 
-    def sent(self, now: float) -> None:
-        """Note that all frames have left the controller."""
-        if self._first_sent_at is None:
+    @property
+    def is_listening(self) -> bool:
+        """Whether it has asked if another master is there, and does not know yet."""
+        return self._is_listening
+
+    def sent(self, now: float) -> bool:
+        """Note that all frames have left the controller; True: the timer has changed, as the question was among them.
+
+        A question that nobody acknowledges stays in the controller: then there is no other node, and no need to wait.
+        """
+        if self._is_listening and not self._has_asked:
+            self._has_asked = True
+            self._beacon_due = now + LISTEN_S
+            return True
+        if not self._is_listening and self._first_sent_at is None:
             self._first_sent_at = now
+        return False
 
     def stranger(self, node_id: int, now: float) -> None:
         """Data came from an address that was not given in this epoch: take it back, so that the part joins again."""
-        if now - self._taken_back_at.get(node_id, -REPEAT_S) >= REPEAT_S:
+        if not self._is_listening and now - self._taken_back_at.get(node_id, -REPEAT_S) >= REPEAT_S:
             self._taken_back_at[node_id] = now
             self._outbox.append(assign_frame(Assign(NOBODY, node_id, self.epoch, 0), self.ids))
 
@@ -175,13 +205,18 @@ class MasterJoin:
     def _is_starting(self, now: float) -> bool:
         return self._first_sent_at is None or now - self._first_sent_at < STARTING_S
 
+    def _asked(self, profile_hash: int, now: float) -> list[MasterEvent]:
+        """Another master asks whether it is alone: it would not hear one that only starts, so this one has started."""
+        if self._first_sent_at is None:
+            return []
+        self._first_sent_at = min(self._first_sent_at, now - STARTING_S)
+        self._answer_master(now)
+        return [OtherMaster(profile_hash, fatal=False)]
+
     def _meet(self, beacon: Beacon, now: float) -> OtherMaster:
         """Another master is on the bus: end, or stay and answer it."""
         if not self._is_starting(now):
-            # Not counted from the last beacon: if both were sent at once, the other one may not have heard ours.
-            if now - self._answered_at >= REPEAT_S:
-                self._answered_at = now
-                self._send_beacon(now)
+            self._answer_master(now)
             return OtherMaster(beacon.profile_hash, fatal=False)
         if not beacon.flags & STARTING:
             return OtherMaster(beacon.profile_hash, fatal=True)
@@ -193,7 +228,19 @@ class MasterJoin:
         self._send_beacon(now)
         return OtherMaster(beacon.profile_hash, fatal=False)
 
+    def _answer_master(self, now: float) -> None:
+        # Not counted from the last beacon: if both were sent at once, the other one may not have heard ours.
+        if now - self._answered_at >= REPEAT_S:
+            self._answered_at = now
+            self._send_beacon(now)
+
+    def _ask(self, now: float) -> None:
+        self._is_listening, self._has_asked = True, False
+        self._beacon_due = now + LISTEN_S
+        self._outbox.append(question_frame(self.profile_hash, self.ids))
+
     def _send_beacon(self, now: float) -> None:
+        self._is_listening = False
         self._beacon_due = now + BEACON_PERIOD_S
         flags = self.caps | (STARTING if self._is_starting(now) else 0)
         self._outbox.append(beacon_frame(Beacon(flags, self.epoch, self.profile_hash), self.ids))
