@@ -20,6 +20,28 @@ WORK_MS = 60_000
 """How long a program may take to become active; the machine may be busy. It takes half a second."""
 
 
+def set_up(browser: Browser, site: Site) -> None:
+    """Make ada the robot's administrator, by the link that the master prints."""
+    page = new_page(browser)
+    page.goto(site.link)
+    for name, text in {"name": "ada", "password": PASSWORD, "again": PASSWORD}.items():
+        page.locator(f"[name={name}]").fill(text)
+    page.locator("button").click()
+    expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
+    page.context.close()
+
+
+def open_as_ada(browser: Browser, site: Site, *, width: int = 1280, height: int = 900) -> Page:
+    """A browser of its own, in which ada has signed in."""
+    page = new_page(browser, width=width, height=height)
+    page.goto(site.base + "/login")
+    for name, text in {"name": "ada", "password": PASSWORD}.items():
+        page.locator(f"[name={name}]").fill(text)
+    page.locator("button").click()
+    expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
+    return page
+
+
 @pytest.fixture(scope="module")
 def lesson(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     """The sample robot's master without a part."""
@@ -28,13 +50,7 @@ def lesson(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterat
     with ExitStack() as stack:
         process = stack.enter_context(running("master", "--link", "udp:127.0.0.1:0", "--port", "0", cwd=folder))
         site = Site(process)
-        page = new_page(browser)
-        page.goto(site.link)
-        for name, text in {"name": "ada", "password": PASSWORD, "again": PASSWORD}.items():
-            page.locator(f"[name={name}]").fill(text)
-        page.locator("button").click()
-        expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
-        page.context.close()
+        set_up(browser, site)
         yield site
 
 
@@ -44,12 +60,7 @@ def open_desk(browser: Browser, lesson: Site) -> Iterator[Callable[..., Page]]:
     opened: list[Page] = []
 
     def open_it(query: str = "", *, width: int = 1280, height: int = 900) -> Page:
-        page = new_page(browser, width=width, height=height)
-        page.goto(lesson.base + "/login")
-        for name, text in {"name": "ada", "password": PASSWORD}.items():
-            page.locator(f"[name={name}]").fill(text)
-        page.locator("button").click()
-        expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
+        page = open_as_ada(browser, lesson, width=width, height=height)
         go(page, f"{lesson.base}/program{query}")
         expect(page.locator(".cm-content")).to_be_visible()
         opened.append(page)

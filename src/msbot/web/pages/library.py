@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from fastapi import Request
 from nicegui import ui
 
 from msbot.config import PartType
+from msbot.operations.rights import Right
 from msbot.web.api.models import TypeLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.page_elements import ask_first
 from msbot.web.service import Service
 from msbot.web.svg.drawings import value_words
 from msbot.web.svg.passport import picture_of, qr_svg
@@ -75,6 +79,8 @@ def _entry(page: Page, found: PartType, base: str) -> None:
         (say("driver"), found.driver.entry_point or say(found.driver.none) or say("has a controller of its own")),
         (say("file"), found.source.rpartition("/")[2]),
     ]
+    if found.origin:
+        facts.append((say("origin"), say(found.origin)))
     address = f"{base.rstrip('/')}/library/{found.number}"
     ui.html(
         render("passport", say=say, type=found, facts=facts, picture=picture_of(found), code=qr_svg(address)),
@@ -94,6 +100,10 @@ def _entry(page: Page, found: PartType, base: str) -> None:
     _table(page, "Pins", ("Pin", "Name", "Kind", "Meaning"), [
         (str(number), pin.name, say(pin.kind.value), say(pin.description)) for number, pin in enumerate(found.pins, 1)
     ])  # fmt: skip
+    if found.origin and page.may(Right.DESIGN):
+        words = page.say("Forget {number}? A part may describe it anew then.", number=found.number)
+        forget = partial(page.act, "forget_type", number=found.number)
+        ui.button(page.say("Forget"), icon="delete", on_click=partial(ask_first, page, words, forget)).props("flat")
     ui.link(page.say("All part types"), "/library")
 
 

@@ -1,0 +1,149 @@
+"""A part type that did not exist: written on the page Program, run, adopted with a click, wired to a lamp."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.e2e.processes import Process, run, running
+from tests.web.browser.accessible import hurdles
+from tests.web.browser.conftest import Site, free_port, go
+from tests.web.browser.test_program_page import expect_state, open_as_ada, press, set_up, write
+
+MINE = """from msbot import Message, Part, Switch, float32
+
+
+class Mood(Message):
+    units = {"warmth": "K"}
+    warmth: float32
+
+
+part = Part("GLOW-1", describes="Glow <b>worm</b>")
+part.publishes("glow", Switch)
+part.publishes("mood", Mood)
+
+
+@part.on_setting("most", float, default=80.0, least=0.0, most=100.0, unit="%")
+def set_most(value):
+    global most
+    most = value
+
+
+@part.every(0.1)
+def glow():
+    if part.bound("glow"):
+        part.publish("glow", Switch(on=most > 0))
+
+
+part.run()
+"""
+
+
+@pytest.fixture(scope="module")
+def lesson(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Site, Process]]:
+    """A robot with one simulated lamp."""
+    folder = tmp_path_factory.mktemp("describing")
+    assert run("init", cwd=folder).returncode == 0
+    blueprint = folder / "robot.toml"
+    blueprint.write_text(blueprint.read_text() + '\n[[slot]]\nname = "lamp"\npart = "LED"\n')
+    link = f"udp:127.0.0.1:{free_port()}"
+    with ExitStack() as stack:
+        process = stack.enter_context(running("master", "--link", link, "--port", "0", cwd=folder))
+        site = Site(process)
+        set_up(browser, site)
+        lamp = stack.enter_context(running("part", "LED", "--link", link, cwd=folder))
+        lamp.wait_for("active")
+        yield site, lamp
+
+
+@pytest.fixture
+def visit(browser: Browser, lesson: tuple[Site, Process]) -> Iterator[Callable[..., Page]]:
+    """Opens a page as ada, in a browser of its own."""
+    opened: list[Page] = []
+
+    def open_it(path: str, **size: int) -> Page:
+        page = open_as_ada(browser, lesson[0], **size)
+        go(page, f"{lesson[0].base}{path}")
+        opened.append(page)
+        return page
+
+    yield open_it
+    for page in opened:
+        page.context.close()
+
+
+def test_one_program_one_click_and_the_lamp_obeys(
+    visit: Callable[..., Page], lesson: tuple[Site, Process], record_property: Callable[[str, object], None]
+) -> None:
+    page = visit("/program")
+    press(page, "More")
+    page.get_by_text("New program").click()
+    expect(page.locator(".ms-prog-choice")).to_contain_text("program1.py")
+    write(page, MINE)
+    began = time.monotonic()
+    press(page, "Run")
+    page.locator("#ms-prog-adopt button").click()
+    page.get_by_role("button", name="glow_1.glow → lamp.on").click()
+    lesson[1].wait_for("100")
+    taken = time.monotonic() - began
+    record_property("run_to_lamp_s", taken)
+    print(f"from Run to the lamp: {taken:.2f} s")
+    expect_state(page, "active")
+    expect(page.locator("#ms-prog-ports")).to_contain_text("Switch(on=True)")
+    assert hurdles(page, dark=True) == []
+    page.get_by_role("dialog").get_by_role("button", name="Close").click()
+    # It is a part type like any other.
+    library = visit("/library/GLOW-1")
+    expect(library.get_by_text("said by the part")).to_be_visible()
+    expect(library.get_by_role("heading", name="Glow <b>worm</b>")).to_be_visible()
+    # The same program on a phone, by the link behind the QR code.
+    press(page, "More")
+    page.get_by_text("Share, or open on a phone").click()
+    link = page.get_by_text(re.compile(r"/program\?shared=")).text_content()
+    assert link is not None
+    phone = visit(link[link.index("/program") :], width=390, height=844)
+    expect(phone.locator(".cm-content")).to_contain_text("GLOW-1")
+    press(phone, "Run")
+    expect_state(phone, "refused")  # the slot is taken: it waits as a spare
+    tray = visit("/arrivals", width=390, height=844)
+    tray.get_by_role("button", name="Adopt into slot").click()
+    tray.get_by_text("Into a new slot").click()
+    expect_state(phone, "active")
+    expect(phone.locator("#ms-prog-reason")).to_contain_text("In slot glow")
+    phone.wait_for_function("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    for one in (phone, page):
+        one.keyboard.press("Escape")
+        press(one, "Stop")
+
+
+def test_arrivals_shows_what_it_says_as_text_and_why_it_is_refused(visit: Callable[..., Page]) -> None:
+    page = visit("/program")
+    wrong = MINE.replace("GLOW-1", "GLOW-2").replace("class Mood", "class Light").replace("Mood)", "Light)")
+    tray = visit("/arrivals")
+    for program, words in (
+        (wrong, 'the message type "Light" has other fields'),
+        (MINE.replace("GLOW-1", "GLOW-3"), ""),
+    ):
+        write(page, program)
+        press(page, "Run")
+        expect_state(page, "refused")
+        card = tray.locator(".slot", has_text="GLOW-")
+        if words:
+            expect(card).to_contain_text(words)
+            expect(card.get_by_role("button", name="Adopt", exact=True)).to_have_count(0)
+        else:
+            expect(card).to_contain_text("It says what it is: Glow <b>worm</b>")
+            expect(card).to_contain_text("most = 80.0 % (0 … 100)")
+            expect(card).to_contain_text("Mood (warmth K)")
+            assert card.locator("b", has_text="worm").count() == 0, "as data"
+            assert hurdles(tray, dark=False) == []
+            tray.set_viewport_size({"width": 390, "height": 844})
+            tray.wait_for_function("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+        press(page, "Stop")
+        expect_state(page, "not running")
+        expect(card).to_have_count(0)
