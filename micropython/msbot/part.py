@@ -151,6 +151,8 @@ class Part:
             words = "the part is {}, not active ({}): publish after on_join"
             raise LocalProtocolError(words.format(self.state.value, self.reason))
         binding, _, object_id = self._ports.get(port, _NO_PORT)
+        if port not in self._ports and ("publish", port, type(message), None) in self.declared:
+            return False  # not wired in this robot (yet): nobody listens
         if binding[3]:
             raise ConfigError("there is no port {!r} to publish on; {}".format(port, self._bound_words()))
         if not isinstance(message, Message):

@@ -123,6 +123,7 @@ async def describes(world: World) -> None:
     world.adopt("VANE-1")
     await world.until_state("active")
     await asyncio.sleep(0.2)
+    world.note(world.home.state())
 
 
 async def settings(world: World) -> None:

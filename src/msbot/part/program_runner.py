@@ -126,6 +126,8 @@ class ProgramRunner:
             raise LocalProtocolError(
                 f"publish was called from another thread ({name}): call it in a function below @part.every or @part.on"
             )
+        if type(message) is self.program.publications.get(port) and port not in self._ports:
+            return False  # declared, and not wired in this robot (yet): nobody listens
         sent = self._ports.publish(port, message)
         if sent:
             self._counters.messages_out += 1

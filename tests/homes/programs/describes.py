@@ -11,6 +11,7 @@ class Wind(Message):
 
 part = Part("VANE-1", local_name="roof", describes='Weather "vane"')
 part.publishes("wind", Wind)
+part.publishes("spare", Level)
 
 
 @part.on("brake", Level, safe=Level(percent=100))
@@ -30,7 +31,12 @@ def loud(value):
 
 @part.every("period_s", default=0.5)
 def measure():
-    pass
+    part.publish("wind", Wind(speed=2.5))
+
+
+@part.on_join
+def joined():
+    print("nobody hears it:", part.publish("spare", Level(percent=1)))
 
 
 part.run()
