@@ -233,8 +233,8 @@ class Part:
     # What it does.
 
     def publish(self, port: str, message: Message) -> bool:
-        """Send a message out of a port; False when there was no room for it (counted as `not_sent`), or when the port is
-        declared by `publishes` and this robot does not use it.
+        """Send a message out of a port; False when there was no room for it (counted as `not_sent`), or when the port
+        is declared by `publishes` and this robot does not use it.
 
         Raises:
             LocalProtocolError: the part is not active (no part publishes before both steps are done), or the message

@@ -6,10 +6,12 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from msbot.web.pages.program import NEW
 from tests.e2e.processes import Process, run, running
 from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import Site, free_port, go
@@ -147,3 +149,8 @@ def test_arrivals_shows_what_it_says_as_text_and_why_it_is_refused(visit: Callab
         press(page, "Stop")
         expect_state(page, "not running")
         expect(card).to_have_count(0)
+
+
+def test_a_new_program_is_that_of_the_how_to() -> None:
+    page = (Path(__file__).parents[3] / "docs/howto/add_a_part_type.md").read_text()
+    assert f"```python\n{NEW}```" in page

@@ -28,19 +28,23 @@ from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
 
 FIRST = "01_hello.py"
-NEW = """from msbot import HelloWorld, Part
+NEW = """from msbot import Part, Switch
 
-part = Part("ABCD")
+part = Part("BLINK-1", describes="A light that blinks")
+part.publishes("light", Switch)
+on = False
 
 
-@part.every(1.0)
-def speak():
-    part.publish("out", HelloWorld(index=1, message="hello"))
+@part.every("period_s", default=0.5)
+def blink():
+    global on
+    on = not on
+    part.publish("light", Switch(on=on))
 
 
 part.run()
 """
-"""What a new program begins with."""
+"""What a new program begins with: it works in every robot, because it describes itself (docs/howto/add_a_part_type.md)."""
 _MOST_MARKS = 20
 
 
