@@ -122,6 +122,18 @@ class Operations:
             listener(Deed(asker.name, operation, deed, outcome.words))
         return outcome
 
+    async def set_together(self, slot: str, values: Mapping[str, str | None], *, who: Asker) -> Outcome:
+        """Set several parameters of a slot by hand, all or none; otherwise as the operation `set`.
+
+        Raises:
+            ConfigError: one cannot be set; nothing has changed.
+            RegistryError: it cannot be stored; nothing has changed.
+        """
+        who.require(OPERATIONS["set"].right)
+        self.asked += 1
+        async with self._one_at_a_time:
+            return await self.settings.set_together(slot, values, who.name)
+
 
 class RunningOperations(Operations):
     """The operations of a robot whose master runs in this process; must be made inside its event loop.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 
 from msbot.config import ParameterKind, board_documents, wired_parts
@@ -41,12 +42,12 @@ class SlotSettings:
         found = await self._find(target, name)
         wanted = found.read(value)
         if found.kind == ParameterKind.PART.value:
-            await self._check_wired(target, name, value)
+            await self._check_wired(target, {name: value})
         return outcome_of(
             await self._robot.change(who, partial(slot_values.set_value, slot=target, name=name, value=wanted))
         )
 
-    async def _check_wired(self, slot: str, name: str, text: str) -> None:
+    async def _check_wired(self, slot: str, texts: Mapping[str, str]) -> None:
         """Check what is to be wired to a board, together with what is there already.
 
         Raises:
@@ -56,8 +57,20 @@ class SlotSettings:
         if library is None:
             return
         wired = {one.name: str(one.value) for one in await self.read(slot) if one.kind == ParameterKind.PART.value}
-        others = {other: there for other, there in wired.items() if other != name}
-        board_documents(wired_parts({**others, name: text}, library))
+        others = {other: there for other, there in wired.items() if other not in texts}
+        board_documents(wired_parts({**others, **texts}, library))
+
+    async def set_together(self, slot: str, values: Mapping[str, str | None], who: str) -> Outcome:
+        """Set several parameters of a slot by hand, all or none; None clears what was set by hand."""
+        target = slot_of(self._robot, slot)
+        found = {name: await self._find(target, name) for name in values}
+        wanted = {name: None if text is None else found[name].read(text) for name, text in values.items()}
+        if not wanted:
+            return Outcome()
+        wires = {name: text for name, text in values.items() if found[name].kind == ParameterKind.PART.value and text}
+        if wires:
+            await self._check_wired(target, wires)
+        return outcome_of(await self._robot.change(who, partial(slot_values.set_values, slot=target, values=wanted)))
 
     async def reset(self, slot: str, name: str, who: str) -> Outcome:
         """Clear what was set by hand; the value of blueprint or library holds again."""

@@ -107,14 +107,14 @@ class RosGraph:
             if not endpoint.is_writer and endpoint.name.startswith("rr/")
         }
         first = next(iter(self._space.participants()), 0)
-        found: dict[tuple[int, object, NodeName], tuple[dict[Guid, None], dict[Guid, None]]] = {
-            (first, 0, name): ({}, {}) for name in self._standing()
+        found: dict[tuple[int, NodeName], tuple[dict[Guid, None], dict[Guid, None]]] = {
+            (first, name): ({}, {}) for name in self._standing()
         }
         for endpoint in endpoints:
             name = self._node_of(endpoint)
             if name is None:
                 continue
-            readers, writers = found.setdefault((endpoint.domain, endpoint.owner.client, name), ({}, {}))
+            readers, writers = found.setdefault((endpoint.domain, name), ({}, {}))
             (writers if endpoint.is_writer else readers)[endpoint.guid] = None
             if endpoint.is_writer and endpoint.name.startswith("rq/"):
                 # All requesters of an agent share one reader of the replies; for ROS 2 each has its own.
@@ -122,7 +122,7 @@ class RosGraph:
                 if replies is not None:
                     readers[replies] = None
         nodes: dict[int, list[NodeInfo]] = {}
-        for (domain, _, name), (readers, writers) in found.items():
+        for (domain, name), (readers, writers) in found.items():
             nodes.setdefault(domain, []).append(NodeInfo(name, tuple(readers), tuple(writers)))
         return nodes
 

@@ -14,7 +14,7 @@ NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
 ARRAYS = range(5, 10)
 """Kinds of lists, which no parameter of a slot is."""
 
-TYPES = {"bool": BOOL, "int": INTEGER, "float": DOUBLE, "text": STRING}
+TYPES = {"bool": BOOL, "int": INTEGER, "float": DOUBLE, "text": STRING, "part": STRING}
 """Our kind of parameter -> its type in ROS 2."""
 WORDS = {NOT_SET: "nothing", BOOL: "a bool", INTEGER: "an integer", DOUBLE: "a double", STRING: "a string"}
 

@@ -130,7 +130,7 @@ async def test_a_micro_ros_client_is_a_node_for_a_ros_node_and_talks_to_it() -> 
             await client.until_all_statuses(30)
             request = '{"names": ["speed"]}'
             async with program(
-                *NODE, "nodes", "/garden/blinker", "call", "/garden/blinker", "get_parameters", request,
+                *NODE, "nodes", "/garden/blinker", "rt/power", "call", "/garden/blinker", "get_parameters", request,
                 "hear", "power", "Float32", "1", "gone", "/garden/blinker",
             ) as node:  # fmt: skip
                 await node.says("node /garden/blinker is complete")

@@ -35,7 +35,8 @@ from msbot.link.can.sim import SimBusServer, check_free
 from msbot.master import StopSocket, first_error, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.registry import Registry, RobotRecord, RobotStore, StoredNodeIds, open_registry
-from msbot.space import SpaceAddress
+from msbot.ros.robot_in_ros import RobotInRos
+from msbot.space import SharedSpace, SpaceAddress
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -178,6 +179,8 @@ async def _main(
             stop = StopSocket(robot.master, lambda: details_of(robot.master, address, page=page_address()))
             beside.append(stop.run())
             beside.extend(recording.beside(robot.master, operations))
+            if isinstance(space, SharedSpace):
+                beside.append(RobotInRos(robot.master, operations, space).run())
             if options.bus is None or robot.bus_driver is None:
                 await _run_beside(_run(robot, options, notes, deeds), beside)
             else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Sequence
+from collections.abc import Coroutine, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -36,8 +36,10 @@ from msbot.operations.dispatch import RunningOperations, perform
 from msbot.pnp import PartEvent
 from msbot.registry import Registry, RobotStore, open_registry
 from msbot.registry.maintenance import waiting_restore as held
+from msbot.ros.description import read_description
+from msbot.ros.robot_in_ros import RobotInRos
 from msbot.runtime.terminal_log import TerminalHandler
-from msbot.space import SpaceAddress
+from msbot.space import SharedSpace, SpaceAddress
 from msbot.xrce import compress, decompress, is_whole
 
 if TYPE_CHECKING:
@@ -76,10 +78,11 @@ def command(
     )
     logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[TerminalHandler()])
     robot, library = open_blueprint(blueprint, *folders)
+    description = read_description(robot)
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
     with contextlib.suppress(KeyboardInterrupt):
-        _with_database(robot, library, addresses, space, db or database_beside(blueprint), page, rec)
+        _with_database(robot, library, addresses, space, db or database_beside(blueprint), page, rec, description)
 
 
 def _with_database(  # noqa: PLR0917 - what the command was given
@@ -90,6 +93,7 @@ def _with_database(  # noqa: PLR0917 - what the command was given
     db: str,
     page: PageWishes,
     rec: RecordingWish,
+    description: str,
 ) -> None:
     """Opening and closing a database may be slow: no event loop runs during that time, and Ctrl-C ends it."""
     profile = profile_of(blueprint)
@@ -101,12 +105,13 @@ def _with_database(  # noqa: PLR0917 - what the command was given
         store = registry.runs.begin(robot)
         can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.runs.node_ids, robot))
         links = [open_link(address, serve=True, can=can) for address in addresses]
-        asyncio.run(_main(blueprint, library, links, where, (registry, store, db), page, rec))
+        asyncio.run(_main(blueprint, library, links, where, (registry, store, db), page, rec, description))
 
 
 async def _main(  # noqa: PLR0917
     blueprint: Blueprint, library: Library, links: Sequence[Link], where: SpaceAddress,
     database: tuple[Registry, RobotStore, str], page: PageWishes, rec: RecordingWish,
+    description: str,
 ) -> None:  # fmt: skip
     registry, store, db = database
     robot, profile = store.robot, profile_of(blueprint)
@@ -129,7 +134,9 @@ async def _main(  # noqa: PLR0917
             if master.stop.stopped:
                 click.echo(f"STOP holds since before, said by {master.stop.by}: `msbot go` ends it")
 
-        page_beside = []
+        beside: list[Coroutine[object, object, None]] = []
+        if isinstance(space, SharedSpace):
+            beside.append(RobotInRos(master, operations, space, description=description).run())
         room: WebRoom | None = None
 
         def page_address() -> str:
@@ -148,7 +155,7 @@ async def _main(  # noqa: PLR0917
                     seen=seen_of_links(links),
                     settings=page.settings(),
                 )
-            page_beside.append(serve_page(room, master.ready, page, click.echo))
+            beside.append(serve_page(room, master.ready, page, click.echo))
         status = StatusServer(
             master.agent,
             what=MASTER,
@@ -159,7 +166,7 @@ async def _main(  # noqa: PLR0917
         stop = StopSocket(master, lambda: details_of(master, db, page=page_address()))
         await run_until_signal(
             master.run(),
-            beside=[stop.run(), status.run(), *recording.beside(master, operations), *page_beside],
+            beside=[stop.run(), status.run(), *recording.beside(master, operations), *beside],
             ready=master.ready,
             say=greet,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 
-from msbot.config.blueprint.model import Blueprint, InDds, Options, RobotProfile, Slot, Timing
+from msbot.config.blueprint.model import Blueprint, InDds, Options, RobotProfile, RosOptions, Slot, Timing
 from msbot.config.library.library import scalar_text
 from msbot.config.toml.table import Scalar
 
@@ -46,13 +46,14 @@ def differences(old: Blueprint, new: Blueprint) -> tuple[Difference, ...]:
         *_fields("robot", old.robot, new.robot),
         *_fields("timing", old.timing, new.timing),
         *_fields("options", old.options, new.options),
+        *_fields("ros", old.ros, new.ros),
         *_slots(old, new),
         *_topics(old, new),
     )
 
 
 def _fields(
-    where: str, old: RobotProfile | Timing | Options, new: RobotProfile | Timing | Options
+    where: str, old: RobotProfile | Timing | Options | RosOptions, new: RobotProfile | Timing | Options | RosOptions
 ) -> Iterator[Difference]:
     for field in fields(old):
         before, after = getattr(old, field.name), getattr(new, field.name)

@@ -130,6 +130,20 @@ class Options:
     `key+data`: also, every sample from it and to it is sealed."""
 
 
+@dataclass(frozen=True, slots=True)
+class RosOptions:
+    """How the robot shows itself to ROS 2 beyond its topics; no effect without a DDS data space."""
+
+    urdf: str = ""
+    """The file with its description for `/robot_description`, relative to the blueprint's folder; empty: none."""
+    clock: bool = False
+    """Tell the robot's time on `/clock`."""
+    parameters: str = "set"
+    """`set`: ROS 2 nodes may set parameters of slots as a student may; `read`: they may only read them."""
+
+
+ROS_PARAMETERS = ("set", "read")
+
 AUTHENTICATIONS = ("open", "key", "key+data")
 """The ways in which a robot can authenticate a part."""
 
@@ -147,6 +161,7 @@ class Blueprint:
     """Folders (or single files) with more part types, as they are written; relative to the blueprint's own folder."""
     source: Path | None = None
     """The file it was read from."""
+    ros: RosOptions = field(default_factory=RosOptions)
 
     def slot(self, name: str) -> Slot | None:
         """The slot of that name."""

@@ -9,11 +9,13 @@ from msbot.config.blueprint.model import (
     AUTHENTICATIONS,
     NOBODY,
     PRESETS,
+    ROS_PARAMETERS,
     Binding,
     Blueprint,
     InDds,
     Options,
     RobotProfile,
+    RosOptions,
     Slot,
     SlotPort,
     Timing,
@@ -103,13 +105,14 @@ def _read(document: Document, problems: Problems, library: Library, path: Path |
     robot = _read_robot(table.table("robot", required=True))
     timing = _read_timing(table.table("timing"))
     options = _read_options(table.table("options"))
+    ros = _read_ros(table.table("ros"))
     slot_tables, binding_tables = table.tables("slot"), table.tables("binding")
     slots = [_read_slot(entry) for entry in slot_tables]
     bindings = [_read_binding(entry) for entry in binding_tables]
     table.finish()
     check_slots(table, slot_tables, slots, library)
     check_bindings(binding_tables, bindings, slots, library)
-    return Blueprint(robot, tuple(slots), tuple(bindings), timing, options, folders, path)
+    return Blueprint(robot, tuple(slots), tuple(bindings), timing, options, folders, path, ros)
 
 
 def _read_library(table: Table) -> tuple[str, ...]:
@@ -158,6 +161,16 @@ def _read_options(table: Table) -> Options:
     table.finish()
     check_free_topics(table, options.free_topics)
     return options
+
+
+def _read_ros(table: Table) -> RosOptions:
+    ros = RosOptions(
+        urdf=table.text("urdf", "rover.urdf"),
+        clock=table.flag("clock", default=False),
+        parameters=table.choice("parameters", list(ROS_PARAMETERS), default=ROS_PARAMETERS[0]),
+    )
+    table.finish()
+    return ros
 
 
 def _read_slot(table: Table) -> Slot:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from msbot.config.blueprint.model import PRESETS, Binding, Blueprint, Slot, Timing
+from msbot.config.blueprint.model import PRESETS, Binding, Blueprint, RosOptions, Slot, Timing
 from msbot.config.toml.values import toml_key, toml_value
 
 
@@ -36,6 +36,9 @@ def _lines(blueprint: Blueprint, notes: Mapping[tuple[str, str], str]) -> Iterat
     yield f"explain = {toml_value(options.explain)}"
     yield f"free_topics = {_list(options.free_topics)}"
     yield f"authentication = {toml_value(options.authentication)}"
+    if blueprint.ros != RosOptions():
+        yield ""
+        yield from _ros(blueprint.ros)
     for slot in blueprint.slots:
         yield ""
         yield from _slot(slot, notes)
@@ -63,6 +66,14 @@ def _overrides(timing: Timing, preset: Timing) -> Iterator[str]:
     for name in ("beat_period_s", "tick_period_s", "life", "profile_period_s"):
         value = getattr(timing, name)
         if value != getattr(preset, name):
+            yield f"{name} = {toml_value(value)}"
+
+
+def _ros(ros: RosOptions) -> Iterator[str]:
+    yield "[ros]"
+    for name in ("urdf", "clock", "parameters"):
+        value = getattr(ros, name)
+        if value != getattr(RosOptions(), name):
             yield f"{name} = {toml_value(value)}"
 
 

@@ -16,6 +16,7 @@ from msbot.config import (
     InDds,
     Options,
     RobotProfile,
+    RosOptions,
     Scalar,
     Slot,
     SlotPort,
@@ -23,7 +24,7 @@ from msbot.config import (
     preset_of,
 )
 from msbot.errors import RegistryError
-from msbot.registry.database.tables import bindings, library, robots, settings, slots
+from msbot.registry.database.tables import ROBOT, bindings, library, robots, settings, slots
 from msbot.registry.running.configurations import ORIGINS
 
 """(slot, parameter) or (topic, "") -> who set it by hand."""
@@ -52,6 +53,7 @@ def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
         timing,
         Options(row.explain, tuple(row.free_topics), row.authentication),
         _own_library(connection, robot_id),
+        ros=RosOptions(**row.in_dds.get(ROBOT, {})),
     )
 
 

@@ -13,9 +13,9 @@ from dataclasses import asdict
 
 from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
 
-from msbot.config import Blueprint, InDds, Library, Parameter, PartType, Port, Scalar
+from msbot.config import Blueprint, InDds, Library, Parameter, PartType, Port, RosOptions, Scalar
 from msbot.registry.database.statements import bump_versions, find_robot, upsert, upsert_many
-from msbot.registry.database.tables import bindings, library, robots, settings, slots
+from msbot.registry.database.tables import ROBOT, bindings, library, robots, settings, slots
 from msbot.registry.records import RobotRecord
 from msbot.registry.running.configurations import read_configurations
 
@@ -49,7 +49,8 @@ def _put_robot(connection: Connection, blueprint: Blueprint, now_ns: int) -> Rob
         "free_topics": list(blueprint.options.free_topics),
         "authentication": blueprint.options.authentication,
         "in_dds": {
-            binding.topic: asdict(binding.in_dds) for binding in blueprint.bindings if binding.in_dds != InDds()
+            **({} if blueprint.ros == RosOptions() else {ROBOT: asdict(blueprint.ros)}),
+            **{binding.topic: asdict(binding.in_dds) for binding in blueprint.bindings if binding.in_dds != InDds()},
         },
         "applied_ns": now_ns,
     }

@@ -35,6 +35,9 @@ metadata = MetaData(
 BigId = BigInteger().with_variant(Integer, "sqlite")
 """An auto-incrementing number; SQLite increments only INTEGER."""
 
+ROBOT = ""
+"""In `robots.in_dds`, in place of a topic's name: what holds for the robot itself."""
+
 robots = Table(
     "robots",
     metadata,

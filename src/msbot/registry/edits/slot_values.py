@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -65,6 +66,15 @@ def set_value(connection: Connection, author: Author, slot: str, name: str, valu
     if value is None:
         words = said("{change} (the {origin}'s)", change=words, origin=said(new.origin))
     return record(connection, author, EditKind.VALUE, words, slot=slot, before=before, after=after)
+
+
+def set_values(connection: Connection, author: Author, slot: str, values: Mapping[str, Scalar | None]) -> EditRecord:
+    """Set several parameters of a slot by hand, one edit each; returns the last edit.
+
+    Raises:
+        ConfigError: as `set_value`; the transaction must not be committed then.
+    """
+    return [set_value(connection, author, slot, name, value) for name, value in values.items()][-1]
 
 
 def find_slot(connection: Connection, robot_id: int, name: str) -> tuple[int, str]:

@@ -1,6 +1,6 @@
 """A ROS 2 node as it is on the wire, with the package `cyclonedds`: does what its arguments say, one after the other.
 
-nodes NAME            waits until a node of that name is told, and prints what DDS knows of its endpoints
+nodes NAME TOPIC      waits until a node of that name is told with that topic, and prints what DDS knows of it
 gone NAME             waits until it is told no more
 call NODE SERVICE X   calls a parameter service; X is the request in JSON; prints the reply
 hear TOPIC TYPE N     prints N messages of a topic, each as JSON
@@ -63,12 +63,12 @@ class Node:
                     return node
         return None
 
-    def nodes(self, name):
+    def nodes(self, name, topic):
         while True:
             self.look()
             node = self.find(name)
             gids = [] if node is None else [bytes(gid.data) for gid in (*node.writer_gid_seq, *node.reader_gid_seq)]
-            if node is not None and all(gid in self.seen for gid in gids):
+            if all(gid in self.seen for gid in gids) and any(self.seen[gid][1] == topic for gid in gids):
                 for gid in gids:
                     say(f"{name} {' '.join(self.seen[gid])}")
                 say(f"node {name} is complete")
@@ -137,7 +137,7 @@ def main():
             while sys.stdin.readline().strip() != wanted:
                 pass
             continue
-        arguments = [words.pop(0) for _ in range({"nodes": 1, "gone": 1}.get(do, 3))]
+        arguments = [words.pop(0) for _ in range({"nodes": 2, "gone": 1}.get(do, 3))]
         getattr(node, do)(*arguments)
     say("done")
 
