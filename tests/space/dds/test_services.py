@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
+from pathlib import Path
 from struct import pack, unpack
 
 import pytest
@@ -16,7 +17,7 @@ from msbot.part import ServiceNames
 from msbot.space import Qos, Topic
 from msbot.space.dds import DdsSpace, services
 from tests.hearing_client import HearingClient
-from tests.space.dds.foreign_programs import SOURCES
+from tests.space.dds.foreign_programs import SOURCES, TYPE, command_of
 from tests.space.dds.peers import Inbox, program, until
 
 ADD = ServiceNames(
@@ -135,6 +136,18 @@ async def test_a_request_that_is_too_short_is_counted_and_told() -> None:
         writer = there.writer(Topic("rq/xRequest", "X"), Qos(), bytes(16))
         await until(lambda: (writer.write(b"short"), reader.troubles())[1])
         assert "samples of DDS peers made no sense" in reader.troubles()[0]
+        assert inbox.samples == []
+
+
+async def test_a_request_of_fast_dds_is_not_taken_for_another_and_told(build_folder: Path) -> None:
+    """rmw_fastrtps puts nothing in front of the body, so that the first 16 octets would be cut off."""
+    peer = command_of("fast", build_folder)
+    inbox = Inbox()
+    with DdsSpace() as here:
+        reader = here.reader(Topic("rq/xRequest", TYPE), Qos(service=True), inbox)
+        async with program(*peer, "write", "rq/xRequest", "3", "reliable", "volatile"):
+            await until(reader.troubles)
+        assert "requests came from a DDS that cannot get the replies: set RMW_IMPLEMENTATION" in reader.troubles()[0]
         assert inbox.samples == []
 
 

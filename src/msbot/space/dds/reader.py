@@ -136,12 +136,21 @@ class RequestInlet(Inlet):
     be lost. So its first requests wait until that reader is known, for `INTRODUCTION_S` at most.
     """
 
-    __slots__ = ("_early", "_replies")
+    __slots__ = ("_early", "_replies", "_unanswerable")
 
     def __init__(self, *arguments: object) -> None:
         super().__init__(*arguments)  # type: ignore[arg-type]
         self._replies = services.reply_topic(self.name)
         self._early: deque[tuple[bytes, float, Sample]] = deque()
+        self._unanswerable = 0
+
+    def troubles(self) -> tuple[str, ...]:
+        """As of every reader, and how many requests came that nobody could answer."""
+        found = super().troubles()
+        if self._unanswerable:
+            words = f"{self.name}: SERVICE: {self._unanswerable} requests came from a DDS that cannot get the replies"
+            found = (*found, f"{words}: set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp there")
+        return found
 
     def tell_early(self) -> None:
         """Pass on requests that need not wait any longer."""
@@ -152,13 +161,16 @@ class RequestInlet(Inlet):
     def take(self, most: int = BATCH) -> None:
         """Pass on requests with their identity beside them."""
         for publication, octets in self._serialiser.take(self.entity, most) or ():
+            peer = self._peers.get(publication) or self._meet(publication)
+            if not services.has_header(peer.guid):
+                self._unanswerable += 1
+                continue
             parts = services.split(octets)
             if parts is None:
                 self.counts.refused += 1
                 continue
             requester, number, body = parts
             sample = Sample(body, services.foreign(requester), number)
-            peer = self._peers.get(publication) or self._meet(publication)
             if peer.number or (not self._early and self._neighbours.reads(peer.guid[:12], self._replies)):
                 peer.number += 1
                 self._accept(sample)

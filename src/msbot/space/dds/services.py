@@ -14,6 +14,8 @@ from msbot.space.contract import Guid
 
 HEADER_SIZE = 16
 _HEADER = Struct("<8sq")
+_WITHOUT_HEADER = (b"\x01\x01", b"\x01\x0f")
+"""How GUIDs of Connext and Fast DDS begin (vendor ids of DDSI-RTPS): nothing precedes the body of their requests."""
 _ELSEWHERE = b"\0\0\0\0elsw"
 """Second half of the GUID of a requester in another program, of which only 8 octets are known."""
 
@@ -54,6 +56,11 @@ def split(octets: bytes) -> tuple[bytes, int, bytes] | None:
         return None
     requester, number = _HEADER.unpack_from(octets)
     return requester, number, octets[HEADER_SIZE:]
+
+
+def has_header(writer: Guid) -> bool:
+    """Whether requests from that writer in another program have the header in front."""
+    return not writer.startswith(_WITHOUT_HEADER)
 
 
 def foreign(requester: bytes) -> Guid:
