@@ -91,7 +91,7 @@ def test_a_part_shows_itself(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         shown = []
         stage.parts["BB"].on_identify(lambda: shown.append("BB"))
-        assert (await stage.do.identify("BB", who="ann")).words == "BB shows itself"
+        assert (await stage.do.identify("BB", who="ann")).words == "BB is told to show itself"
         await asyncio.sleep(0.1)
         assert shown == ["BB"]
         stage.pull("AA")

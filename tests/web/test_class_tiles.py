@@ -16,7 +16,7 @@ def test_names_owners_events_and_addresses_are_escaped() -> None:
     bad = '<img src=x onerror="alert(1)">'
     tile = RobotTile(
         name=bad, serial_number=bad, running=True, here=False, owner=bad, slots=2, active=2, last_event=bad,
-        last_event_age_s=30.0, address='http://127.0.0.1:1/"onclick="alert(1)',
+        last_event_age_s=30.0, reachable=True, address='http://127.0.0.1:1/"onclick="alert(1)',
     )  # fmt: skip
     html = str(_tile(PAGE, tile, "127.0.0.1"))
     assert "<img" not in html
@@ -24,6 +24,16 @@ def test_names_owners_events_and_addresses_are_escaped() -> None:
     assert html.count("&lt;img src=x onerror=&#34;alert(1)&#34;&gt;") == 4
     assert "all well" in html
     assert "(30 s)" in html
+
+
+def test_of_a_master_that_does_not_answer_nothing_is_said_but_that() -> None:
+    tile = RobotTile(
+        name="R", serial_number="1", running=True, here=False, owner="", slots=2, active=2, last_event="",
+        last_event_age_s=None,
+    )  # fmt: skip
+    html = str(_tile(PAGE, tile, "127.0.0.1"))
+    assert "all well" not in html
+    assert "its master does not answer on this computer" in html
 
 
 def test_a_robot_without_a_page_is_no_link() -> None:

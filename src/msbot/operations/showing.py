@@ -33,7 +33,7 @@ class Showing:
                 said("{part} cannot be told to show itself: its program speaks the thesis' layout only", part=info.part)
             )
         _log.info("%s has %s show itself", who, describe(info))
-        return Outcome(said("{part} shows itself", part=info.part))
+        return Outcome(said("{part} is told to show itself", part=info.part))
 
     async def stored(self) -> Outcome:
         """Wait a moment until everything the robot has noted is stored, for callers that then read the database."""

@@ -160,7 +160,7 @@ class Service:
         """STOP to every robot whose master runs on this computer."""
         self._need(session, Right.STOP)
         return await self._neighbours.stop_all(
-            session.name, said("{session} stopped all robots of the class", session=session.name)
+            session.name, said("{session} said STOP to all robots of the class", session=session.name)
         )
 
     async def blueprint(self) -> str:

@@ -110,7 +110,7 @@ def test_the_commands_change_the_robot_that_runs(tmp_path: Path) -> None:
         assert "within 5 s gets slot CC" in await typed("adopt", "--slot", "CC", "--window", "5")
         assert "for 9 s parts of any kind" in await typed("adopt", "BB", "--slot", "CC", "--window", "9")
         assert stage.slot("BB") == "CC"
-        assert await typed("identify", "AA") == "AA shows itself"
+        assert await typed("identify", "AA") == "AA is told to show itself"
         topic = "HelloWorldTopic_1_to_2"
         assert (await typed("unbind", topic, "BB.in")).startswith(f"BB.in is taken off topic {topic}")
         assert "topic" in await typed("bind", topic, "--type", "HelloWorld", "--to", "BB.in", "--best-effort")

@@ -121,6 +121,15 @@ def test_a_master_that_is_frozen_or_gone_is_seen_and_stop_says_so(browser: Brows
         page.wait_for_function(f"!{DEAD}")
         # It went on trying.
         expect(page.get_by_text("STOP by demo")).to_be_visible()
+        process.send(signal.SIGSTOP)
+        page.wait_for_function(DEAD)
+        page.get_by_role("button", name="Go on").evaluate(
+            "button => button.click()"
+        )  # by keyboard: an alarm lies over it
+        process.send(signal.SIGCONT)
+        page.wait_for_function(f"!{DEAD}")
+        page.reload()
+        expect(page.get_by_text("STOP by demo")).to_be_visible()  # nobody knew when the GO would be obeyed
         process.send(signal.SIGKILL)
         page.wait_for_function(DEAD)
         page.context.close()

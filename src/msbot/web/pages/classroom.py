@@ -79,6 +79,8 @@ def _state_of(tile: RobotTile) -> tuple[str, str]:
     """The colour of a tile, and the word for it."""
     if not tile.running:
         return "empty", "no master runs it"
+    if not (tile.here or tile.reachable):
+        return "late", "its master does not answer on this computer"
     if tile.stopped:
         return "lost", "STOP is in force"
     return ("active", "all well") if tile.active == tile.slots else ("late", "parts are missing")

@@ -85,6 +85,13 @@ const msbot = (() => {
     } else escapeAt = now;
   }
 
+  // What is clicked while the robot does not answer would be done whenever it goes on again: a GO, too.
+  function refuse(event) {
+    if (!isDead || event.target.closest("#ms-stop, a[href]")) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+  }
+
   // Drawers and dialogs: Back closes the one on top before it leaves the page.
   const closers = [];
   function opened(id, address) {
@@ -102,6 +109,7 @@ const msbot = (() => {
     if (id !== undefined) emitEvent(`ms_close_${id}`);
   }
 
+  addEventListener("click", refuse, true);
   addEventListener("keydown", key, true);
   addEventListener("popstate", back);
   addEventListener("online", ask);
