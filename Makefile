@@ -9,11 +9,12 @@ BIN := $(VENV)/bin
 ARGS ?=
 ENGINE ?= uml
 
-.PHONY: demo test check format vm bench wheel docs screenshots assets board constraints clean help
+.PHONY: demo test tests check format vm bench wheel docs screenshots assets board constraints clean help
 
 help:
 	@echo 'make demo    set up and run a robot of ten parts, all simulated; ARGS="--robot thesis --link fd" passes options on'
 	@echo 'make test    set up, check style, types and layering, run all tests'
+	@echo 'make tests   the tests only; ARGS="-p tests.cost" shows what each costs'
 	@echo 'make check   style, types, layering only'
 	@echo 'make vm      fetch a virtual machine for the tests on a real CAN bus (42 MB); ENGINE=qemu: with CAN controllers'
 	@echo 'make bench   print the tables of figures'
@@ -53,8 +54,11 @@ check: $(VENV)/.dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: check
-	$(BIN)/python -m pytest -n auto $(ARGS)
+test: check tests
+
+# A file of tests stays on one worker, which makes its fixtures once; the files that take longest come first.
+tests: $(VENV)/.dev
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(ARGS)
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .

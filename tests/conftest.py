@@ -1,11 +1,14 @@
-"""What every test shares: hypothesis without wall-clock deadlines (the machine may be busy), its own STOP, and that no
-event loop waits for a database."""
+"""What every test shares: hypothesis without wall-clock deadlines (the machine may be busy), its own STOP, that no
+event loop waits for a database, and the order of the whole suite."""
 
 import os
+from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 from msbot.runtime.stop_datagram import GROUP_VARIABLE
+from tests.effort import THOROUGH
 from tests.loop_guard import guard
 
 # The robots that tests start record nothing, unless a test wants it: the recordings belong to the user's own robots.
@@ -14,7 +17,31 @@ os.environ["MSBOT_REC"] = "off"
 # Tests run beside each other: a STOP of one must not reach the robots of another.
 os.environ[GROUP_VARIABLE] = f"test{os.getpid()}"
 
-settings.register_profile("msbot", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("msbot")
+settings.register_profile("msbot", deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("thorough", settings.get_profile("msbot"), max_examples=2000)
+settings.load_profile("thorough" if THOROUGH else "msbot")
 
 guard()
+
+FIRST = (
+    "web/browser", "web/api/test_routes.py", "e2e/test_crowd.py", "e2e", "registry/test_kill.py", "hostile",
+    "test_fuzz.py", "firmware", "homes/test_conformance.py", "space/dds", "web/test_server.py", "test_platforms.py",
+)  # fmt: skip
+"""What takes longest begins first, so that at the end no worker waits for another one."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Sort the files by that; each stays whole."""
+    here = Path(__file__).parent
+    ranks = [here / name for name in FIRST]
+
+    def rank(item: pytest.Item) -> int:
+        return next((number for number, path in enumerate(ranks) if item.path.is_relative_to(path)), len(ranks))
+
+    items.sort(key=rank)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than there are processors: many tests wait for processes, and another one can run meanwhile."""
+    return len(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)) + 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,12 @@ def faces(room: str) -> dict[str, list[str]]:
     return {name: list(getattr(importlib.import_module(name), "__all__", [])) for name in packages}
 
 
+@cache
+def imports_of(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """What a file imports."""
+    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
 def foreign_imports(room: str) -> list[tuple[str, str, str]]:
     """`(file, module, name)` for each import from the room by a file outside of it."""
     found = []
@@ -29,7 +36,7 @@ def foreign_imports(room: str) -> list[tuple[str, str, str]]:
         file = path.relative_to(SOURCE)
         if ".".join(file.with_suffix("").parts).startswith(room):
             continue
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in imports_of(path):
             if isinstance(node, ast.ImportFrom) and node.module and f"{node.module}.".startswith(f"{room}."):
                 found += [(str(file), node.module, name.name) for name in node.names]
             elif isinstance(node, ast.Import):

@@ -29,7 +29,7 @@ EXECUTIONS = {
     "serial": 400,
     "requests": 500,
     "message": 4000,
-    "toml": 250,
+    "toml": 25,
 }
 """About a second each."""
 

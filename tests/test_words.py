@@ -3,12 +3,14 @@
 import ast
 import re
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs/reference/words.md").read_text()
 
 
+@cache
 def rooms_of_classes() -> dict[str, set[str]]:
     """Public class -> the rooms that define one of that name."""
     rooms = defaultdict(set)

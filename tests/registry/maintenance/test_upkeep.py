@@ -13,10 +13,16 @@ from msbot.errors import RegistryError
 from msbot.pnp import PartState
 from msbot.registry import Registry, open_registry
 from msbot.registry.database.tables import metadata
-from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import backup_check, upkeep
 from tests.registry.database.test_schema import NEXT, NOW, _migrations
 from tests.registry.events import CLAIM, UID, changed
 from tests.registry.hand import Hand
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A backup is read here: `test_backup_check.py` sees to the other process, which takes long to start."""
+    monkeypatch.setattr(backup_check, "run_limited", lambda function, _limits, *arguments: function(*arguments))
 
 
 @pytest.fixture

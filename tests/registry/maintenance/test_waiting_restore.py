@@ -7,9 +7,15 @@ import pytest
 from msbot.config import Blueprint, Library
 from msbot.errors import RegistryError
 from msbot.registry import Registry, open_registry
-from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import backup_check, upkeep
 from msbot.registry.maintenance import waiting_restore as held
 from tests.registry.hand import Hand
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A backup is read here: `test_backup_check.py` sees to the other process, which takes long to start."""
+    monkeypatch.setattr(backup_check, "run_limited", lambda function, _limits, *arguments: function(*arguments))
 
 
 @pytest.fixture
