@@ -1,5 +1,6 @@
-"""Chips on I2C of a real kernel: `i2c-stub` has the registers of the data sheets' worked examples, `msbot part` reads
-them through /dev/i2c as on a Raspberry Pi, and what they say travels over a CAN bus of the kernel to a partner."""
+"""Chips on I2C of a real kernel: `i2c-stub` has the registers of the data sheets' worked examples, and `msbot part`
+reads them through /dev/i2c as on a Raspberry Pi. What they say travels from one CAN controller (emulated, with the
+kernel's driver) to another, where a partner hears it."""
 
 from __future__ import annotations
 
@@ -25,6 +26,7 @@ from tests.hardware import chips
 from tests.sim.robot import LIBRARY, blueprint_for, store_for
 from tests.socketcan.bus import SETTINGS, until
 from tests.socketcan.kernel_modules import load, unload
+from tests.socketcan.test_drivers import CLASSIC, both_up
 
 pytestmark = pytest.mark.controllers
 ALL = {0x23: chips.bh1750, 0x29: chips.tcs34725, 0x40: chips.ina219, 0x68: chips.mpu6050, 0x76: chips.bmp280}
@@ -64,12 +66,12 @@ def msbot(output: Path, *arguments: str) -> subprocess.Popen[bytes] | Copy:
 
 
 @asynccontextmanager
-async def robot(number: str) -> AsyncIterator[dict[str, list[Message]]]:
-    """A robot on vcan0 with a slot for the part, and a desk; what the desk has heard, by port."""
+async def robot(number: str) -> AsyncIterator[tuple[Master, dict[str, list[Message]]]]:
+    """A robot on the controller can0 with a slot for the part, and a desk; what the desk has heard, by port."""
     part_type = LIBRARY.require(number)
     master = Master(blueprint_for(part_type), store_for(part_type, {}), random=Random(3))
     can = replace(SETTINGS, profile_hash=master.profile.profile_hash())
-    master.add_link(open_link("can:vcan0", serve=True, can=can))
+    master.add_link(open_link("can:can0", serve=True, can=can))
     desk = Part("DESK", uid=b"the desk", random=Random(2))
     heard: dict[str, list[Message]] = {}
     for port in part_type.ports:
@@ -77,11 +79,11 @@ async def robot(number: str) -> AsyncIterator[dict[str, list[Message]]]:
         desk.on(port.name, message_class(port.message))(heard.setdefault(port.name, []).append)
     tasks = [
         asyncio.create_task(master.run()),
-        asyncio.create_task(desk.run_async(open_link("can:vcan0", can=replace(SETTINGS, uid=b"the desk")))),
+        asyncio.create_task(desk.run_async(open_link("can:can0", can=replace(SETTINGS, uid=b"the desk")))),
     ]
     try:
         await until(lambda: desk.state is JoinState.ACTIVE)
-        yield heard
+        yield master, heard
     finally:
         for task in tasks:
             task.cancel()
@@ -101,9 +103,9 @@ async def test_the_data_sheets_example_reaches_a_partner_over_can_and_the_chip_c
 
     number = plug(0x76)
     said = tmp_path / "said"
-    part = msbot(said, "part", "BMP280", "--i2c", f"{number}:0x76", "--link", "can:vcan0")
+    part = msbot(said, "part", "BMP280", "--i2c", f"{number}:0x76", "--link", "can:can1")
     try:
-        async with robot("BMP280") as heard:
+        async with both_up(CLASSIC, "bitrate 500000"), robot("BMP280") as (master, heard):
             await until(lambda: bool(heard["pressure"] and heard["temperature"]))
             assert getattr(heard["temperature"][-1], "celsius") == pytest.approx(25.08)  # noqa: B009
             assert getattr(heard["pressure"][-1], "hectopascal") == pytest.approx(1006.53, abs=0.001)  # noqa: B009
@@ -116,6 +118,7 @@ async def test_the_data_sheets_example_reaches_a_partner_over_can_and_the_chip_c
             assert plug(0x68) == number
             await until(lambda: f"no BMP280 answers at 0x76 on I2C bus {number}" in said.read_text())
             assert f"`i2cdetect -y {number}` shows who answers" in said.read_text()
+            assert "it had no power in between" in master.why("BMP280")[0], "the robot knows why it has gone"
             before = len(heard["pressure"])
             await unplugged()
             assert plug(0x76) == number
