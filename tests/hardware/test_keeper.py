@@ -14,7 +14,10 @@ from typing import Any
 
 import pytest
 
+from msbot.config import BusKind
 from msbot.hardware import Machine, make_wiring
+from msbot.hardware import driver_class as driver_class_of
+from msbot.hardware.drivers.strip import frame
 from msbot.hardware.keeper import Keeper, as_json, keep
 from tests.sim.robot import LIBRARY
 
@@ -56,6 +59,30 @@ print("on", flush=True)
 time.sleep(1000)
 """
 )
+
+ALL_DRIVERS = (
+    PINS
+    + """
+import json, time
+from collections import defaultdict
+from msbot.config import load_library
+from msbot.hardware import Machine, Mount, make_wiring, driver_class
+from msbot.hardware.keeper import Keeper
+keeper = Keeper([sys.executable, sys.argv[2], sys.argv[1]])
+library = load_library()
+for number, (pins, device) in json.loads(sys.argv[3]).items():
+    part_type = library.require(number)
+    wiring = make_wiring(part_type, pins=pins, device=device)
+    driver = driver_class(part_type)(Mount(part_type, wiring, Machine()))
+    keeper.hold(number, part_type, wiring)
+    driver.open()
+    driver.drive(driver.wanted(defaultdict(lambda: 90.0)))
+time.sleep(0.2)
+print("on", flush=True)
+time.sleep(1000)
+"""
+)
+"""A program with every driver that switches pins, each on."""
 
 
 def held(key: str, gpio: int) -> bytes:
@@ -132,6 +159,54 @@ def test_no_output_stays_on_however_a_program_is_killed(
     os.kill(process.pid, number)
     process.wait(PATIENCE_S)
     until(lambda: pin.read_text().split()[-1] == "0.0")
+
+
+def test_every_driver_with_outputs_is_made_safe_when_its_program_is_killed(tmp_path: Path) -> None:
+    wired = [one for one in LIBRARY if one.driver.bus is BusKind.PINS and one.driver.entry_point]
+    switching = [one for one in wired if driver_class_of(one).drives]
+    assert len(switching) == 13
+    free = iter(range(28))  # all that a Raspberry Pi has
+    places = {one.number: ({wire.name: next(free) for wire in one.driver.pins}, "") for one in switching}
+    strip = tmp_path / "spi"
+    strip.touch()
+    places["WS2812B-8"] = ({}, str(strip))
+    folder = tmp_path / "pins"
+    folder.mkdir()
+    (tmp_path / "keeper.py").write_text(KEEPER)
+    (tmp_path / "program.py").write_text(ALL_DRIVERS)
+    command = [sys.executable, str(tmp_path / "program.py"), str(folder), str(tmp_path / "keeper.py")]
+    process = subprocess.Popen([*command, json.dumps(places)], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "on\n"
+        for number, (pins, _) in places.items():
+            on = [
+                pin
+                for pin in pins.values()
+                if "1.0" in levels_of(folder, pin) or any(map(float, levels_of(folder, pin)))
+            ]
+            assert on or number == "WS2812B-8", f"{number} has switched nothing"
+        assert second(strip) == frame([(90, 90, 90)] * 8)[:72]
+    finally:
+        process.kill()
+        process.wait(PATIENCE_S)
+        assert process.stdout is not None
+        process.stdout.close()
+    gpios = [pin for pins, _ in places.values() for pin in pins.values()]
+    until(lambda: not any(float(levels_of(folder, pin)[-1]) for pin in gpios))
+    until(lambda: second(strip) == frame([(0, 0, 0)] * 8)[:72])
+
+
+def second(strip: Path) -> bytes:
+    """The lamps of the second message in a file that stands for an SPI: the first is that of `open`, and dark."""
+    size = len(frame([(0, 0, 0)] * 8))
+    return strip.read_bytes()[size : size + 72]
+
+
+def levels_of(folder: Path, pin: int) -> list[str]:
+    """The levels that a pin had."""
+    path = folder / f"GPIO{pin}"
+    return path.read_text().split() if path.exists() else ["0.0"]
 
 
 def test_a_keeper_ends_with_its_program_and_without_one_nothing_is_started(tmp_path: Path) -> None:

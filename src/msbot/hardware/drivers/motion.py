@@ -66,6 +66,13 @@ class TwoMotors(PinDriver):
             self.device("Motor", pins["bin1"], pins["bin2"], enable=pins["pwmb"], pwm=True),
         ]
 
+    def close(self) -> None:
+        """Disable both motors, then release the pins: a pin that keeps its level when released must not enable one."""
+        for device in self._devices:
+            if (enable := getattr(device, "enable_device", None)) is not None:
+                enable.off()
+        super().close()
+
     def wanted(self, values: Values) -> object:
         """Power of both, -1 to 1."""
         return tuple(_signed_share(float(values[name])) for name in ("left_motor", "right_motor"))
