@@ -22,7 +22,18 @@ from tests.homes.test_conformance import PROGRAMS, tell
 from tests.homes.world import run_virtual
 from tools.board_package import compile_package
 
-STORIES = ("listen", "publish", "settings", "stop_go", "messages", "large", "lost_and_back", "key", "sealed")
+STORIES = (
+    "listen",
+    "publish",
+    "settings",
+    "stop_go",
+    "messages",
+    "large",
+    "lost_and_back",
+    "key",
+    "sealed",
+    "describes",
+)
 
 
 class Measured(NodeEngine):

@@ -279,3 +279,23 @@ def test_a_name_in_a_path_may_be_strange_but_not_too_long(site: Site) -> None:
                 assert answer.status_code in allowed, (operation.method, path[:80], answer.text)
                 asked += 1
     assert asked > 40
+
+
+def test_programs_are_kept_by_person_and_version(site: Site) -> None:
+    for text in ("print(1)\n", "print(2)\n", "print(2)\n"):
+        done = site.ask("PUT", "/api/programs/mine.py", role="student", json={"text": text})
+        assert done.status_code == 200, done.text
+    assert done.json()["words"] == "mine.py is kept, version 2."
+    assert [one["name"] for one in site.ask("GET", "/api/programs", role="student").json()] == ["mine.py"]
+    assert site.ask("GET", "/api/programs", role="teacher").json() == []
+    assert site.ask("GET", "/api/programs/mine.py", role="student").json() == {"text": "print(2)\n"}
+    assert site.ask("GET", "/api/programs/mine.py?version=1", role="student").json() == {"text": "print(1)\n"}
+    versions = site.ask("GET", "/api/programs/mine.py/versions", role="student").json()
+    assert [(one["number"], one["size"]) for one in versions] == [(2, 9), (1, 9)]
+    assert "from msbot import" in site.ask("GET", "/api/programs/01_hello.py", role="student").json()["text"]
+    assert site.ask("POST", "/api/programs/mine.py/share", role="student").json()["path"].startswith("/program?shared=")
+    assert site.ask("GET", "/api/programs/mine.py", role="viewer").status_code == 403
+    assert site.ask("PUT", "/api/programs/a%20b.py", role="student", json={"text": ""}).status_code == 400
+    assert site.ask("PUT", "/api/programs/b.py", role="student", json={"text": "x" * 70_000}).status_code == 422
+    assert site.ask("DELETE", "/api/programs/mine.py", role="student").status_code == 200
+    assert site.ask("GET", "/api/programs/mine.py", role="student").status_code == 404

@@ -34,6 +34,7 @@ from msbot.web.api.models import (
     Wish,
 )
 from msbot.web.api.operation_routes import add_operations
+from msbot.web.api.program_routes import add_programs
 from msbot.web.api.session import Name, SignedIn, journal_for, lanes_for, parts_for, slots_for, words_for
 from msbot.web.service import Service
 
@@ -56,6 +57,7 @@ def make_api(service: Service) -> APIRouter:
     _add_slots(router, service)
     add_operations(router, service)
     _add_robot(router, service)
+    add_programs(router, service)
     return router
 
 

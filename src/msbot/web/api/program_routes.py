@@ -1,0 +1,94 @@
+"""The programs that people write on the page Program, for other editors: each person reaches their own."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query
+from pydantic import Field
+
+from msbot.runtime.sentence import said
+from msbot.web.api.model import Model
+from msbot.web.api.models import Done
+from msbot.web.api.session import SignedIn
+from msbot.web.programs.program_shelf import MAX_PROGRAM
+from msbot.web.service import Service
+
+FileName = Annotated[str, Path(max_length=60, description="File name of the program, such as `lamp.py`")]
+
+
+class ProgramLine(Model):
+    """One program of the person."""
+
+    name: str
+    shared: bool
+    """Whether others may read it by its link."""
+    changed_ms: int
+    """When its newest version was kept, milliseconds since 1970."""
+
+
+class ProgramVersionLine(Model):
+    """A version that is kept."""
+
+    number: int
+    saved_ms: int
+    size: int
+    """Characters."""
+
+
+class ProgramText(Model):
+    """A program."""
+
+    text: str = Field(max_length=MAX_PROGRAM)
+
+
+class Shared(Model):
+    """Where others open a copy."""
+
+    path: str
+    """Behind the page's address."""
+
+
+def add_programs(router: APIRouter, service: Service) -> None:
+    """Add the calls."""
+    programs = service.programs
+
+    @router.get("/programs")
+    async def mine(session: SignedIn) -> list[ProgramLine]:
+        """The person's programs, the one changed last first."""
+        return [
+            ProgramLine(name=one.name, shared=bool(one.share), changed_ms=one.changed_ns // 1_000_000)
+            for one in await programs.mine(session)
+        ]
+
+    @router.get("/programs/{name}")
+    async def text(
+        session: SignedIn, name: FileName, version: Annotated[int | None, Query(ge=1, le=2**53)] = None
+    ) -> ProgramText:
+        """A program, or an earlier version of it; examples have names, too."""
+        return ProgramText.model_construct(text=await programs.text(session, name, version))
+
+    @router.get("/programs/{name}/versions")
+    async def versions(session: SignedIn, name: FileName) -> list[ProgramVersionLine]:
+        """The versions that are kept, the newest first."""
+        return [
+            ProgramVersionLine(number=one.number, saved_ms=one.saved_ns // 1_000_000, size=one.size)
+            for one in await programs.versions(session, name)
+        ]
+
+    @router.put("/programs/{name}")
+    async def keep(session: SignedIn, name: FileName, program: ProgramText) -> Done:
+        """Keep a program, as a new version if it has changed."""
+        number = await programs.keep(session, name, program.text)
+        return Done(words=said("{name} is kept, version {number}.", name=name, number=number))
+
+    @router.delete("/programs/{name}")
+    async def remove(session: SignedIn, name: FileName) -> Done:
+        """Remove a program with all its versions."""
+        await programs.remove(session, name)
+        return Done(words=said("{name} is removed.", name=name))
+
+    @router.post("/programs/{name}/share")
+    async def share(session: SignedIn, name: FileName) -> Shared:
+        """Let everybody who can sign in open a copy; the link is the same each time."""
+        return Shared(path=f"/program?shared={await programs.share(session, name)}")
