@@ -10,11 +10,12 @@ from random import Random
 
 import pytest
 
-from msbot.config import Library, load_library, parse_blueprint
+from msbot.config import Library, load_blueprint, load_library
 from msbot.link import InprocHub, LinkInfo
 from msbot.master import Master, robot_space
 from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry
+from msbot.ros.description import read_description
 from msbot.ros.robot_in_ros import RobotInRos
 from msbot.sim import make_simulator
 from msbot.space import SharedSpace, parse_space
@@ -24,23 +25,7 @@ from tests.space.dds.peers import program, until
 
 NODE = (sys.executable, str(SOURCES / "ros_node.py"))
 KNOB = "/ROVER/knob"
-ROVER = """
-[robot]
-name = "ROVER"
-[timing]
-preset = "fast"
-[ros]
-clock = true
-[[slot]]
-name = "knob"
-part = "POT-10K"
-[[binding]]
-topic = "power"
-type = "Level"
-from = "knob.level"
-to = []
-ros = true
-"""
+EXAMPLE = Path(__file__).parents[3] / "examples/ros2/robot.toml"
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +35,7 @@ def library() -> Library:
 
 async def test_a_ros_node_finds_the_part_and_reads_and_sets_its_parameters(tmp_path: Path, library: Library) -> None:
     pytest.importorskip("cyclonedds")
-    blueprint = parse_blueprint(ROVER, library)
+    blueprint = load_blueprint(EXAMPLE, library)
     put_database(tmp_path / "robot.db")
     with (
         open_registry(tmp_path / "robot.db") as registry,
@@ -64,7 +49,7 @@ async def test_a_ros_node_finds_the_part_and_reads_and_sets_its_parameters(tmp_p
         hub.server.info = LinkInfo("wire", 65535)
         master.add_link(hub.server)
         part = make_simulator("POT-10K", uid=b"A KNOB..", local_name="knob", random=Random(1), library=library).part
-        ros = RobotInRos(master, operations, space, description="<robot name='rover'/>")
+        ros = RobotInRos(master, operations, space, description=read_description(blueprint))
         async with asyncio.TaskGroup() as tasks:
             running = [tasks.create_task(master.run()), tasks.create_task(ros.run())]
             await master.ready.wait()
@@ -89,9 +74,8 @@ async def test_a_ros_node_finds_the_part_and_reads_and_sets_its_parameters(tmp_p
                 assert "/ROVER writes rt/robot_description std_msgs::msg::dds_::String_" in node.lines
                 told = json.loads((await node.says("diagnostics: ")).partition(" ")[2])
                 assert [(one["name"], one["level"]) for one in told["status"]] == [("ROVER", 0), ("ROVER: knob", 0)]
-                assert await node.says("robot_description: ") == (
-                    'robot_description: {"data": "<robot name=\'rover\'/>"}'
-                )
+                told = json.loads((await node.says("robot_description: ")).partition(" ")[2])
+                assert told["data"] == EXAMPLE.with_name("rover.urdf").read_text()
                 assert '"period_s", "change"' in await node.says("list_parameters: ")
                 results = json.loads((await node.says("set_parameters: ")).partition(" ")[2])["results"]
                 assert [one["successful"] for one in results] == [True, False]
