@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 from ctypes import POINTER, byref, c_uint32, c_void_p
+from struct import Struct
 
 from msbot.errors import ConfigError, RemoteProtocolError
 from msbot.space.dds.library import ANY_STATE, DATA, DdsLibrary, IoVec, SampleInfo, TopicDescriptor
@@ -26,6 +27,10 @@ _RESTRICT_REPRESENTATION = 1 << 7
 _XCDR1 = 1 << 0
 _EMPTY_ARRAY_OF_OCTETS = (c_uint32 * 4)(1 << 24 | 8 << 16 | 1 << 8, 0, 0, 0)
 """`octet[0]` at offset 0, and the end (ddsc/dds_opcodes.h): the least that the library accepts as a type."""
+
+_VALID, _PUBLICATION = SampleInfo.valid_data.offset, SampleInfo.publication.offset
+_INFO = Struct(f"={_VALID}x?{_PUBLICATION - _VALID - 1}xQ{ctypes.sizeof(SampleInfo) - _PUBLICATION - 8}x")
+"""What is needed of a `SampleInfo`: whether there is a value, and the handle of its writer."""
 
 _TYPE_IN_SAMPLE = 24
 """Where a serialised sample of version 0.10 keeps its type: behind operations, hash, reference count and kind."""
@@ -54,6 +59,7 @@ class Serialiser:
         self._octets_at = byref(self._octets)
         self._samples = (c_void_p * BATCH)()
         self._infos = (SampleInfo * BATCH)()
+        self._info_octets = memoryview(self._infos).cast("B")
         self._scratch = ctypes.create_string_buffer(_SCRATCH)
         self._view = memoryview(self._scratch).cast("B")
 
@@ -86,18 +92,21 @@ class Serialiser:
         count = quick.dds_takecdr(reader, samples, min(most, BATCH), infos, ANY_STATE)
         if count <= 0:
             return None
+        size_of, copy, release = quick.ddsi_serdata_size, quick.ddsi_serdata_to_ser, quick.ddsi_serdata_unref
+        scratch, view = self._scratch, self._view
+        room = len(view)
         taken = []
-        for index in range(count):
-            sample = samples[index]
-            info = infos[index]
-            if info.valid_data:
-                size = quick.ddsi_serdata_size(sample)
-                if size > len(self._view):
+        # Both arrays are read at once: element by element, ctypes makes an object for each.
+        states = _INFO.iter_unpack(self._info_octets[: count * _INFO.size])
+        for sample, (is_valid, publication) in zip(samples[:count], states, strict=True):
+            if is_valid:
+                size = size_of(sample)
+                if size > room:
                     self._grow(size)
-                quick.ddsi_serdata_to_ser(sample, 0, size, self._scratch)
-                view = self._view
-                taken.append((info.publication, view[_HEADER_SIZE : size - (view[3] & 3)].tobytes()))
-            quick.ddsi_serdata_unref(sample)
+                    scratch, view, room = self._scratch, self._view, size
+                copy(sample, 0, size, scratch)
+                taken.append((publication, view[_HEADER_SIZE : size - (view[3] & 3)].tobytes()))
+            release(sample)
         return taken
 
     def _grow(self, size: int) -> None:
