@@ -26,8 +26,8 @@ LIMITS = RingLimits(100.0, 100 << 20)
 Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]
 
 
-def record_demo(folder: Path, target: Path, scene: Scene) -> DemoRobot:
-    """Run the thesis' ring through a scene in virtual time; everything is recorded in the target."""
+def record_demo(folder: Path, target: Path, scene: Scene, names: tuple[str, ...] | None = None) -> DemoRobot:
+    """Run the thesis' ring, or some of its slots, through a scene in virtual time; all is recorded in the target."""
 
     async def main() -> DemoRobot:
         write_sample(folder / "robot.toml")
@@ -41,6 +41,7 @@ def record_demo(folder: Path, target: Path, scene: Scene) -> DemoRobot:
                 blueprint,
                 registry.runs.begin(record),
                 node_ids=registry.runs.node_ids(record, "test"),
+                names=names,
                 random=Random(1),
                 epoch_ns=lambda: BEGAN_NS,
                 space=recorder.space(MemorySpace(clock=loop.time)),

@@ -144,3 +144,34 @@ def children(pid: int) -> list[int]:
     for task in Path(f"/proc/{pid}/task").iterdir():
         found += [int(word) for word in (task / "children").read_text().split()]
     return found
+
+
+def test_what_a_part_said_is_replayed_in_its_place(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir(mode=0o700)
+    env = {"XDG_STATE_HOME": str(tmp_path / "state"), "XDG_RUNTIME_DIR": str(tmp_path / "run")}
+    link = f"udp:127.0.0.1:{free_port()}"
+    assert run("init", cwd=tmp_path, env=env).returncode == 0
+    with running("master", "--no-page", "--rec", "first.mcap", "--link", link, cwd=tmp_path, env=env) as master:
+        master.wait_for("is up on")
+        with running("part", "AA", "--link", link, cwd=tmp_path, env=env):
+            until(lambda: len(said_by_aa(tmp_path / "first.mcap")) >= 3)
+        master.end()
+    with running("master", "--no-page", "--rec", "again.mcap", "--link", link, cwd=tmp_path, env=env) as master:
+        master.wait_for("is up on")
+        played = run("play", "first.mcap", "--speed", "10", "--link", link, cwd=tmp_path, env=env)
+        assert played.returncode == 0, played.stderr
+        assert "AA (ABCD): " in played.stdout
+        assert "The replay is over: " in played.stdout
+        master.end()
+    first, again = (said_by_aa(tmp_path / name) for name in ("first.mcap", "again.mcap"))
+    assert [one.data for one in again] == [one.data for one in first]
+    assert again[-1].at_ns - again[0].at_ns < (first[-1].at_ns - first[0].at_ns) / 2
+    wrong = run("play", "first.mcap", "--slot", "XX", cwd=tmp_path, env=env)
+    assert (wrong.returncode, wrong.stderr) == (2, "msbot: first.mcap has no slot 'XX'; it has AA\n")
+
+
+def said_by_aa(path: Path) -> list[RecordedMessage]:
+    """What the part in slot AA published."""
+    if not path.exists():
+        return []
+    return [one for one in RecordingReader(path).messages() if one.slot == "AA" and not one.is_repeated]

@@ -78,7 +78,7 @@ def test_a_beat_is_answered_with_the_configurations_version_or_0() -> None:
     assert counter.ask(plug.Beat(lease=lease ^ 1)) == plug.BeatReply(configuration_version=0).encode()
 
 
-@pytest.mark.parametrize(("number", "nature"), [(1, "real"), (2, "simulated"), (0, ""), (77, "")])
+@pytest.mark.parametrize(("number", "nature"), [(1, "real"), (2, "simulated"), (3, "replayed"), (0, ""), (77, "")])
 def test_a_part_says_what_is_behind_its_ports(number: int, nature: str) -> None:
     counter = Counter()
     lease = counter.register().lease

@@ -25,6 +25,7 @@ def info(nature: Nature) -> PartInfo:
         (Nature.REAL, False, "real"),
         (Nature.REAL, True, "real"),
         (Nature.SIMULATED, False, "simulated"),
+        (Nature.REPLAYED, False, "replayed"),
         (Nature.UNKNOWN, True, "simulated"),
         (Nature.UNKNOWN, False, ""),
     ],

@@ -243,6 +243,20 @@ class Part:
         """
         return self._runner.publish(port, message)
 
+    def publish_octets(self, port: str, type_name: str, octets: bytes) -> bool:
+        """The same with a message that is encoded already, from a recording or a gateway.
+
+        Args:
+            port: the part's own name for it.
+            type_name: what type the message has.
+            octets: the message as CDR, little endian, without encapsulation header; they are not looked into.
+
+        Raises:
+            LocalProtocolError: as `publish`.
+            ConfigError: no such port, or it carries another type.
+        """
+        return self._runner.publish_octets(port, type_name, octets)
+
     # What it reads.
 
     def bound(self, port: str) -> bool:

@@ -115,15 +115,27 @@ class Ports:
             ConfigError: there is no such port to publish on, or it carries another type.
             LocalProtocolError: there is no session, or the message is larger than any agent accepts.
         """
+        bound = self._publishing(port)
+        if not isinstance(message, Message):
+            raise ConfigError(f"port {port!r} publishes messages, not {type(message).__name__}")
+        _check_type(bound, message.type_name)
+        return self._write(bound, message.encode(), message.type_name)
+
+    def publish_octets(self, port: str, type_name: str, octets: bytes) -> bool:
+        """The same with a message of that type that is encoded already, without encapsulation header."""
+        bound = self._publishing(port)
+        _check_type(bound, type_name)
+        return self._write(bound, octets, type_name)
+
+    def _publishing(self, port: str) -> BoundPort:
         bound = self._bound.get(port)
         if bound is None or not bound.publishes:
             raise ConfigError(f"there is no port {port!r} to publish on; {self.words}")
-        if not isinstance(message, Message):
-            raise ConfigError(f"port {port!r} publishes messages, not {type(message).__name__}")
-        if message.type_name != bound.binding.topic_type:
-            raise ConfigError(f"port {port!r} carries {bound.binding.topic_type}, not {message.type_name}")
+        return bound
+
+    def _write(self, bound: BoundPort, octets: bytes, type_name: str) -> bool:
         try:
-            sample = self._seal(bound.endpoint.object_id, _bounded(message))
+            sample = self._seal(bound.endpoint.object_id, _bounded(octets, type_name))
             self._client.write(bound.endpoint, sample, stream_id=bound.stream_id)
         except LinkFull:
             return False
@@ -161,12 +173,16 @@ class Ports:
         self._client.delete(bound.topic)
 
 
-def _bounded(message: Message) -> bytes:
+def _check_type(bound: BoundPort, type_name: str) -> None:
+    if type_name != bound.binding.topic_type:
+        raise ConfigError(f"port {bound.binding.port!r} carries {bound.binding.topic_type}, not {type_name}")
+
+
+def _bounded(octets: bytes, type_name: str) -> bytes:
     """The octets of a message; a text that has grown too long is reported here, where its line is known."""
-    octets = message.encode()
     if len(octets) > LARGEST_MESSAGE:
         raise LocalProtocolError(
-            f"this {message.type_name} has {len(octets):,} octets, and one message may have {LARGEST_MESSAGE:,}: "
+            f"this {type_name} has {len(octets):,} octets, and one message may have {LARGEST_MESSAGE:,}: "
             "does a text or list in it grow without end? Begin it anew, or send it in pieces"
         )
     return octets

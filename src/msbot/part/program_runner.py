@@ -115,6 +115,16 @@ class ProgramRunner:
 
     def publish(self, port: str, message: Message) -> bool:
         """Send a message out of a port (`Part.publish`)."""
+        ports = self._open_ports()
+        if type(message) is self.program.publications.get(port) and port not in ports:
+            return False  # declared, and not wired in this robot (yet): nobody listens
+        return self._count(ports.publish(port, message))
+
+    def publish_octets(self, port: str, type_name: str, octets: bytes) -> bool:
+        """Send an encoded message out of a port (`Part.publish_octets`)."""
+        return self._count(self._open_ports().publish_octets(port, type_name, octets))
+
+    def _open_ports(self) -> Ports:
         if self._ports is None or self.joining.state is not JoinState.ACTIVE:
             if self._ports is None:
                 raise LocalProtocolError("the part does not run: publish in a function below @part.every or @part.on")
@@ -126,9 +136,9 @@ class ProgramRunner:
             raise LocalProtocolError(
                 f"publish was called from another thread ({name}): call it in a function below @part.every or @part.on"
             )
-        if type(message) is self.program.publications.get(port) and port not in self._ports:
-            return False  # declared, and not wired in this robot (yet): nobody listens
-        sent = self._ports.publish(port, message)
+        return self._ports
+
+    def _count(self, sent: bool) -> bool:
         if sent:
             self._counters.messages_out += 1
         else:

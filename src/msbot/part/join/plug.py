@@ -177,6 +177,8 @@ class Nature(IntEnum):
     """Hardware."""
     SIMULATED = 2
     """A model of it."""
+    REPLAYED = 3
+    """A recording of what was there once."""
 
     @classmethod
     def of(cls, number: int) -> Nature:

@@ -1,0 +1,1 @@
+"""Recordings played again into a running robot: `msbot play`."""
