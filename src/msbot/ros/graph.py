@@ -3,7 +3,7 @@
 In ROS 2 a node is not a thing of DDS: each program publishes the list of its nodes with the GUIDs of their endpoints
 (topic `ros_discovery_info`, transient-local, only the last one counts). Here a part of the robot is a node, and so is
 every participant of a micro-ROS client. The list is published again when something has changed, once for all changes
-within `SETTLE_S`.
+within `SETTLE_S` (longer with many).
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from msbot.space import Guid, OwnEndpoint, Qos, Reader, Sample, SharedSpace, Top
 
 SETTLE_S = 0.02
 """A part comes with all its endpoints at once; their nodes are told together after this time."""
+SETTLE_S_EACH = 20e-6
+"""As much longer for each endpoint that was told last, so that many parts that come one by one do not take all time."""
 
 EVERYBODY = ("",)
 """The partition in which ROS 2 nodes are."""
@@ -57,6 +59,7 @@ class RosGraph:
         self._writers: dict[int, Writer] = {}
         self._readers: list[Reader] = []
         self._told: dict[int, bytes] = {}
+        self._size = 0
         distribution = environment.get("ROS_DISTRO")
         self._octets = usual_gid_octets(distribution)
         self._is_fixed = distribution is not None
@@ -72,7 +75,7 @@ class RosGraph:
     def changed(self) -> None:
         """Tell the nodes again soon: something about them may have changed."""
         if self._timer is None and not self._is_closed:
-            self._timer = self._loop.call_later(SETTLE_S, self._tell)
+            self._timer = self._loop.call_later(SETTLE_S + SETTLE_S_EACH * self._size, self._tell)
 
     def close(self) -> None:
         """Stop telling: peers forget the nodes."""
@@ -101,6 +104,7 @@ class RosGraph:
     def _nodes(self) -> dict[int, list[NodeInfo]]:
         """The nodes in each domain, in the order in which they appeared."""
         endpoints = [endpoint for endpoint in self._space.endpoints() if is_ros(endpoint.name)]
+        self._size = len(endpoints)
         shared = {
             (endpoint.domain, endpoint.name): endpoint.guid
             for endpoint in endpoints

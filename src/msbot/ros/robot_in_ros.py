@@ -16,6 +16,7 @@ from msbot.config import Blueprint
 from msbot.master import Master
 from msbot.operations.dispatch import Operations
 from msbot.part import Message
+from msbot.pnp import PartEvent
 from msbot.ros.diagnostics import diagnostics, stamp
 from msbot.ros.graph import EVERYBODY, LAST_ONE, RosGraph, node_of_participant
 from msbot.ros.node_names import NodeName, robot_node, slot_nodes
@@ -74,9 +75,10 @@ class RobotInRos:
             space, operations, asker_from_ros(may_set=blueprint.ros.parameters == "set"), epoch_ns
         )
         self._graph = RosGraph(space, node_of=self._node_of, standing=self._standing)
-        master.inventory.on_event(lambda _event: self._look())
+        master.inventory.on_event(self._part_changed)
         master.inventory.on_rights(self._rights_changed)
-        self._look()
+        for slot in self._slots:
+            self._look_at(slot)
 
     async def run(self) -> None:
         """Serve until cancelled."""
@@ -103,19 +105,21 @@ class RobotInRos:
             return node_of_participant(endpoint)
         return self._slots.get(configuration.slot) or node_of_participant(endpoint)
 
-    def _look(self) -> None:
-        """Bring the nodes in line with the inventory."""
-        now = self._clock()
-        for slot, name in self._slots.items():
-            holder = self._master.inventory.holder(slot, now)
-            is_there = holder is not None and holder.state.is_registered
-            if is_there and slot not in self._nodes:
-                self._nodes[slot] = name
-                self._parameters.open(slot, name)
-            elif not is_there and slot in self._nodes:
-                del self._nodes[slot]
-                self._parameters.close(slot)
+    def _part_changed(self, event: PartEvent) -> None:
+        if event.slot is not None and event.slot in self._slots:
+            self._look_at(event.slot)
         self._graph.changed()
+
+    def _look_at(self, slot: str) -> None:
+        """Bring the node of a slot in line with the inventory."""
+        holder = self._master.inventory.holder(slot, self._clock())
+        is_there = holder is not None and holder.state.is_registered
+        if is_there and slot not in self._nodes:
+            self._nodes[slot] = self._slots[slot]
+            self._parameters.open(slot, self._slots[slot])
+        elif not is_there and slot in self._nodes:
+            del self._nodes[slot]
+            self._parameters.close(slot)
 
     def _rights_changed(self, client: int) -> None:
         """The configuration of a part may have changed, and with it the values of its parameters."""
