@@ -1,4 +1,5 @@
-"""Writes what docs/reference/hardware.md and docs/reference/wiring.md say of the part types, from their files.
+"""Writes what docs/reference/hardware.md and docs/reference/wiring.md say of the part types, from their files, with a
+picture of the wires of each.
 
     python tools/hardware_table.py           writes both
     python tools/hardware_table.py --check   says whether they are up to date (status 1 if not); a test does the same
@@ -13,10 +14,12 @@ import sys
 from pathlib import Path
 
 from msbot.config import BOARD_DRIVERS, BusKind, PartType, load_library, scalar_text
+from msbot.hardware.wiring_picture import wiring_picture
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs/reference/hardware.md"
 WIRING = ROOT / "docs/reference/wiring.md"
+PICTURES = ROOT / "docs/reference/wiring"
 BEGIN = "<!-- made by tools/hardware_table.py -->\n"
 BEGIN_BOARDS = "<!-- the drivers of boards; made by tools/hardware_table.py -->\n"
 END = "<!-- end of what is made -->\n"
@@ -102,6 +105,7 @@ def wiring() -> str:
         if not driver.entry_point:
             continue
         lines = [f"## {part_type.number}", "", f"{part_type.name}. {part_type.description}.", ""]
+        lines += [f"![Wires of {part_type.number}](wiring/{part_type.number}.svg)", ""]
         lines += ["| pin | carries | goes to |", "|---|---|---|"]
         wires = {wire.pin: wire for wire in driver.pins}
         for pin in part_type.pins:
@@ -147,16 +151,20 @@ def pages() -> dict[Path, str]:
     for path, begin, text in made:
         before, _, rest = found[path].partition(begin)
         found[path] = f"{before}{begin}{text}{END}{rest.partition(END)[2]}"
+    for part_type in load_library():
+        if part_type.driver.entry_point:
+            found[PICTURES / f"{part_type.number}.svg"] = wiring_picture(part_type)
     return found
 
 
 def main() -> None:
     """Write the pages, or check them."""
-    wrong = [path for path, text in pages().items() if path.read_text("utf-8") != text]
+    wrong = [path for path, text in pages().items() if not path.exists() or path.read_text("utf-8") != text]
     if "--check" in sys.argv[1:]:
         for path in wrong:
             print(f"{path.relative_to(ROOT)} is not up to date: run `python tools/hardware_table.py`")  # noqa: T201
         sys.exit(bool(wrong))
+    PICTURES.mkdir(exist_ok=True)
     for path, text in pages().items():
         path.write_text(text, "utf-8")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -17,6 +18,22 @@ DRIVEN = [part_type for part_type in load_library() if part_type.driver.entry_po
 @pytest.mark.parametrize("path", [hardware_table.REFERENCE, hardware_table.WIRING], ids=lambda path: path.name)
 def test_the_pages_are_up_to_date(path: Path) -> None:
     assert path.read_text("utf-8") == hardware_table.pages()[path], "run `python tools/hardware_table.py`"
+
+
+@pytest.mark.parametrize("part_type", DRIVEN, ids=lambda part_type: part_type.number)
+def test_the_picture_shows_every_wire_and_is_up_to_date(part_type: PartType) -> None:
+    path = hardware_table.PICTURES / f"{part_type.number}.svg"
+    text = path.read_text("utf-8")
+    assert text == hardware_table.pages()[path], "run `python tools/hardware_table.py`"
+    words = {element.text for element in ElementTree.fromstring(text).iter() if element.text}
+    assert {pin.name for pin in part_type.pins} <= words
+    for wire in part_type.driver.pins:
+        assert wire.default is None or any(f" {wire.default} ({wire.name})" in word for word in words), wire
+        assert not wire.description or wire.description in words, "a divider or resistor must not be overlooked"
+
+
+def test_there_are_no_other_pictures() -> None:
+    assert {path.stem for path in hardware_table.PICTURES.iterdir()} == {one.number for one in DRIVEN}
 
 
 @pytest.mark.parametrize("part_type", DRIVEN, ids=lambda part_type: part_type.number)
