@@ -220,9 +220,9 @@ class Part:
             self.uid = struct.pack("<II", random.getrandbits(32), random.getrandbits(32))
         self._membership = Membership(self, link)
         if self.describes:
-            from .description import describe
+            from .running import once
 
-            self._membership.description = describe(self)
+            self._membership.description = once("description").describe(self)
         self._client = self._membership.client
         link.begin(self, self._client, now)
         self._client.start(now)

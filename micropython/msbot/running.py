@@ -22,7 +22,7 @@ def run(part):
         _host(part)
         return
     try:
-        link = _once("board").open_for(part)
+        link = once("board").open_for(part)
     except MsbotError as error:
         say("error", str(error))
         return
@@ -45,7 +45,7 @@ def start(name):
     """Run a program file, with the fields of its message classes kept (see `message`)."""
     try:
         with open(name) as file:
-            source = _once("annotations").with_fields(file.read())
+            source = once("annotations").with_fields(file.read())
     except OSError:
         say("error", "there is no file {} on the board".format(name))
         return
@@ -70,7 +70,7 @@ class Clock:
         return self._now
 
 
-def _once(name):
+def once(name):
     """Import a module that is needed only now, so that its memory is free again afterwards."""
     package = __name__.rpartition(".")[0]
     module = __import__(package + "." + name, None, None, ("",))
