@@ -39,7 +39,7 @@ class NodeInfo:
 def encode(participant: Guid, nodes: Iterable[NodeInfo], gid_octets: int) -> bytes:
     """The message about a participant, as CDR in one of the two forms.
 
-    It is written by hand: a thousand parts are 100 kB, and octet by octet that would take a second.
+    It is written by hand: for a thousand parts (270 kB) that takes 3 ms, with message classes 270 ms.
     """
     writer = CdrWriter()
     told = tuple(nodes)
