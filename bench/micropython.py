@@ -8,6 +8,7 @@ the first import, after a collection behind every step: the VM for browsers coll
 
 from __future__ import annotations
 
+import asyncio
 import importlib.util
 import shutil
 import sys
@@ -19,7 +20,9 @@ from bench.buses import table
 from tests.homes import micro
 from tests.homes.runners import MicroPython, NodeEngine
 from tests.homes.test_conformance import PROGRAMS, tell
+from tests.homes.test_websocket import carry
 from tests.homes.world import run_virtual
+from tests.web.part_site import part_site
 from tools.board_package import compile_package
 
 STORIES = (
@@ -102,6 +105,9 @@ def memory() -> list[list[str]]:
                 compiled, source = (measure(program, link, folder) for folder in (files, micro.FOLDER))
                 figures = (compiled.peak - compiled.base, compiled.live - compiled.base, source.peak - source.base)
                 rows.append([program, link, *(f"{figure / 1000:.1f} kB" for figure in figures)])
+        compiled, source = (measure_by_the_page(folder) for folder in (files, micro.FOLDER))
+        figures = (compiled.peak - compiled.base, compiled.live - compiled.base, source.peak - source.base)
+        rows.append(["publish", "ws", *(f"{figure / 1000:.1f} kB" for figure in figures)])
     return rows
 
 
@@ -109,6 +115,18 @@ def measure(program: str, link: str, library: Path) -> Measured:
     """What one program needs."""
     engine = Measured(library)
     run_virtual(tell(MicroPython(engine, link), program))
+    return engine
+
+
+def measure_by_the_page(library: Path) -> Measured:
+    """What a part needs that comes by the page's server, in real time."""
+    engine = Measured(library)
+
+    async def main() -> None:
+        async with part_site() as site:
+            await carry(engine, site, and_s=3.0)
+
+    asyncio.run(main())
     return engine
 
 
