@@ -7,12 +7,22 @@ import json
 import sqlite3
 from collections.abc import Awaitable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 
 import pytest
 
-from msbot.config import PartType, Slot, load_blueprint, load_library, write_sample
+from msbot.config import (
+    Library,
+    PartType,
+    Slot,
+    blueprint_toml,
+    differences,
+    load_blueprint,
+    load_library,
+    write_sample,
+)
 from msbot.errors import ConfigError
 from msbot.master import Master
 from msbot.operations.dispatch import RunningOperations
@@ -153,6 +163,35 @@ def test_a_wire_is_taken_away_and_made_again_while_the_parts_run(tmp_path: Path)
     play(tmp_path, scene, parts=RING)
 
 
+def test_moving_a_wire_is_one_change(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        first, second, third = (f"HelloWorldTopic_{way}" for way in ("1_to_2", "2_to_3", "3_to_1"))
+        (robot,) = stage.registry.robots.all()
+
+        def ends() -> dict[str, list[str]]:
+            return {
+                one.topic: [str(end) for end in one.ends] for one in stage.registry.robots.blueprint(robot).bindings
+            }
+
+        before = ends()
+        assert '"CC.in" is bound to' in await stage.refusal(stage.do.bind(first, "HelloWorld", to=["CC.in"], who="ann"))
+        done = await stage.do.bind(first, "HelloWorld", to=["CC.in"], move=True, who="ann")
+        assert done.words == f"topic {first} joins CC.in"
+        assert ends() == {first: ["AA.out", "BB.in", "CC.in"], second: ["BB.out"], third: ["CC.out", "AA.in"]}
+        await asyncio.sleep(1.0)
+        heard = len(stage.heard["CC"])
+        stage.parts["AA"].publish("out", stage.message("for both"))
+        await asyncio.sleep(0.5)
+        assert stage.heard["CC"][heard:] == ["for both"]
+        await stage.do.undo(who="bob")
+        assert ends() == before
+        # A wire of its own is moved by its name, too; what does not fit changes nothing.
+        assert "carries" in await stage.refusal(stage.do.bind(first, "Level", to=["AA.in"], move=True, who="ann"))
+        assert ends()[third] == ["CC.out", "AA.in"]
+
+    play(tmp_path, scene, parts=RING)
+
+
 def test_a_slot_is_made_and_taken_out_and_both_are_undone(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         registry = stage.registry
@@ -164,12 +203,12 @@ def test_a_slot_is_made_and_taken_out_and_both_are_undone(tmp_path: Path) -> Non
 
         before = topics()
         done = await stage.do.add_slot("EE", "EFGH", "One more", who="ann")
-        assert "new: EE" in done.words
+        assert done.words == "slot EE is made, for EFGH"
         assert registry.robots.slot_names(robot) == ["AA", "BB", "CC", "EE"]
         assert "there is a slot EE already" in await stage.refusal(stage.do.add_slot("EE", "EFGH", who="ann"))
         assert "NOPE" in await stage.refusal(stage.do.add_slot("FF", "NOPE", who="ann"))
         done = await stage.do.remove_slot("BB", who="ann")
-        assert "gone: BB" in done.words
+        assert done.words == "slot BB is taken out"
         assert registry.robots.slot_names(robot) == ["AA", "CC", "EE"]
         assert not [end for ends in topics().values() for end in ends if end.startswith("BB.")]
         assert "no slot 'BB'" in await stage.refusal(stage.do.remove_slot("BB", who="ann"))
@@ -206,6 +245,55 @@ def test_a_changed_blueprint_is_put_into_force_and_undone(tmp_path: Path) -> Non
         )
 
     play(tmp_path, scene, parts=("AA=ABCD", "BB=EFGH", "DD=EFGH"))
+
+
+def test_a_slot_made_by_hand_stays_when_the_blueprint_is_applied_again(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        registry = stage.registry
+        (robot,) = registry.robots.all()
+        library = load_library(tmp_path / "library")
+        file = load_blueprint(tmp_path / "robot.toml", library)
+        await stage.do.add_slot("EE", "EFGH", "One more", who="ann")
+        await stage.do.bind("more", "HelloWorld", "EE.out", who="ann")
+        again = await stage.operations.applying.put_in_force(file, who="ann")
+        assert again.words == "the blueprint changes nothing"
+        assert registry.robots.slot_names(robot) == ["AA", "BB", "CC", "EE"]
+        exported = registry.robots.blueprint(robot)
+        assert str(exported.bindings[-1].source) == "EE.out"
+        assert '[[slot]]  # made by hand\nname = "EE"' in blueprint_toml(exported, registry.robots.made_by_hand(robot))
+        assert [str(one) for one in differences(registry.robots.blueprint(robot, by_hand=False), exported)] == [
+            "+ slot EE: part EFGH", "+ topic more: EE.out -> nobody [HelloWorld]",
+        ]  # fmt: skip
+        await stage.do.remove_slot("EE", who="ann")
+        await stage.operations.applying.put_in_force(file, who="ann")
+        assert registry.robots.slot_names(robot) == ["AA", "BB", "CC"]
+        # One that the file has by now is the file's.
+        await stage.do.undo(who="ann")
+        with_slot = replace(file, slots=(*file.slots, Slot("EE", "EFGH")))
+        await stage.operations.applying.put_in_force(with_slot, who="ann")
+        await stage.operations.applying.put_in_force(file, who="ann")
+        assert registry.robots.slot_names(robot) == ["AA", "BB", "CC"]
+
+    play(tmp_path, scene, parts=RING)
+
+
+def test_a_part_type_written_while_the_robot_runs_holds_once_the_blueprint_is_applied(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        told: list[Library] = []
+        stage.operations.on_library(told.append)
+        assert stage.state("GLOW") == "refused"
+        (tmp_path / "library" / "glow.toml").write_text('number = "GLOW-7"\nname = "Glow lamp"\n')
+        path, folder = str(tmp_path / "robot.toml"), str(tmp_path / "library")
+        done = await stage.do.apply(path, [folder], who="ann")
+        assert done.words == "part types that hold from now on: GLOW-7"
+        assert [library.get("GLOW-7") is not None for library in told] == [True]
+        await asyncio.sleep(3.0)
+        await stage.do.add_slot("EE", "GLOW-7", "", who="ann")
+        await asyncio.sleep(3.0)
+        assert stage.slot("GLOW") == "EE"
+        assert (await stage.do.apply(path, [folder], who="ann")).words == "the blueprint changes nothing"
+
+    play(tmp_path, scene, parts=("GLOW=GLOW-7",))
 
 
 def test_a_slot_that_the_blueprint_drops_puts_its_part_out(tmp_path: Path) -> None:

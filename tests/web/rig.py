@@ -99,7 +99,7 @@ class Rig:
             operations=stage.operations,
             accounts=self.accounts,
             records=registry_records(
-                stage.registry, record, stage.operations, library, address=str(folder / "robot.db")
+                stage.registry, record, stage.operations, lambda: library, address=str(folder / "robot.db")
             ),
             robot=self._describe,
             clock=clock,

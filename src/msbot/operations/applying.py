@@ -31,37 +31,40 @@ class BlueprintChange:
 
     async def add_slot(self, slot: str, part: str, description: str, who: str) -> Outcome:
         """Give the robot another slot, for parts of that number."""
-        present = await self.present()
-        if present.slot(slot) is not None:
+        if slot in self._running.slot_names():
             raise ConfigError(said("there is a slot {slot} already: choose another name", slot=slot))
+        present = await self.present()
         made = Slot(slot, part, description=description)
-        return await self._checked(replace(present, slots=(*present.slots, made)), who)
+        return await self._checked(replace(present, slots=(*present.slots, made)), who, slot)
 
     async def remove_slot(self, slot: str, who: str) -> Outcome:
         """Remove a slot and its ends of topics from the robot; the part in it is delisted."""
         target = slot_of(self._running, slot)
-        return await self._checked(without_slot(await self.present(), target), who)
+        return await self._checked(without_slot(await self.present(), target), who, target)
 
     async def present(self) -> Blueprint:
-        """The blueprint as it was last applied; changes made by hand are kept anyway."""
+        """The blueprint as it was last applied; what was changed by hand stays anyway."""
         registry, robot = self._running.database()
         return await registry.storage.in_time(partial(registry.robots.blueprint, robot, by_hand=False))
 
-    async def _checked(self, wanted: Blueprint, who: str) -> Outcome:
-        """Apply a blueprint that was made here, checked like a file."""
+    async def _checked(self, wanted: Blueprint, who: str, slot: str) -> Outcome:
+        """Apply a blueprint in which a person has made a slot, or taken it out; checked like a file."""
         library = self._running.library
         if library is None:
             raise ConfigError(said("this robot was started without its library: it cannot take another blueprint"))
         checked = await self._workshop.run(parse_blueprint, blueprint_toml(wanted), library)
-        return await self.put_in_force(checked, who=who)
+        return await self.put_in_force(checked, who=who, slot_by_hand=slot)
 
-    async def put_in_force(self, blueprint: Blueprint, library: Library | None = None, *, who: str) -> Outcome:
+    async def put_in_force(
+        self, blueprint: Blueprint, library: Library | None = None, *, who: str, slot_by_hand: str = ""
+    ) -> Outcome:
         """Apply a blueprint; parts whose slot is gone are delisted.
 
         Args:
             blueprint: what the robot is from now on.
             library: the part types that it was checked against, if they are not those that the robot was started with.
             who: the person who decides.
+            slot_by_hand: the slot that this person makes or takes out thereby.
 
         Raises:
             ConfigError: it is the blueprint of another robot, or there is no library or no database.
@@ -84,14 +87,15 @@ class BlueprintChange:
                     other_number=robot.serial_number,
                 )
             )
-        _, edit = await registry.storage.in_time(registry.robots.change_blueprint, blueprint, types, who)
-        if running.library is None:
-            running.library = types
-        running.library.become(types)  # for all who have it: the pages, too
-        running.master.library = running.library
+        change = partial(registry.robots.change_blueprint, blueprint, types, who, slot_by_hand=slot_by_hand)
+        _, edit = await registry.storage.in_time(change)
+        read_again = _other_types(running.library, types)
+        running.use_library(types)
         before, running.master.blueprint = running.master.blueprint, blueprint
         inventory.reload(running.now())
-        running.configure(slot.name for slot in blueprint.slots)
+        running.configure(running.slot_names())
+        if edit is None and read_again:
+            return Outcome(said("part types that hold from now on: {types}", types=", ".join(read_again)))
         if edit is None:
             return Outcome(said("the blueprint changes nothing"))
         words = edit.words
@@ -99,6 +103,13 @@ class BlueprintChange:
             later = said("profile, timing and options hold from the master's next start on")
             words = said("{words}; {later}", words=words, later=later)
         return Outcome(words, edit.id)
+
+
+def _other_types(old: Library | None, new: Library) -> list[str]:
+    """The numbers of part types that are new, gone or different, wherever their files are."""
+    before = {} if old is None else {one.number: replace(one, source="") for one in old}
+    after = {one.number: replace(one, source="") for one in new}
+    return sorted(number for number in before.keys() | after.keys() if before.get(number) != after.get(number))
 
 
 def without_slot(blueprint: Blueprint, name: str) -> Blueprint:

@@ -81,7 +81,7 @@ class DescribedParts:
         assert info.says is not None
         described = await self._read(info.says.text, info.part_number)  # the library may know more by now
         present = await self._applying.present()
-        taken = {one.name for one in present.slots}
+        taken = set(self._running.slot_names())
         name = free_slot_name(info, described, taken) if slot is None else slot
         check_slot_name(name)
         origin = said("said by the part {uid}, adopted by {who}", uid=info.uid.hex() or "-", who=who)
@@ -92,7 +92,7 @@ class DescribedParts:
         wider = library.with_type(part_type, described.messages)
         wanted = replace(present, slots=(*present.slots, Slot(name, part_type.number, description=part_type.name)))
         try:
-            done = await self._applying.put_in_force(wanted, wider, who=who)
+            done = await self._applying.put_in_force(wanted, wider, who=who, slot_by_hand=name)
         except MsbotError:
             if path is not None:
                 await self._in_thread(path.unlink)

@@ -154,6 +154,7 @@ class RunningOperations(Operations):
         library: Library | None = None,
     ) -> None:
         running = RunningRobot(master, registry, robot, library)
+        self.on_library = running.on_library
         self.applying = BlueprintChange(running)
         described = DescribedParts(running, self.applying)
         self.placement = Placement(running, described)

@@ -297,7 +297,7 @@ class Placement:
         raise ConfigError(
             said(
                 "{part} is a part {part_number}, and slot {slot} takes {slot2}: to let it in all the same, open the "
-                "adoption window first, `msbot adopt --window 60`",
+                "adoption window first, under Arrivals or with `msbot adopt --window 60`",
                 part=info.part,
                 part_number=info.part_number,
                 slot=slot,

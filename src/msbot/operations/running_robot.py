@@ -36,6 +36,7 @@ class RunningRobot:
         self.registry = registry
         self.robot = robot
         self.library = library
+        self._library_listeners: list[Callable[[Library], object]] = []
         self.loop = asyncio.get_running_loop()
         self._tasks: set[asyncio.Task[None]] = set()
         if registry is not None and robot is not None:
@@ -44,6 +45,19 @@ class RunningRobot:
     def now(self) -> float:
         """The present time, seconds."""
         return self.loop.time()
+
+    def on_library(self, listener: Callable[[Library], object]) -> None:
+        """Have it called with the part types whenever others are in force."""
+        self._library_listeners.append(listener)
+
+    def use_library(self, library: Library) -> None:
+        """From now on these part types are in force, for all who have the library: the pages, too."""
+        if self.library is None:
+            self.library = library
+        self.library.become(library)
+        self.master.library = self.library
+        for listener in self._library_listeners:
+            listener(self.library)
 
     # Finding
 

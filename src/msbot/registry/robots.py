@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from msbot.config import Blueprint, Library
-from msbot.registry.blueprint import blueprint_reader
+from msbot.config import Blueprint, Difference, Library
+from msbot.registry.blueprint import blueprint_reader, blueprint_store
 from msbot.registry.database import statements as store
 from msbot.registry.database.storage import Storage
 from msbot.registry.edits import slot_values as values
@@ -34,17 +34,26 @@ class Robots:
         return self.change_blueprint(blueprint, library, who)[0]
 
     def change_blueprint(
-        self, blueprint: Blueprint, library: Library, who: str
+        self, blueprint: Blueprint, library: Library, who: str, *, slot_by_hand: str = ""
     ) -> tuple[RobotRecord, EditRecord | None]:
         """The same; also returns the edit, None when nothing changes.
+
+        With `slot_by_hand`, a person makes that slot, if the blueprint has it, or takes it out, if it has not; a slot
+        that a person has made stays when a blueprint without it is applied.
 
         Raises:
             RegistryError: the database cannot be written; nothing has changed.
         """
         now_ns = self._storage.epoch_ns()
         return self._storage.change(
-            lambda connection: undo.apply_blueprint(connection, blueprint, library, who=who, now_ns=now_ns)
+            lambda connection: undo.apply_blueprint(
+                connection, blueprint, library, who=who, now_ns=now_ns, slot_by_hand=slot_by_hand
+            )
         )
+
+    def type_differences(self, library: Library) -> tuple[Difference, ...]:
+        """What applying a blueprint with that library changes of part types, besides those that MsBOT brings."""
+        return self._storage.read(partial(blueprint_store.type_differences, part_types=library))
 
     def all(self) -> list[RobotRecord]:
         """All robots of the database, the most recently used first."""
@@ -66,7 +75,7 @@ class Robots:
         return self._storage.read(partial(blueprint_reader.read, robot_id=robot.id, by_hand=by_hand))
 
     def made_by_hand(self, robot: RobotRecord) -> dict[tuple[str, str], str]:
-        """(slot, parameter) or (topic, "") of everything made by hand -> by whom, in words."""
+        """(slot, parameter), (topic, "") or ("", slot) of everything made by hand -> by whom, in words."""
         return self._storage.read(partial(blueprint_reader.read_notes, robot_id=robot.id))
 
     def slot_names(self, robot: RobotRecord) -> list[str]:

@@ -82,19 +82,15 @@ class WebRoom:
         database: Database | None, seen: Seen, settings: WebSettings, entry_link: bool = False,
     ) -> None:  # fmt: skip
         self._master = master
+        self._frames = seen.frames
         clock = asyncio.get_running_loop().time
-        seen.frames.know(
-            (message_class(message) for message in library.messages.values()),
-            partial(_known_object, master),
-            library.units,
-        )
         timeline = Timeline()
         master.inventory.on_event(timeline.note)
         self._views = Views(
             master,
             blueprint=lambda: master.blueprint if database is None else database.memory.blueprint,
             library=library,
-            live=Live(master.space, _classes_of(library), clock),
+            live=Live(master.space, self._class_of, clock),
             frames=seen.frames,
             timeline=timeline,
             bench=seen.bench or SimulatedBench(operations.stand_ins),
@@ -104,6 +100,8 @@ class WebRoom:
             bus=seen.bus,
             stop=lambda: stop_state(master.stop),
         )
+        self._use_library(library)
+        operations.on_library(self._use_library)
         self._users: UserStore = MemoryUsers() if database is None else RegistryUsers(database.registry, database.robot)
         self._accounts = accounts = Accounts(self._users, clock=clock)
         if entry_link:
@@ -112,7 +110,9 @@ class WebRoom:
         records = (
             no_records(describe)
             if database is None
-            else registry_records(database.registry, database.robot, operations, library, address=database.address)
+            else registry_records(
+                database.registry, database.robot, operations, lambda: self._views.library, address=database.address
+            )
         )
         self.service = Service(
             views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock,
@@ -121,6 +121,16 @@ class WebRoom:
         self.server = WebServer(self.service, settings)
         master.add_link(self.server.parts)
         self._sessions = session_file(accounts, self.server.mark)
+
+    def _use_library(self, library: Library) -> None:
+        """Look part numbers and messages up in this library from now on."""
+        self._views.use_library(library)
+        classes = (message_class(message) for message in library.messages.values())
+        self._frames.know(classes, partial(_known_object, self._master), library.units)
+
+    def _class_of(self, type_name: str) -> type[Message] | None:
+        message = self._views.library.messages.get(type_name)
+        return None if message is None else message_class(message)
 
     async def run(self) -> None:
         """Serve until cancelled."""
@@ -145,14 +155,6 @@ class WebRoom:
         while True:
             self._views.look()
             await asyncio.sleep(LOOK_S)
-
-
-def _classes_of(library: Library) -> Callable[[str], type[Message] | None]:
-    def class_of(type_name: str) -> type[Message] | None:
-        message = library.messages.get(type_name)
-        return None if message is None else message_class(message)
-
-    return class_of
 
 
 def _describer(master: Master, operations: RunningOperations) -> Callable[[], Robot]:

@@ -165,6 +165,7 @@ def part_line(info: PartInfo, *, is_ignored: bool) -> PartLine:
         ignored=is_ignored,
         nature=info.nature.word,
         says=None if info.says is None else _says(info.says),
+        refusal="" if info.refusal is None else info.refusal.name.lower(),
     )
 
 

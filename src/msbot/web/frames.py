@@ -64,7 +64,8 @@ class FrameRing:
     ) -> None:
         """Also decode samples of these types, and sessions that began before anybody listened.
 
-        To be called before the first frame is looked at.
+        To be called before the first frame is looked at, and again when other types hold: what the decoder had learned
+        of sessions it then learns anew, from `objects`.
 
         Args:
             types: message classes of the robot.

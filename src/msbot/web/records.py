@@ -116,7 +116,12 @@ class RegistryUsers:
 
 
 def registry_records(
-    registry: Registry, robot: RobotRecord, operations: RunningOperations, library: Library, *, address: str
+    registry: Registry,
+    robot: RobotRecord,
+    operations: RunningOperations,
+    library: Callable[[], Library],
+    *,
+    address: str,
 ) -> Records:
     """The records of a robot with a database.
 
@@ -124,7 +129,7 @@ def registry_records(
         registry: the database.
         robot: which robot of it.
         operations: what a new blueprint goes through.
-        library: what it is checked against.
+        library: gives the part types that it is checked against.
         address: the database as it was opened: for backups.
     """
 
@@ -133,10 +138,10 @@ def registry_records(
 
     async def diff(toml: str) -> list[str]:
         present = await registry.storage.in_time(registry.robots.blueprint, robot, by_hand=False)
-        return [str(difference) for difference in await workshop.run(compare_text, toml, library, present)]
+        return [str(difference) for difference in await workshop.run(compare_text, toml, library(), present)]
 
     async def apply(toml: str, who: str) -> str:
-        wanted = await workshop.run(parse_blueprint, toml, library)
+        wanted = await workshop.run(parse_blueprint, toml, library())
         return (await operations.applying.put_in_force(wanted, who=who)).words
 
     async def backup() -> Backup:

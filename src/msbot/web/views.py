@@ -90,6 +90,10 @@ class Views:
         )  # fmt: skip
         self._rate: tuple[float, int, float] = (clock(), 0, 0.0)
 
+    def use_library(self, library: Library) -> None:
+        """From now on these part types hold."""
+        self.library = self._cards.library = library
+
     def look(self) -> None:
         """Observe what only polling shows (beat intervals, bound topics); call it a few times a second."""
         self._timeline.look(self._master.inventory.view(self._clock()), self._clock())

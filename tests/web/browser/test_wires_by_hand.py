@@ -57,6 +57,12 @@ def test_wires_are_drawn_by_keyboard_and_by_mouse_and_undone(page: Page, demo: S
     port(page, "bumper.near (Switch)").drag_to(port(page, "horn.on (Switch)"))
     horn = port(page, "horn.on (Switch): hears obstacle")
     expect(horn).to_be_visible()
+    undo_newest(page, demo)  # leaving one topic and hearing the other is one change
+    expect(port(page, "horn.on (Switch): hears grab")).to_be_visible()
+    port(page, "knob.level (Level)").drag_to(port(page, "horn.on (Switch)"))
+    expect(page.get_by_role("alert").filter(has_text="knob.level carries Level, horn.on carries")).to_be_visible()
+    port(page, "bumper.near (Switch)").drag_to(port(page, "horn.on (Switch)"))
+    expect(horn).to_be_visible()
     horn.focus()
     page.keyboard.press("Delete")
     expect(port(page, "horn.on (Switch): not wired")).to_be_visible()
@@ -99,12 +105,28 @@ def test_a_slot_is_made_by_keyboard_and_taken_back(page: Page, demo: Site) -> No
     name.fill("horn")
     name.press("Enter")
     expect(page.get_by_role("alert").filter(has_text="there is a slot horn already")).to_be_visible()
+    assert hurdles(page, dark=False) == []  # also the toast with its button
     name.fill("arm")
     name.press("Enter")
     expect(port(page, "arm.angle (Angle): not wired")).to_be_visible()
     undo_newest(page, demo)
     expect(port(page, "horn.on (Switch)")).to_be_visible()
     expect(port(page, "arm.angle (Angle)")).to_have_count(0)
+
+
+def test_the_arrivals_and_the_page_of_a_type_make_a_slot(page: Page, demo: Site) -> None:
+    go(page, f"{demo.base}/arrivals")
+    page.get_by_role("button", name="Adopt into slot").first.click()
+    page.get_by_role("menuitem", name="Into a new slot").click()
+    expect(page.get_by_text("Nobody waits.")).to_be_visible()
+    undo_newest(page, demo)
+    expect(page.get_by_role("button", name="Adopt into slot")).to_be_visible()
+    page.get_by_role("button", name="Block").first.click()
+    page.get_by_role("button", name="Unblock").click()
+    expect(page.get_by_role("button", name="Unblock")).to_have_count(0)
+    go(page, f"{demo.base}/library/SG90")
+    page.get_by_role("button", name="New slot for this type").click()
+    expect(page.get_by_text("Left empty, it is called servo.")).to_be_visible()
 
 
 def test_on_a_phone_a_slot_is_made_and_wired_and_another_taken_out_with_its_wires(page: Page, demo: Site) -> None:

@@ -34,7 +34,7 @@ def command(blueprint: Path, folders: tuple[Path, ...], db: str | None, *, yes: 
     with open_registry(db or database_beside(blueprint)) as registry:
         robot = registry.robots.find(wanted)
         present = empty_like(wanted) if robot is None else registry.robots.blueprint(robot, by_hand=False)
-        plan = differences(present, wanted)
+        plan = (*differences(present, wanted), *registry.robots.type_differences(library))
         words = "nothing to change"
         if not as_json:
             _show(registry, blueprint, plan_lines(plan), is_new=robot is None)

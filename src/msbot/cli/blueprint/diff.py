@@ -11,7 +11,7 @@ import click
 from msbot.cli.blueprint.differences_view import as_json as differences_json
 from msbot.cli.blueprint.differences_view import empty_like, plan_lines
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, library_option
-from msbot.config import Blueprint, Difference, differences, open_blueprint
+from msbot.config import Blueprint, Difference, Library, differences, open_blueprint
 from msbot.registry import open_registry, without_password
 
 
@@ -25,9 +25,9 @@ def command(blueprint: Path, folders: tuple[Path, ...], db: str | None, *, as_js
 
     `+` is added, `-` removed, `~` changed.
     """
-    wanted, _ = open_blueprint(blueprint, *folders)
+    wanted, library = open_blueprint(blueprint, *folders)
     address = db or database_beside(blueprint)
-    to_apply, by_hand, is_new = _compare(wanted, address)
+    to_apply, by_hand, is_new = _compare(wanted, library, address)
     words = without_password(address)
     if as_json:
         told = {"apply": differences_json(to_apply), "by_hand": differences_json(by_hand), "new": is_new}
@@ -39,14 +39,17 @@ def command(blueprint: Path, folders: tuple[Path, ...], db: str | None, *, as_js
         sys.exit(1)
 
 
-def _compare(wanted: Blueprint, address: str) -> tuple[tuple[Difference, ...], tuple[Difference, ...], bool]:
+def _compare(
+    wanted: Blueprint, library: Library, address: str
+) -> tuple[tuple[Difference, ...], tuple[Difference, ...], bool]:
     """What apply would change, what was changed by hand, and whether the robot is new to the database."""
     if "://" in address or Path(address).exists():
         with open_registry(address, read_only=True) as registry:
             robot = registry.robots.find(wanted)
             if robot is not None:
                 applied = registry.robots.blueprint(robot, by_hand=False)
-                return differences(applied, wanted), differences(applied, registry.robots.blueprint(robot)), False
+                to_apply = (*differences(applied, wanted), *registry.robots.type_differences(library))
+                return to_apply, differences(applied, registry.robots.blueprint(robot)), False
     return differences(empty_like(wanted), wanted), (), True
 
 

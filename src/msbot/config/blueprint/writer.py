@@ -15,7 +15,7 @@ def blueprint_toml(blueprint: Blueprint, notes: Mapping[tuple[str, str], str] | 
 
     Args:
         blueprint: what to write.
-        notes: (slot, parameter) or (topic, "") -> a comment to write behind it.
+        notes: (slot, parameter), (topic, "") or ("", slot) -> a comment to write behind it.
     """
     return "\n".join(_lines(blueprint, notes or {})) + "\n"
 
@@ -78,7 +78,7 @@ def _ros(ros: RosOptions) -> Iterator[str]:
 
 
 def _slot(slot: Slot, notes: Mapping[tuple[str, str], str]) -> Iterator[str]:
-    yield "[[slot]]"
+    yield f"[[slot]]{_note(notes, '', slot.name)}"
     yield f"name = {toml_value(slot.name)}"
     yield f"part = {toml_value(slot.part_number)}"
     if slot.local_name:

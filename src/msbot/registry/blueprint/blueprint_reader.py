@@ -48,7 +48,7 @@ def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
     timing = Timing(preset_of(timing), row.beat_period_s, row.tick_period_s, row.life, row.profile_period_s)
     return Blueprint(
         RobotProfile(row.name, row.version, row.serial_number, row.released, row.manufacturer),
-        _slots(connection, robot_id, ORIGINS[1:] if by_hand else ORIGINS[1:2]),
+        _slots(connection, robot_id, by_hand=by_hand),
         _in_dds(_bindings(connection, robot_id, by_hand=by_hand), row.in_dds),
         timing,
         Options(row.explain, tuple(row.free_topics), row.authentication),
@@ -94,12 +94,17 @@ def read_notes(connection: Connection, robot_id: int) -> dict[tuple[str, str], s
     made = select(bindings.c.topic).where(bindings.c.robot_id == robot_id, bindings.c.origin == "hand")
     taken = select(bindings.c.topic).where(bindings.c.robot_id == robot_id, bindings.c.in_use.is_(False))
     topics = {*connection.execute(made).scalars(), *connection.execute(taken).scalars()}
-    return notes | {(topic, ""): "changed by hand" for topic in topics}
+    slots_made = select(slots.c.name).where(
+        slots.c.robot_id == robot_id, slots.c.in_blueprint, slots.c.origin == "hand"
+    )
+    made_slots = {("", name): "made by hand" for name in connection.execute(slots_made).scalars()}
+    return notes | {(topic, ""): "changed by hand" for topic in topics} | made_slots
 
 
-def _slots(connection: Connection, robot_id: int, origins: tuple[str, ...]) -> tuple[Slot, ...]:
+def _slots(connection: Connection, robot_id: int, *, by_hand: bool) -> tuple[Slot, ...]:
+    origins = ORIGINS[1:] if by_hand else ORIGINS[1:2]
     mine = select(slots).where(slots.c.robot_id == robot_id, slots.c.in_blueprint).order_by(slots.c.position)
-    found = connection.execute(mine).all()
+    found = connection.execute(mine if by_hand else mine.where(slots.c.origin == "blueprint")).all()
     values: dict[int, dict[str, Scalar]] = {row.id: {} for row in found}
     query = (
         select(settings)
@@ -109,7 +114,8 @@ def _slots(connection: Connection, robot_id: int, origins: tuple[str, ...]) -> t
     )
     rows = sorted(connection.execute(query).all(), key=lambda row: ORIGINS.index(row.origin))
     for row in rows:
-        values[row.slot_id][row.name] = row.value
+        if row.slot_id in values:
+            values[row.slot_id][row.name] = row.value
     return tuple(Slot(row.name, row.part_number, row.local_name, row.description, values[row.id]) for row in found)
 
 

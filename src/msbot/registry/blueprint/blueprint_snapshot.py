@@ -13,7 +13,7 @@ from msbot.runtime.sentence import said
 
 _NOT_OF_BLUEPRINT = ("id", "applied_ns", "stop")
 """Columns of a robot that no blueprint decides; above all, undoing a blueprint must not end STOP."""
-_SLOT_COLUMNS = ("position", "part_number", "local_name", "description")
+_SLOT_COLUMNS = ("position", "part_number", "local_name", "description", "origin")
 
 Content = Mapping[str, object]
 """What `read` returns; stored as JSON in an edit."""
@@ -22,10 +22,11 @@ Content = Mapping[str, object]
 def read(connection: Connection, robot_id: int, like: Content | None = None) -> dict[str, object]:
     """The robot's row, the slots of its blueprint, their wires and settings; no row numbers, no versions.
 
-    With `like`, only the columns of the robot that `like` has: an older MsBOT knew fewer.
+    With `like`, only the columns of the robot and of its slots that `like` has: an older MsBOT knew fewer.
     """
     known = None if like is None else like["robot"]
     assert known is None or isinstance(known, dict)
+    columns = _SLOT_COLUMNS if like is None else _slot_columns(like)
     robot = connection.execute(select(robots).where(robots.c.id == robot_id)).one()
     found = connection.execute(select(slots).where(_of(robot_id)).order_by(slots.c.position))
     return {
@@ -34,7 +35,7 @@ def read(connection: Connection, robot_id: int, like: Content | None = None) -> 
             for name, value in robot._asdict().items()
             if name not in _NOT_OF_BLUEPRINT and (known is None or name in known)
         },
-        "slots": {row.name: {column: getattr(row, column) for column in _SLOT_COLUMNS} for row in found},
+        "slots": {row.name: {column: getattr(row, column) for column in columns} for row in found},
         "bindings": _rows(connection, bindings, robot_id, without=("id", "robot_id", "slot_id")),
         "settings": _rows(connection, settings, robot_id, without=("slot_id",)),
     }
@@ -53,7 +54,7 @@ def write(connection: Connection, robot_id: int, content: Content) -> None:
     )
     connection.execute(update(slots).where(slots.c.robot_id == robot_id).values(in_blueprint=False))
     for name, row in wanted.items():
-        values = {**row, "in_blueprint": True}
+        values = {"origin": "blueprint", **row, "in_blueprint": True}
         upsert(connection, slots, {"robot_id": robot_id, "name": name}, values, configuration_version=1)
     ids = {row.name: row.id for row in connection.execute(select(slots.c.name, slots.c.id).where(_of(robot_id)))}
     connection.execute(delete(bindings).where(bindings.c.robot_id == robot_id))
@@ -117,6 +118,12 @@ def _by_slot(content: Content) -> dict[str, list[object]]:
         for row in rows:
             found[row["slot"]].append(row)
     return found
+
+
+def _slot_columns(content: Content) -> tuple[str, ...]:
+    known = content["slots"]
+    assert isinstance(known, dict)
+    return next((tuple(row) for row in known.values()), _SLOT_COLUMNS)
 
 
 def _rows(connection: Connection, table: Table, robot_id: int, *, without: tuple[str, ...]) -> list[dict[str, object]]:

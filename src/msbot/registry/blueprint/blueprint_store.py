@@ -1,32 +1,57 @@
 """The statements that bring a robot's tables in line with its blueprint, and leave everything else alone.
 
 Slots keep their number, settings made by hand and memory of parts; a slot that is taken out of the blueprint is
-kept aside in case it comes back. A slot's configuration gets a new version only when it has changed.
+kept aside in case it comes back. Slots and wires that people have made stay. A slot's configuration gets a new
+version only when it has changed.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 
 from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
 
-from msbot.config import Blueprint, InDds, Library, Parameter, PartType, Port, RosOptions, Scalar
+from msbot.config import (
+    SHIPPED,
+    Blueprint,
+    Difference,
+    InDds,
+    Library,
+    Parameter,
+    PartType,
+    Port,
+    RosOptions,
+    Scalar,
+    Slot,
+)
 from msbot.registry.database.statements import bump_versions, find_robot, upsert, upsert_many
 from msbot.registry.database.tables import ROBOT, bindings, library, robots, settings, slots
 from msbot.registry.records import RobotRecord
 from msbot.registry.running.configurations import read_configurations
 
 
-def apply(connection: Connection, blueprint: Blueprint, part_types: Library, now_ns: int) -> RobotRecord:
-    """Store or update a robot, its slots, bindings and settings, and the library."""
+def apply(
+    connection: Connection, blueprint: Blueprint, part_types: Library, now_ns: int, *, slot_by_hand: str = ""
+) -> RobotRecord:
+    """Store or update a robot, its slots, bindings and settings, and the library.
+
+    Args:
+        connection: an open connection.
+        blueprint: what the robot is from now on, besides the slots and wires that people have made.
+        part_types: what it was checked against.
+        now_ns: the time, nanoseconds since 1970.
+        slot_by_hand: the slot that a person makes, if the blueprint has it, or takes out, if it has not.
+    """
     robot = _put_robot(connection, blueprint, now_ns)
     before = read_configurations(connection, robot.id)
     _put_library(connection, part_types)
-    slot_ids = _put_slots(connection, robot.id, blueprint)
-    _put_settings(connection, robot.id, slot_ids, blueprint, part_types, now_ns=now_ns)
+    kept = _slots_by_hand(connection, robot.id, {slot_by_hand, *(slot.name for slot in blueprint.slots)})
+    in_force = (*blueprint.slots, *kept)
+    slot_ids = _put_slots(connection, robot.id, in_force, by_hand={slot_by_hand, *(slot.name for slot in kept)})
+    _put_settings(connection, robot.id, slot_ids, in_force, part_types, now_ns=now_ns)
     _put_bindings(connection, robot.id, slot_ids, blueprint)
     after = read_configurations(connection, robot.id)
     changed = [name for name, old in before.items() if name in after and after[name] != old]
@@ -60,8 +85,19 @@ def _put_robot(connection: Connection, blueprint: Blueprint, now_ns: int) -> Rob
     return robot
 
 
-def _put_slots(connection: Connection, robot_id: int, blueprint: Blueprint) -> dict[str, int]:
-    """Returns the number of each slot of the blueprint, by name."""
+def _slots_by_hand(connection: Connection, robot_id: int, besides: Collection[str]) -> tuple[Slot, ...]:
+    """The slots that people have made, besides those with these names; what is set of them, is set by hand."""
+    mine = select(slots).where(slots.c.robot_id == robot_id, slots.c.in_blueprint, slots.c.origin == "hand")
+    rows = connection.execute(mine.order_by(slots.c.position)).all()
+    return tuple(
+        Slot(row.name, row.part_number, row.local_name, row.description) for row in rows if row.name not in besides
+    )
+
+
+def _put_slots(
+    connection: Connection, robot_id: int, in_force: Sequence[Slot], by_hand: Collection[str]
+) -> dict[str, int]:
+    """Returns the number of each slot that is in force, by name."""
     connection.execute(update(slots).where(slots.c.robot_id == robot_id).values(in_blueprint=False))
     rows = [
         {
@@ -72,9 +108,10 @@ def _put_slots(connection: Connection, robot_id: int, blueprint: Blueprint) -> d
             "local_name": slot.local_name,
             "description": slot.description,
             "in_blueprint": True,
+            "origin": "hand" if slot.name in by_hand else "blueprint",
             "configuration_version": 1,
         }
-        for position, slot in enumerate(blueprint.slots)
+        for position, slot in enumerate(in_force)
     ]
     upsert_many(connection, slots, ("robot_id", "name"), rows, first="configuration_version")
     query = select(slots.c.name, slots.c.id).where(slots.c.robot_id == robot_id, slots.c.in_blueprint)
@@ -85,7 +122,7 @@ def _put_settings(
     connection: Connection,
     robot_id: int,
     slot_ids: Mapping[str, int],
-    blueprint: Blueprint,
+    in_force: Sequence[Slot],
     part_types: Library,
     *,
     now_ns: int,
@@ -96,7 +133,7 @@ def _put_settings(
     present: dict[_Setting, Scalar] = {(row.slot_id, row.name, row.origin): row.value for row in rows_there}
     wanted: dict[_Setting, Scalar] = {}
     parameters: dict[tuple[int, str], Parameter] = {}
-    for slot in blueprint.slots:
+    for slot in in_force:
         slot_id, part_type = slot_ids[slot.name], part_types.get(slot.part_number)
         for parameter in () if part_type is None else part_type.parameters:
             wanted[slot_id, parameter.name, "library"] = parameter.default
@@ -180,6 +217,20 @@ def _put_library(connection: Connection, part_types: Library) -> None:
     in_use = set(connection.execute(select(slots.c.part_number).distinct()).scalars())
     for number in present.keys() - in_use:
         connection.execute(delete(library).where(library.c.number == number))
+
+
+def type_differences(connection: Connection, part_types: Library) -> tuple[Difference, ...]:
+    """What `apply` would change of part types, besides those that MsBOT brings; it does not matter where files are."""
+    present = {row.number: row._asdict() for row in connection.execute(select(library))}
+    found = []
+    for row in (_library_row(one) for one in part_types if not one.source.startswith(SHIPPED)):
+        where, name = f"part type {row['number']}", str(row["name"])
+        before = present.get(str(row["number"]))
+        if before is None:
+            found.append(Difference("added", where, "", name))
+        elif any(before[column] != value for column, value in row.items() if column not in ("source", "digest")):
+            found.append(Difference("changed", where, f"{before['name']}, as it was", f"{name}, as its file says now"))
+    return tuple(found)
 
 
 def _library_row(part_type: PartType) -> dict[str, object]:

@@ -89,6 +89,13 @@ slots = Table(
         nullable=False,
         comment="false: taken out of the blueprint; settings and memory are kept in case it comes back",
     ),
+    Column(
+        "origin",
+        Text,
+        nullable=False,
+        server_default="blueprint",
+        comment="blueprint or hand: who made it; one made by hand stays when a blueprint without it is applied",
+    ),
     Column("configuration_version", Integer, nullable=False, comment="counts changes of bindings and settings, from 1"),
     UniqueConstraint("robot_id", "name"),
 )

@@ -119,6 +119,9 @@ def _slots_of(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[str,
         case "bind":
             old, new = before["ends"], after["ends"]
             return tuple(sorted({end[0] for end in (*old, *new) if end not in old or end not in new}))
+        case "binds":
+            pairs = zip(before["topics"], after["topics"], strict=True)
+            return tuple(sorted({slot for old, new in pairs for slot in _slots_of(old, new)}))
         case "apply":
             return snapshot.slots_of(before["robot"], after["robot"])
         case _:

@@ -18,7 +18,7 @@ from msbot.registry.edits.blocks import BlockCell
 from msbot.registry.edits.edit_log import Author, Cell, edits_of, record, words_of
 from msbot.registry.edits.part_places import Belonging, PlaceCell
 from msbot.registry.edits.slot_values import ValueCell
-from msbot.registry.edits.wires import TopicCell
+from msbot.registry.edits.wires import TopicCell, TopicsCell
 from msbot.registry.records import UNDOABLE, EditKind, EditRecord, RobotRecord
 from msbot.runtime.sentence import said
 
@@ -53,6 +53,8 @@ def read_cell(content: Mapping[str, Any]) -> Cell:
             return BlockCell(content["kind"], content["key"], content["reason"])
         case "bind":
             return TopicCell.from_json(content)
+        case "binds":
+            return TopicsCell.from_json(content)
         case _:
             return BlueprintCell(content["robot"])
 
@@ -86,19 +88,28 @@ def undo(connection: Connection, author: Author, number: int | None) -> EditReco
 
 
 def apply_blueprint(
-    connection: Connection, blueprint: Blueprint, library: Library, *, who: str, now_ns: int
+    connection: Connection, blueprint: Blueprint, library: Library, *, who: str, now_ns: int, slot_by_hand: str = ""
 ) -> tuple[RobotRecord, EditRecord | None]:
-    """Apply a blueprint; its changes to an existing robot are recorded as an edit."""
+    """Apply a blueprint; its changes to an existing robot are recorded as an edit.
+
+    `slot_by_hand` is the one slot that a person makes or takes out thereby, see `blueprint_store.apply`.
+    """
     old = store.find_robot(connection, blueprint.robot.name, blueprint.robot.serial_number)
     before = None if old is None else snapshot.read(connection, old.id)
-    robot = blueprint_store.apply(connection, blueprint, library, now_ns)
+    robot = blueprint_store.apply(connection, blueprint, library, now_ns, slot_by_hand=slot_by_hand)
     if before is None or before == (after := snapshot.read(connection, robot.id)):
         return robot, None
-    words = said(
-        "the blueprint of {robot} is applied: {difference}",
-        robot=robot.name,
-        difference=snapshot.difference_words(before, after),
-    )
+    made = blueprint.slot(slot_by_hand)
+    if made is not None:
+        words = said("slot {slot} is made, for {part}", slot=slot_by_hand, part=made.part_number)
+    elif slot_by_hand:
+        words = said("slot {slot} is taken out", slot=slot_by_hand)
+    else:
+        words = said(
+            "the blueprint of {robot} is applied: {difference}",
+            robot=robot.name,
+            difference=snapshot.difference_words(before, after),
+        )
     author = Author(robot.id, who, now_ns)
     cells = BlueprintCell(before), BlueprintCell(after)
     return robot, record(connection, author, EditKind.APPLY, words, before=cells[0], after=cells[1])

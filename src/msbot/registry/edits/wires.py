@@ -6,7 +6,7 @@ of the master does not bring it back. A wire that a person makes stays until the
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from typing import Any, Self
 
@@ -98,6 +98,31 @@ class TopicCell:
         bump_versions(connection, robot_id, sorted(changed))
 
 
+@dataclass(frozen=True, slots=True)
+class TopicsCell:
+    """Several topics that one change concerns: a wire was moved from one to another."""
+
+    topics: tuple[TopicCell, ...]
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Self:
+        """The cell from the result of `as_json`."""
+        return cls(tuple(TopicCell.from_json(topic) for topic in content["topics"]))
+
+    def as_json(self) -> dict[str, object]:
+        """See `Cell.as_json`."""
+        return {"of": "binds", "topics": [topic.as_json() for topic in self.topics]}
+
+    def as_it_is(self, connection: Connection, robot_id: int) -> Self:
+        """See `Cell.as_it_is`."""
+        return replace(self, topics=tuple(topic.as_it_is(connection, robot_id) for topic in self.topics))
+
+    def write(self, connection: Connection, author: Author) -> None:
+        """See `Cell.write`."""
+        for topic in self.topics:
+            topic.write(connection, author)
+
+
 def _is_at(connection: Connection, robot_id: int, end: WireEnd) -> tuple[ColumnElement[bool], ...]:
     slot_id, _ = find_slot(connection, robot_id, end.slot)
     return (bindings.c.slot_id == slot_id, bindings.c.port == end.port, bindings.c.publishes == end.publishes)
@@ -112,8 +137,11 @@ def bind(
     source: SlotPort | None,
     targets: Sequence[SlotPort] = (),
     reliable: bool = True,
+    move: bool = False,
 ) -> EditRecord:
     """Connect ports by a topic, in addition to those it already connects; all its ports then have this reliability.
+
+    With `move`, the targets leave the topics that they hear so far.
 
     Raises:
         ConfigError: a port does not exist, has another direction or type, or is bound to another topic.
@@ -124,6 +152,11 @@ def bind(
         raise ConfigError(
             said("topic {topic!r}: name a port that publishes it or one that subscribes, as SLOT.port", topic=topic)
         )
+    moved = set(targets) if move else set()
+    left = _other_topics(connection, author.robot, topic, moved)
+    for cell in left:
+        gone = [end for end in cell.ends if end.endpoint in moved and not end.publishes]
+        replace(cell, ends=_without(cell.ends, gone)).write(connection, author)
     before = TopicCell(topic).as_it_is(connection, author.robot)
     ends = {end.at: replace(end, reliable=reliable) for end in before.ends}
     for port, publishes in wanted:
@@ -136,7 +169,7 @@ def bind(
     return _bound(
         connection,
         author,
-        before,
+        TopicsCell((before, *left)) if left else before,
         said("topic {topic} joins {value}", topic=topic, value=", ".join((str(port) for port, _ in wanted))),
     )
 
@@ -170,10 +203,7 @@ def unbind(connection: Connection, author: Author, topic: str, endpoint: SlotPor
                 names=", ".join(names),
             )
         )
-    left = [replace(end, in_use=end.in_use and end not in gone) for end in before.ends]
-    # Remember what the blueprint asks for, so that the master's next start does not bring it back.
-    kept = tuple(end for end in left if end.in_use or end.origin == "blueprint")
-    TopicCell(topic, kept).write(connection, author)
+    TopicCell(topic, _without(before.ends, gone)).write(connection, author)
     words = (
         said("topic {topic} is taken away", topic=topic)
         if endpoint is None
@@ -182,7 +212,28 @@ def unbind(connection: Connection, author: Author, topic: str, endpoint: SlotPor
     return _bound(connection, author, before, words)
 
 
-def _bound(connection: Connection, author: Author, before: TopicCell, words: str) -> EditRecord:
+def _other_topics(
+    connection: Connection, robot_id: int, topic: str, heard_by: Collection[SlotPort]
+) -> tuple[TopicCell, ...]:
+    """The other topics that one of these ports hears."""
+    here = select(bindings.c.topic).where(bindings.c.robot_id == robot_id, bindings.c.in_use, ~bindings.c.publishes)
+    names = connection.execute(here.where(bindings.c.topic != topic).distinct()).scalars().all() if heard_by else ()
+    cells = (TopicCell(name).as_it_is(connection, robot_id) for name in sorted(names))
+    return tuple(
+        cell
+        for cell in cells
+        if any(end.in_use and not end.publishes and end.endpoint in heard_by for end in cell.ends)
+    )
+
+
+def _without(ends: Sequence[WireEnd], gone: Sequence[WireEnd]) -> tuple[WireEnd, ...]:
+    """The ends that stay; of what the blueprint asks for it is remembered that it is not in use, so that the master's
+    next start does not bring it back."""
+    left = (replace(end, in_use=end.in_use and end not in gone) for end in ends)
+    return tuple(end for end in left if end.in_use or end.origin == "blueprint")
+
+
+def _bound(connection: Connection, author: Author, before: TopicCell | TopicsCell, words: str) -> EditRecord:
     after = before.as_it_is(connection, author.robot)
     return record(connection, author, EditKind.BIND, words, before=before, after=after)
 

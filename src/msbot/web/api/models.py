@@ -15,18 +15,6 @@ from msbot.web.api.says import Offer, Says
 Scalar = bool | int | float | str
 
 
-class Health(Model):
-    """Whether the server runs; the one answer that needs no session."""
-
-    status: str = "ok"
-
-
-class ProblemAnswer(Model):
-    """What every refusal looks like."""
-
-    error: str
-
-
 class Done(Model):
     """A change was made."""
 
@@ -118,6 +106,8 @@ class PartLine(Model):
     """`real` or `simulated`, as the part itself says; empty when it does not."""
     says: Says | None = None
     """What it says of itself, while the library does not know its part number."""
+    refusal: str = ""
+    """Why it was refused or stands by, in a word for programs, as `blocked` or `no_slot`; empty: it is let in."""
 
 
 class SlotCard(Model):

@@ -11,6 +11,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
+from msbot.web.api.answers import Health, ProblemAnswer
 from msbot.web.api.models import (
     BlueprintDiff,
     BlueprintText,
@@ -18,11 +19,9 @@ from msbot.web.api.models import (
     Done,
     EditLine,
     FrameLine,
-    Health,
     JournalLine,
     Me,
     PartLine,
-    ProblemAnswer,
     Robot,
     RobotTile,
     Simulated,

@@ -123,7 +123,7 @@ def _card(page: Page, part: PartLine) -> None:
         ui.html(
             render(
                 "arrival", say=page.say, part=parts_for(page.session, [part])[0],
-                chip=state_chip(part.state, page.say(part.state)),
+                chip=state_chip(part.state, page.say(part.state)), is_unknown=part.refusal == "unknown_part",
             ),
             sanitize=False,
         )  # fmt: skip
@@ -141,7 +141,10 @@ def _deeds(page: Page, part: PartLine) -> None:
         into.on_click(partial(_offer_slots, page, part, menu))  # as they are then, not when the part came
         _offer_slots(page, part, menu)
         ui.button(page.say("Ignore"), on_click=lambda: page.act("ignore", part=name)).props("flat")
-        ui.button(page.say("Block"), on_click=lambda: page.act("block", part=name)).props("flat color=negative")
+        if part.refusal == "blocked":
+            ui.button(page.say("Unblock"), on_click=lambda: page.act("unblock", part=name)).props("flat")
+        else:
+            ui.button(page.say("Block"), on_click=lambda: page.act("block", part=name)).props("flat color=negative")
     if page.may(Right.OPERATE):
         ui.button(
             page.say("Identify"),

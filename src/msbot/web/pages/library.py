@@ -9,10 +9,11 @@ from nicegui import ui
 
 from msbot.config import PartType
 from msbot.operations.rights import Right
-from msbot.web.api.models import TypeLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import ask_first
+from msbot.web.pages.slots_by_hand import ask_for_slot
+from msbot.web.pages.type_search import types_found
 from msbot.web.service import Service
 from msbot.web.svg.drawings import value_words
 from msbot.web.svg.passport import picture_of, qr_svg
@@ -35,6 +36,9 @@ def register(service: Service) -> None:
                 ui.link(page.say("Library"), "/library")
             else:
                 _entry(page, found, str(request.base_url))
+                if page.may(Right.DESIGN):
+                    make = partial(ask_for_slot, page, found.number)
+                    ui.button(page.say("New slot for this type"), icon="add", on_click=make).classes("self-start")
 
 
 def _catalogue(page: Page, search: str) -> None:
@@ -53,18 +57,6 @@ def _catalogue(page: Page, search: str) -> None:
 
     find.on_value_change(show)
     show()
-
-
-def types_found(page: Page, wanted: str) -> list[TypeLine]:
-    """The part types that fit, by their own words or by those of the person's language."""
-    fitting, words = page.service.views.types(wanted), wanted.casefold().split()
-    known = {line.number for line in fitting}
-    return fitting + [
-        line
-        for line in page.service.views.types("")
-        if line.number not in known
-        and all(word in f"{page.say(line.name)} {page.say(line.description)}".casefold() for word in words)
-    ]
 
 
 def _entry(page: Page, found: PartType, base: str) -> None:

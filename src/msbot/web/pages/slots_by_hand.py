@@ -8,21 +8,21 @@ from functools import partial
 from nicegui import ui
 
 from msbot.web.pages.layout import Page
-from msbot.web.pages.library import types_found
 from msbot.web.pages.page_elements import ask_first, heading, show_dialog
 from msbot.web.pages.topics_by_hand import LONGEST_NAME, free_name
+from msbot.web.pages.type_search import types_found
 
 
-def ask_for_slot(page: Page) -> None:
-    """Ask for the part type and the name of a new slot, and make it."""
-    _NewSlot(page)
+def ask_for_slot(page: Page, number: str = "") -> None:
+    """Ask for the part type and the name of a new slot, and make it; with a part number, that type is chosen."""
+    _NewSlot(page, number)
 
 
 def ask_to_take_out(page: Page, slot: str) -> None:
     """Ask once more before a slot is taken out of the robot."""
     words = page.say(
         "Take slot {slot} out of the robot? Its wires go with it, and its part leaves the robot. The journal brings "
-        "the slot back.", slot=slot,
+        "the slot back; so does robot.toml when it is applied again, if it has the slot.", slot=slot,
     )  # fmt: skip
     ask_first(page, words, partial(page.act, "remove_slot", slot=slot))
 
@@ -36,13 +36,15 @@ def slot_name(type_name: str) -> str:
 class _NewSlot:
     """The dialog."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: Page, number: str) -> None:
         self._page = page
         self._proposed = ""
         say = page.say
         with ui.dialog() as self._dialog, ui.card().classes("w-full").style("max-width:min(32rem,95vw)"):
             heading(say("New slot"))
-            self._search = ui.input(say("Search"), placeholder=say("servo, light, I2C …"), on_change=self._show)
+            self._search = ui.input(
+                say("Search"), value=number, placeholder=say("servo, light, I2C …"), on_change=self._show
+            )
             self._search.props("outlined dense clearable autofocus").classes("w-full")
             self._search.on("keydown.enter", self._take_first)
             with ui.element("div").classes("slot-types"):
@@ -57,13 +59,16 @@ class _NewSlot:
             self._purpose.classes("w-full").on("keydown.enter", self._make)
             ui.label(
                 say(
-                    "robot.toml stays as it is: to keep the slot after a restart, download the blueprint under Settings."
+                    "The robot keeps the slot, also after a restart. To have it in robot.toml, too, download the "
+                    "blueprint under Settings."
                 )
             ).classes("soft")
             with ui.element("div").classes("row"):
                 ui.button(say("Make the slot"), icon="add", on_click=self._make)
                 ui.button(say("Cancel"), on_click=self._dialog.close).props("flat")
         self._show()
+        if number in self._types.options:
+            self._types.value = number
         show_dialog(self._dialog)
 
     def _show(self) -> None:

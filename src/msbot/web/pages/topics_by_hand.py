@@ -34,6 +34,27 @@ async def join(page: Page, start: str, end: str) -> None:
         await _bind(page, source, target, source.topic)
 
 
+def say_misfit(page: Page, one: str, other: str) -> None:
+    """Say why two ports, as `SLOT.port`, cannot be joined."""
+    first, second = _port(page, one), _port(page, other)
+    if first is None or second is None:
+        return  # another blueprint holds by now
+    if first.type_name != second.type_name:
+        words = page.say(
+            "{one} carries {type}, {other} carries {other_type}: only ports with the same message can be joined.",
+            one=one, other=other, type=first.type_name, other_type=second.type_name,
+        )  # fmt: skip
+    elif first.publishes:
+        words = page.say(
+            "{one} and {other} both publish: join one that publishes with one that hears.", one=one, other=other
+        )
+    else:
+        words = page.say(
+            "{one} and {other} both hear: join one that publishes with one that hears.", one=one, other=other
+        )
+    ui.notify(words, type="warning", multi_line=True)
+
+
 def free_name(wanted: str, taken: Container[str]) -> str:
     """The name itself, or with the lowest number behind it that makes it another one."""
     name, number = wanted, 1
@@ -73,18 +94,9 @@ def _ask_for_topic(page: Page, start: str, end: str) -> None:
 
 
 async def _bind(page: Page, source: WirePort, target: WirePort, topic: str) -> bool:
-    """Join both on a topic; the target leaves the one that it hears. When that is refused, all is as before."""
+    """Join both on a topic; the target leaves the one that it hears, in the same change."""
     end = f"{target.slot}.{target.port}"
-    taken_off = None
-    if target.topic:
-        taken_off = await page.act("unbind", quiet=True, topic=target.topic, port=end)
-        if taken_off is None:
-            return False
-    arguments: dict[str, Any] = {"topic": topic, "type": source.type_name, "to": [end]}
+    arguments: dict[str, Any] = {"topic": topic, "type": source.type_name, "to": [end], "move": True}
     if not source.topic:
         arguments["from"] = f"{source.slot}.{source.port}"
-    if await page.act("bind", **arguments) is not None:
-        return True
-    if taken_off is not None:
-        await page.act("undo", quiet=True, edit=taken_off.edit)
-    return False
+    return await page.act("bind", **arguments) is not None

@@ -15,7 +15,7 @@ from msbot.web.language import Language
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
 from msbot.web.pages.slots_by_hand import ask_for_slot, ask_to_take_out
-from msbot.web.pages.topics_by_hand import join
+from msbot.web.pages.topics_by_hand import join, say_misfit
 from msbot.web.service import Service
 from msbot.web.svg.drawings import value_words
 from msbot.web.svg.wiring_graph import rate_words, wiring_svg
@@ -90,6 +90,8 @@ class _Drawing:
         deed, start, end = str(told["deed"]), str(told["from"]), str(told["to"])
         if deed == "take_out":
             ask_to_take_out(self._page, start)
+        elif deed == "misfit":
+            say_misfit(self._page, start, end)
         elif deed == "cut":
             await self._page.act("unbind", topic=end, port=start)
         else:

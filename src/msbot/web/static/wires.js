@@ -65,8 +65,9 @@ function msbotWires(root, tell) {
     line = null;
     if (!moved) return;  // a click: the port stays picked up until another one is clicked
     const port = portAt(document.elementFromPoint(event.clientX, event.clientY));
-    if (port && picked && fits(picked, port)) join(port);
-    else drop();
+    if (port && picked && fits(picked, port)) return join(port);
+    if (port && picked && port !== picked) tell({ deed: "misfit", from: picked.dataset.port, to: port.dataset.port });
+    drop();
   });
   root.addEventListener("click", (event) => {
     const port = portAt(event.target), cross = crossAt(event.target);
