@@ -154,7 +154,7 @@ class RunningOperations(Operations):
         library: Library | None = None,
     ) -> None:
         running = RunningRobot(master, registry, robot, library)
-        self.on_library = running.on_library
+        self._running = running
         self.applying = BlueprintChange(running)
         described = DescribedParts(running, self.applying)
         self.placement = Placement(running, described)
@@ -167,6 +167,10 @@ class RunningOperations(Operations):
             SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
             self.applying, self.by_hand, self.recording, Blocking(running), Wires(running), described, self.stand_ins,
         )  # fmt: skip
+
+    def on_library(self, listener: Callable[[Library], object]) -> None:
+        """Call the listener with each new library: part types were added while the robot runs."""
+        self._running.on_library(listener)
 
 
 def stored_operations(registry: Registry, robot: RobotRecord) -> Operations:
