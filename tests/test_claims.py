@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import msbot.errors
+from msbot.config import load_library
 from msbot.link.link_schemes import SCHEMES
 from msbot.part.join.plug import ClaimMessage
 from tools import room_table
@@ -21,6 +22,14 @@ MADE = {"fuzz/findings"}
 """Folders that come into being when something runs."""
 FILES = (".json", ".toml", ".db", ".py")
 """What looks like a name of the package and is a file of the reader."""
+
+
+def test_the_library_has_as_many_part_types_as_the_pages_say() -> None:
+    pages = [*PAGES, ROOT / "CHANGELOG.md"]
+    said = {page: re.findall(r"\b(?:all|has|of) (\d+) part types\b", page.read_text()) for page in pages}
+    told = {name: set(map(int, counts)) for name, counts in said.items() if counts}
+    assert len(told) >= 3, "the counts are found at all"
+    assert set().union(*told.values()) == {len(load_library().numbers())}, told
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

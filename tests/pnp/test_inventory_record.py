@@ -24,6 +24,19 @@ def test_why_tells_the_chain_of_rules_with_evidence() -> None:
     assert "  - same UID as before: never seen here" in lines
 
 
+def test_of_a_healthy_part_the_life_status_stands_still_and_of_a_late_one_it_is_counted() -> None:
+    rig = Rig()
+    rig.claim(AA, "ABCD", name="light", serial=0xA1)
+    for _ in range(10):  # beats of 1 s, ticks of 2 s: every second tick comes just before a beat
+        rig.run(1.0)
+        assert (rig.state(AA), rig.part(AA).life) == (PartState.ACTIVE, 3)
+        assert "life 3" in rig.inventory.why("light", rig.now)[0]
+        rig.beat(AA)
+    rig.run(3.0)
+    assert (rig.state(AA), rig.part(AA).life) == (PartState.LATE, 2)
+    assert "life 2" in rig.inventory.why("light", rig.now)[0]
+
+
 @pytest.mark.parametrize("word", ["LIGHT", "AA", "abcd", "00000000000000a1", "aaaaaaaa", "peer 2863311530"])
 def test_why_knows_a_part_by_any_of_its_names(word: str) -> None:
     rig = Rig()

@@ -22,7 +22,7 @@ def test_slots_stand_in_the_order_of_the_blueprint_with_part_beat_and_wires(tmp_
         assert (first.state, first.part_number, first.type_name) == ("active", "ABCD", "Light sensor")
         assert first.part is not None
         assert (first.part.part, first.part.uid) == ("AA", b"AA......".hex())
-        assert first.part.life in (2, 3)
+        assert first.part.life == 3
         assert first.category == "sensor"  # by which the page knows what to draw
         assert first.next_beat_s is not None
         assert -0.2 <= first.next_beat_s <= 1.0
@@ -93,6 +93,26 @@ def test_free_slots_are_offered_those_first_that_fit(tmp_path: Path) -> None:
         assert [card.name for card in rig.views.free_slots("WXYZ")] == ["CC"]
 
     show(tmp_path, scene, parts=("BB=EFGH",))
+
+
+def test_an_adopted_stranger_carries_its_own_part_number(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        await rig.stage.do.window(60, who="ann")
+        await rig.stage.do.adopt("XX", "CC", who="ann")
+        await rig.look(2.0)
+        card = rig.views.slot("CC")
+        assert (card.state, card.part_number) == ("active", "WXYZ")
+        assert (card.shown_number, card.type_name) == ("NOPE", "")
+        await rig.stage.do.adopt("DIAL", "BB", who="ann")
+        await rig.look(2.0)
+        card = rig.views.slot("BB")
+        dial = rig.views.library.find("DIAL")
+        assert dial is not None
+        assert (card.part_number, card.shown_number, card.type_name) == ("EFGH", "DIAL", dial.name)
+        rig.stage.pull_all()
+        assert rig.views.slot("AA").shown_number == "ABCD"
+
+    show(tmp_path, scene, parts=("AA=ABCD", "XX=NOPE", "DIAL=DIAL"))
 
 
 def test_simulated_parts_without_a_slot_are_told_apart(tmp_path: Path) -> None:

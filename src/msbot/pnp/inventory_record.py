@@ -191,6 +191,14 @@ class InventoryRecord:
         if address not in self.duplicates:
             self.duplicates.append(address)
 
+    @property
+    def shown_life(self) -> int:
+        """Life status as people see it: steady at its full height while the part is active.
+
+        The timer takes one off a healthy part, too, and its next beat gives it back; that is no news.
+        """
+        return self.life.timing.life if self.state is PartState.ACTIVE else self.life.status
+
     def info(self, now: float, slot: str | None) -> PartInfo:
         """The part as tables show it, in that slot."""
         claim, active_s, heard = self.claim, self.plug_in_to_active_s, self.life.last_beat_at
@@ -203,7 +211,7 @@ class InventoryRecord:
             state=self.state or PartState.NEW,
             reason=self.reason,
             state_age_s=max(0.0, now - self.since),
-            life=self.life.status,
+            life=self.shown_life,
             beat_age_s=None if heard is None else self.life.silence_s(now),
             beats=self.life.beats,
             plug_in_to_active_ms=None if active_s is None else active_s * 1000,
@@ -238,5 +246,5 @@ class InventoryRecord:
             return words
         return said(
             "{words} in slot {slot}, life {life}, last beat {silence:.1f} s ago",
-            words=words, slot=self.slot, life=self.life.status, silence=self.life.silence_s(now),
+            words=words, slot=self.slot, life=self.shown_life, silence=self.life.silence_s(now),
         )  # fmt: skip

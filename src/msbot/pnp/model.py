@@ -180,7 +180,7 @@ class PartInfo:
     """Why it is in that state, in words."""
     state_age_s: float
     life: int
-    """Life status, 0 when it is not counted."""
+    """Life status: full while the part is active, counted down while it is late, 0 when it is not counted."""
     beat_age_s: float | None
     """Seconds since the last beat or registration; None before the first."""
     beats: int

@@ -88,12 +88,14 @@ class SlotCards:
     def _card(self, slot: Slot, look: _Look) -> SlotCard:
         info, is_here = look.infos.get(slot.name), slot.name in look.here
         part_type = self.library.get(slot.part_number)
+        # An adopted part may be of another type than the slot is for, also of one that the library does not know.
+        own_type = self.library.get(info.part_number) if info is not None and info.part_number else part_type
         beat_s = self._master.inventory.timing.beat_s
         is_counted = info is not None and info.state.is_registered and info.beat_age_s is not None
         return SlotCard(
             name=slot.name,
             part_number=slot.part_number,
-            type_name="" if part_type is None else part_type.name,
+            type_name="" if own_type is None else own_type.name,
             category="" if part_type is None else part_type.category.value,
             description=slot.description,
             state="empty" if info is None else info.state.value,

@@ -58,3 +58,27 @@ def test_what_is_drawn_is_such_a_picture(number: str) -> None:
 
 def test_remarks_do_no_harm() -> None:
     assert picture_fault("<!-- drawn by hand --><svg><g><circle r='4'/></g></svg>") is None
+
+
+HOSTILE = [
+    "<script>alert(1)</script>", "</title><script>alert(1)</script>", "]]><script>x</script>", "<!--", "-->",
+    "<![CDATA[", "\"'><svg onload='alert(1)'>", "&lt;script&gt;", "&#60;script&#62;", "&nbsp;", "&", "{{ 7 * 7 }}",
+    "a\x00b\x07\x1bc", "\ufffe\uffff", "\ud800", "a\r\nb\tc", "\u202egnp.exe",
+]  # fmt: skip
+"""Names that a part could send to have them run, or to break the picture."""
+SAFE = PartType("A", "a", pins=(Pin("A", PinKind.POWER),))
+
+
+@pytest.mark.parametrize("name", HOSTILE, ids=ascii)
+def test_a_hostile_name_gives_a_picture_with_that_name_as_text(name: str) -> None:
+    part_type = PartType(name, name, pins=(Pin(name, PinKind.POWER),))
+    drawn = picture_svg(part_type)
+    root = ElementTree.fromstring(drawn.encode())
+    assert picture_fault(drawn) is None
+    plain = ElementTree.fromstring(picture_svg(SAFE))
+    elements = [(element.tag, sorted(element.attrib)) for element in root.iter()]
+    assert elements == [(element.tag, sorted(element.attrib)) for element in plain.iter()], "it adds no element"
+    title = root.find("{http://www.w3.org/2000/svg}title")
+    assert title is not None
+    if name.isprintable():
+        assert title.text == f"{name}: {name}"

@@ -2,6 +2,7 @@
 
 import pytest
 
+import msbot
 from msbot.config import FieldKind, standard_message_types
 from msbot.part.messages.message import fields_of
 from msbot.part.messages.standard import STANDARD_MESSAGES
@@ -11,6 +12,12 @@ WORDS = {kind.value: kind for kind in FieldKind} | {"str": FieldKind.TEXT}
 
 def test_the_library_knows_each_class_and_there_is_a_class_for_each_type() -> None:
     assert sorted(STANDARD_MESSAGES) == sorted(standard_message_types())
+
+
+@pytest.mark.parametrize("name", STANDARD_MESSAGES)
+def test_a_program_can_import_it_from_msbot(name: str) -> None:
+    assert getattr(msbot, name) is STANDARD_MESSAGES[name]
+    assert name in msbot.__all__
 
 
 @pytest.mark.parametrize("name", STANDARD_MESSAGES)

@@ -50,6 +50,20 @@ def test_a_part_that_is_unplugged_is_shown_within_the_detection_time(page: Page)
     expect(card).to_contain_text("active")
 
 
+def test_why_follows_in_an_open_drawer(page: Page, demo: Site) -> None:
+    go(page, f"{demo.base}/?slot=bumper")
+    why = page.locator(".ms-drawer .why")
+    expect(why).to_contain_text("is active")
+    page.get_by_role("button", name="Release slot").click()
+    expect(why).to_contain_text("released")
+    go(page, f"{demo.base}/journal")
+    page.get_by_role("tab", name="Changes by people").click()
+    page.get_by_role("button", name="Undo").first.click()
+    expect(page.get_by_text("undone", exact=True).first).to_be_visible()
+    go(page, demo.base)
+    expect(page.get_by_role("button", name="Open slot bumper")).to_contain_text("active")
+
+
 def test_turning_the_knob_drives_the_fan(page: Page, demo: Site) -> None:
     go(page, f"{demo.base}/?slot=knob")
     page.get_by_role("slider").first.locator("[tabindex]").focus()

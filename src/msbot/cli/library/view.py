@@ -178,9 +178,8 @@ def control_values(control: Control) -> str:
             return ", ".join(control.choices)
         case ControlKind.TEXT:
             return "any text"
-    low = "any" if control.least is None else f"{control.least:g}"
-    high = "any" if control.most is None else f"{control.most:g}"
-    return f"{low} to {high} {control.unit}".strip()
+    words = _between(control.least, control.most)
+    return f"{words} {control.unit}".strip() or "any number"
 
 
 def _port_words(ports: Sequence[Port], direction: Direction) -> str:
@@ -195,11 +194,14 @@ def _port_row(port: Port) -> tuple[str, ...]:
 
 
 def _range(parameter: Parameter) -> str:
-    if parameter.least is None and parameter.most is None:
-        return parameter.kind.words
-    low = "any" if parameter.least is None else f"{parameter.least:g}"
-    high = "any" if parameter.most is None else f"{parameter.most:g}"
-    return f"{low} to {high}"
+    return _between(parameter.least, parameter.most) or parameter.kind.words
+
+
+def _between(least: float | None, most: float | None) -> str:
+    """A range in words, with the ends that it has; nothing if it has none."""
+    if least is None:
+        return "" if most is None else f"up to {most:g}"
+    return f"from {least:g}" if most is None else f"{least:g} to {most:g}"
 
 
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
@@ -34,6 +35,8 @@ _ELEMENTS = frozenset(
     ]
 )
 """The elements allowed in a picture."""
+_NOT_IN_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
+"""Characters that no XML text may hold, not even escaped (XML 1.0, 2.2): one would break the whole picture."""
 _BOARDS = {
     Category.SENSOR: "#1f5fa8",
     Category.INPUT: "#2d6a4f",
@@ -95,8 +98,13 @@ def _plain(name: object) -> str:
     return str(name).rpartition("}")[2]
 
 
+def _text(words: str) -> str:
+    """Words as text of a picture, whatever is in them."""
+    return escape(_NOT_IN_XML.sub("\ufffd", words))
+
+
 def _drawing(part_type: PartType) -> list[str]:
-    name, number = escape(part_type.name), escape(part_type.number)
+    name, number = _text(part_type.name), _text(part_type.number)
     return [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img">',
         f"<title>{number}: {name}</title>",
@@ -124,6 +132,6 @@ def _pins(pins: tuple[Pin, ...]) -> list[str]:
             f'fill="{_PINS[pin.kind]}" stroke="#888" stroke-width="0.5"/>'
             f'<text x="{x:.1f}" y="146" font-family="sans-serif" font-size="{size}" text-anchor="middle" '
             'fill="currentColor">'
-            f"{escape(pin.name)}</text>"
+            f"{_text(pin.name)}</text>"
         )
     return drawn

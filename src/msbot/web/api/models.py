@@ -116,7 +116,7 @@ class SlotCard(Model):
     name: str
     part_number: str
     type_name: str
-    """What the part number is, in words."""
+    """What `shown_number` is, in words; empty when the library does not know it."""
     category: str = ""
     description: str
     state: str
@@ -130,6 +130,11 @@ class SlotCard(Model):
     """Whether the part runs in this process and can be operated here."""
     plugged: bool | None
     """For a simulated part: whether it is on the wire."""
+
+    @property
+    def shown_number(self) -> str:
+        """The part number that people read: that of the part in the slot, else that which the slot is for."""
+        return (self.part.part_number if self.part is not None else "") or self.part_number
 
 
 class ControlLine(Model):

@@ -44,7 +44,7 @@ def open_drawer(page: Page, slot: str) -> None:
         _rhythm(page, slot)
         _deeds(page, card)
         _stand_in(page, card)
-        _why(page, card)
+        _why(page, slot)
 
     def look_whether_there() -> None:
         try:
@@ -63,7 +63,7 @@ def _state(page: Page, slot: str) -> None:
     def show() -> None:
         card = page.service.views.slot(slot)
         part = card.part
-        rows = [(page.say("part number"), f"{card.part_number} {page.say(card.type_name)}".strip())]
+        rows = [(page.say("part number"), f"{card.shown_number} {page.say(card.type_name)}".strip())]
         if part is not None:
             rows += [(page.say("part"), part.part), (page.say("UID"), part.uid or "–")]
             if page.may(Right.ARRANGE):  # knowing them lets somebody impersonate that part
@@ -147,7 +147,13 @@ def _stand_in(page: Page, card: SlotCard) -> None:
     ui.button(words, icon="settings_backup_restore" if is_here else "smart_toy", on_click=change).props("outline")
 
 
-def _why(page: Page, card: SlotCard) -> None:
+def _why(page: Page, slot: str) -> None:
     heading(page.say("Why?"))
-    lines = page.service.views.why(card.part.part if card.part is not None else card.name)
-    ui.html(render("lines", say=page.say, lines=lines[:WHY_LINES]), sanitize=False)
+    shown = ui.html("", sanitize=False).classes("why")
+
+    def show() -> None:
+        part = page.service.views.slot(slot).part
+        lines = page.service.views.why(slot if part is None else part.part)
+        set_html(shown, render("lines", say=page.say, lines=lines[:WHY_LINES]))
+
+    page.every_look(show, shown)

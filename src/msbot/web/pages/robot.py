@@ -121,6 +121,7 @@ def look_of(card: SlotCard, beat_s: float) -> object:
     return (
         card.state,
         card.reason,
+        card.shown_number,
         card.type_name,
         card.simulated,
         card.plugged,
@@ -150,11 +151,9 @@ def card_html(page: Page, card: SlotCard, robot: Robot) -> Markup:
     age = "" if part is None else _age(part, robot.beat_s)
     # What the part does, not what it was told: its safe values while it is held.
     fields = {} if port is None else port.safe or ({} if port.held == "unconfirmed" else port.fields)
-    # A beat takes the life status back to its full height: between two beats of a healthy part it does not flicker.
-    life = robot.life if card.state == "active" else 0 if part is None else part.life
     return render(
         "card", say=page.say, card=card, look=card.state, port=port,
-        ring=beat_ring(card, robot.beat_s, life, page.language), chip=state_chip(card.state, page.say(card.state)),
+        ring=beat_ring(card, robot.beat_s, 0 if part is None else part.life, page.language), chip=state_chip(card.state, page.say(card.state)),
         drawing="" if port is None else draw(port.type_name, fields, page.language), values=fields_html(fields, page.language),
         spark="" if port is None else sparkline(page.service.views.spark(port.topic), page.language, width=72, height=36),
         held="" if port is None or not port.held else page.say(HELD_WORDS[port.held]),

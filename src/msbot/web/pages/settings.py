@@ -52,7 +52,7 @@ def _slots(page: Page) -> None:
     def fill(wanted: str) -> None:
         words = wanted.casefold().split()
         texts = [
-            (card, f"{card.name} {card.part_number} {card.type_name} {page.say(card.type_name)}".casefold())
+            (card, f"{card.name} {card.shown_number} {card.type_name} {page.say(card.type_name)}".casefold())
             for card in cards
         ]
         found = [card for card, text in texts if all(word in text for word in words)]
