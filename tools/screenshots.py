@@ -67,6 +67,28 @@ def _third_tab(page: Page) -> None:
     page.get_by_role("tab").nth(2).click()
 
 
+def _put_on_a_board(page: Page) -> None:
+    page.get_by_role("button", name="Put on a board").click()
+    page.locator("#ms-board").scroll_into_view_if_needed()
+
+
+def _describing_part(page: Page) -> None:
+    page.get_by_role("button", name="More").click()
+    page.get_by_text("New program").click()
+    page.locator(".ms-prog-choice").filter(has_text="program").wait_for()
+    page.get_by_role("button", name="Run").click()
+    page.locator("#ms-prog-adopt a").wait_for()
+
+
+def _said_by_a_part(page: Page) -> None:
+    desk = page.context.new_page()
+    desk.goto(page.url.replace("/arrivals", "/program"))
+    desk.wait_for_timeout(SETTLE_MS)
+    _describing_part(desk)
+    page.bring_to_front()
+    page.locator(".ms-says").first.scroll_into_view_if_needed()
+
+
 SHOTS = (
     Shot("login", "/login", signed_in=False),
     Shot("robot", "/"),
@@ -76,6 +98,11 @@ SHOTS = (
     Shot("blueprint", "/settings", _third_tab),
     Shot("bus", "/bus", _take_apart),
     Shot("wires", "/wires"),
+    Shot("program", "/program"),
+    Shot("board", "/program", _put_on_a_board),
+    Shot("describing", "/program", _describing_part),
+    Shot("described", "/arrivals", _said_by_a_part),
+    Shot("lost", "/?slot=bumper"),
     Shot("timeline", "/timeline", _last_minute),
     Shot("library", "/library"),
     Shot("passport", "/library/SG90"),

@@ -43,7 +43,7 @@ def test_every_end_is_joined_to_its_topic_and_slots_lead_to_their_drawer() -> No
     colours = [box.get("stroke") for box in root.findall(".//{*}a/{*}rect")]
     assert colours == [STATE_COLOURS[state] for state in ("active", "lost", "empty")]
     text = words(root)
-    assert "10.0 Hz · 7" in text
+    assert "10.0 Hz · 7 samples" in text
     assert [port.get("data-port") for port in root.findall(".//{*}g[@data-port]")] == [
         "knob.turn", "fan.power", "lamp.power"
     ]  # fmt: skip

@@ -182,7 +182,11 @@ def _tokens(page: Page) -> None:
             ui.label(say("A token belongs to a person: add one first.")).classes("soft")
             return
         with ui.element("div").classes("row").style("margin-top:.8rem;align-items:flex-end"):
-            name = ui.select(list(users), value=next(iter(users)), label=say("Name")).props("dense outlined")
+            name = (
+                ui.select(list(users), value=next(iter(users)), label=say("Name"))
+                .props("dense outlined")
+                .style("min-width:7rem")
+            )
             wanted = ui.input(say("What for")).props("dense outlined")
 
             async def make() -> None:

@@ -47,7 +47,7 @@ def _tiles(page: Page, hostname: str) -> None:
         words = str(find.value or "").casefold().split()
         fitting = [tile for tile in tiles if all(word in _searched(page, tile) for word in words)]
         well = sum(_state_of(tile)[0] == "active" for tile in fitting)
-        count.set_text(page.say("{well} of {all} robots are well", well=well, all=len(fitting)))
+        count.set_text(page.say("Robots that are well: {well} of {all}", well=well, all=len(fitting)))
         set_html(shown, render("tiles", tiles=[_tile(page, tile, hostname) for tile in fitting], say=page.say))
 
     page.every_look(show)

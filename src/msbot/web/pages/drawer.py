@@ -92,7 +92,7 @@ def _ports(page: Page, slot: str) -> None:
                 "line": port, "drawing": draw(port.type_name, fields, page.language), "fields": fields_html(fields, page.language),
                 "held": page.say(HELD_WORDS[port.held]) if port.held else "",
             })  # fmt: skip
-        set_html(shown, render("slot_ports", say=page.say, number=page.number, ports=ports))
+        set_html(shown, render("slot_ports", say=page.say, number=page.number, count=page.language.count, ports=ports))
 
     page.every_look(show, shown)
 

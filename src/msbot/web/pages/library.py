@@ -59,11 +59,20 @@ def _catalogue(page: Page, search: str) -> None:
     show()
 
 
+def _range_words(page: Page, least: float | None, most: float | None) -> str:
+    """What a parameter may be: "0 … 180", "≥ 0", "≤ 180", or "–" for anything."""
+    if least is not None and most is not None:
+        return f"{page.number(least, 'g')} … {page.number(most, 'g')}"
+    if least is not None:
+        return f"≥ {page.number(least, 'g')}"
+    return "–" if most is None else f"≤ {page.number(most, 'g')}"
+
+
 def _entry(page: Page, found: PartType, base: str) -> None:
     say = page.say
     facts = [
         (say("part number"), found.number),
-        (say("manufacturer"), say(found.manufacturer)),
+        (say("manufacturer"), say(found.manufacturer) or "–"),
         (say("supply"), say(str(found.supply)) if found.supply else say(found.specification) or "–"),
         (say("resolution"), say(found.resolution) or "–"),
         (say("connector"), say(found.connector) or "–"),
@@ -85,7 +94,7 @@ def _entry(page: Page, found: PartType, base: str) -> None:
     ])  # fmt: skip
     _table(page, "Parameters", ("Name", "Kind", "Default", "Range", "Unit", "Meaning"), [
         (one.name, one.kind.value, value_words(one.default, page.language),
-         "–" if one.least is None and one.most is None else " … ".join("" if end is None else page.number(end, "g") for end in (one.least, one.most)),
+         _range_words(page, one.least, one.most),
          one.unit or "–", say(one.description))
         for one in found.parameters
     ])  # fmt: skip

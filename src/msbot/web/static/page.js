@@ -145,10 +145,14 @@ function msbotCards(grid, cards) {
 // The frame around what the tour is talking about; '' takes it away.
 function msbotFrame(selector) {
   for (const framed of document.querySelectorAll(".ms-framed")) framed.classList.remove("ms-framed");
-  const found = selector && document.querySelector(selector);
+  let found = selector && document.querySelector(selector);
   if (!found) return;
+  // An entry of a menu that is closed: the button that opens it.
+  if (found.getBoundingClientRect().right <= 0) found = document.querySelector(".ms-header button");
   found.classList.add("ms-framed");
-  found.scrollIntoView({ block: "center", behavior: "auto" });
+  // What begins in the upper half of the page is shown with what stands above it.
+  if (found.getBoundingClientRect().top + scrollY < innerHeight / 2) scrollTo(0, 0);
+  else found.scrollIntoView({ block: "center", behavior: "auto" });
 }
 
 // The values of all curves where the pointer is: a line over the plot, and their numbers beside it.

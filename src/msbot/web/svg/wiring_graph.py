@@ -63,7 +63,8 @@ def wiring_svg(
 
 def rate_words(topic: TopicLine, language: Language) -> str:
     """What stands under a topic: its type and how often it comes."""
-    return f"{topic.type_name} · {language.number(topic.rate_hz, '.1f')} Hz · {topic.count}"
+    samples = language.count(topic.count, "{count} sample", "{count} samples")
+    return f"{topic.type_name} · {language.number(topic.rate_hz, '.1f')} Hz · {samples}"
 
 
 def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, language: Language) -> _Column:
