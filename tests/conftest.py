@@ -39,9 +39,3 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return next((number for number, path in enumerate(ranks) if item.path.is_relative_to(path)), len(ranks))
 
     items.sort(key=rank)
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_xdist_auto_num_workers() -> int:
-    """One worker more than there are processors: many tests wait for processes, and another one can run meanwhile."""
-    return len(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)) + 1
