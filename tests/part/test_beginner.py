@@ -7,6 +7,7 @@ import logging
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -53,7 +54,7 @@ MISTAKES = {
         HEAD + "part.publish('out', HelloWorld(index=1, message='x'))\npart.run()\n",
         "program.py:3: the part does not run: publish in a function below @part.every or @part.on",
     ),
-    "publish in another thread": (
+    "publish in another thread before run": (
         "import threading\n" + HEAD
         + "thread = threading.Thread(target=lambda: part.publish('out', HelloWorld(index=1, message='x')))\n"
         "thread.start()\nthread.join()\nimport os\nos._exit(0)\n",
@@ -210,6 +211,23 @@ def test_on_at_a_port_that_publishes(caplog: pytest.LogCaptureFixture) -> None:
         room.plug(part)
         await asyncio.sleep(0.5)
         assert "port 'out': publishes, so nothing comes in there: use part.publish('out', ...)" in caplog.text
+
+    play(scenario, {"ABCD": [publishes("out", "t")]})
+
+
+def test_publish_from_another_thread_while_it_runs() -> None:
+    async def scenario(room: Room) -> None:
+        part = make_part()
+        room.plug(part)
+        await asyncio.sleep(1.0)
+        assert part.state is JoinState.ACTIVE
+        with ThreadPoolExecutor(1, "helper") as pool:
+            wrong = pool.submit(part.publish, "out", HelloWorld(index=1, message="x")).exception(10)
+        assert isinstance(wrong, LocalProtocolError)
+        assert str(wrong) == (
+            "publish was called from another thread (helper_0): call it in a function below @part.every or @part.on"
+        )
+        assert part.publish("out", HelloWorld(index=2, message="y"))
 
     play(scenario, {"ABCD": [publishes("out", "t")]})
 
