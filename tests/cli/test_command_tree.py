@@ -18,13 +18,15 @@ NO_FACTS = {
     **dict.fromkeys(("master", "part", "bus serve", *(f"agent {transport}" for transport in (
         "udp4", "udp6", "tcp4", "tcp6", "serial", "multiserial", "pseudoterminal", "can", "canfd", "can-legacy",
     ))), RUNS),
-    **dict.fromkeys(("board run", "board shell"), RUNS),
+    **dict.fromkeys(("board run", "board shell", "play"), RUNS),
     **dict.fromkeys(("init", "export", "completion", "idl to-python", "idl to-idl", "idl to-c"), WRITES),
+    **dict.fromkeys(("rec save", "log filter", "log export"), WRITES),
     **dict.fromkeys((
         "library add", "db migrate", "db backup", "db restore", "service install", "service remove", "user role",
-        "user remove", "key remove", "bus send", "board reset",
+        "user remove", "key remove", "bus send", "board reset", "rec start", "rec stop",
     ), DOES),
     **dict.fromkeys(("user add", "user passwd", "key new"), SECRET),
+    "log diff": "writes lines as `diff` does, and its exit status says whether there are any",
 }  # fmt: skip
 """Commands without `--json`, and why."""
 
