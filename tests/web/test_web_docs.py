@@ -28,7 +28,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     with running("init", cwd=folder) as making:
         making.wait_for("robot.toml")
     with running("master", "--link", "udp:127.0.0.1:0", "--port", "0", cwd=folder) as process:
-        yield Site(process, folder)
+        site = Site(process, folder)
+        yield site
+        site.stranger.close()
 
 
 def test_the_reference_lists_every_call_and_no_other(site: Site) -> None:
