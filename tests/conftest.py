@@ -1,7 +1,9 @@
 """What every test shares: hypothesis without wall-clock deadlines (the machine may be busy), its own STOP, that no
 event loop waits for a database, and the order of the whole suite."""
 
+import logging
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,19 @@ settings.register_profile("thorough", settings.get_profile("msbot"), max_example
 settings.load_profile("thorough" if THOROUGH else "msbot")
 
 guard()
+
+LOGGERS = ("", "msbot", "msbot.part")
+"""Those whose levels commands change; the first is the root."""
+
+
+@pytest.fixture(autouse=True)
+def _levels_of_loggers() -> Iterator[None]:
+    """A test that runs a command with `-v` must not make the others' logs longer."""
+    before = [logging.getLogger(name).level for name in LOGGERS]
+    yield
+    for name, level in zip(LOGGERS, before, strict=True):
+        logging.getLogger(name).setLevel(level)
+
 
 FIRST = (
     "web/browser", "web/api/test_routes.py", "e2e/test_crowd.py", "e2e", "registry/test_kill.py", "hostile",
