@@ -78,6 +78,24 @@ def test_what_a_killed_process_left_behind_is_removed(folder: Path) -> None:
     assert find_bus("classroom", folder) == BUS
 
 
+def test_of_two_that_see_a_dead_bus_the_slower_leaves_the_name_of_the_new_one_alone(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dead = replace(BUS, pid=4711, key="cd" * 16)
+    path = publish(dead, folder)
+
+    def look(pid: int) -> bool:
+        """Between the slower one's look and what it does about it, another program begins to serve the bus."""
+        if pid == dead.pid:
+            path.unlink(missing_ok=True)
+            publish(BUS, folder)
+        return pid != dead.pid
+
+    monkeypatch.setattr("msbot.link.can.sim.names.is_running", look)
+    assert find_bus("classroom", folder) is None, "the one it has seen is dead"
+    assert find_bus("classroom", folder) == BUS, "and the new one has kept its name"
+
+
 def test_a_bus_that_was_started_anew_is_not_withdrawn_by_the_old_one(folder: Path) -> None:
     publish(BUS, folder)
     withdraw(replace(BUS, key="cd" * 16), folder)

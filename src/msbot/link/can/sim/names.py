@@ -2,7 +2,8 @@
 
 The file gives the port of this computer at which the bus is served, the key to present there, and the bit rates. The
 process that serves a bus writes it, so a name stands for one bus. A file left behind by a killed process is recognised
-and removed by the next process that looks.
+and removed by the next process that looks; a bus that another process has begun to serve under that name meanwhile
+keeps its file.
 """
 
 from __future__ import annotations
@@ -11,6 +12,9 @@ import json
 import os
 import re
 import secrets
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
@@ -93,8 +97,12 @@ def withdraw(bus: NamedBus, folder: Path | None = None) -> None:
     """Remove the file of a bus, if it still belongs to this bus."""
     folder = folder or running_folder()
     path = _path(bus.name, folder)
-    if _read(path) == bus:
-        path.unlink(missing_ok=True)
+    if _read(path) != bus:
+        return
+    with _alone(folder):
+        # Two processes may see the same dead bus: the slower one must not remove what was written after the faster one.
+        if _read(path) == bus:
+            path.unlink(missing_ok=True)
 
 
 def find_bus(name: str, folder: Path | None = None) -> NamedBus | None:
@@ -110,7 +118,7 @@ def find_bus(name: str, folder: Path | None = None) -> NamedBus | None:
     check_owner(folder)
     bus = _read(path)
     if bus is not None and not is_running(bus.pid):
-        path.unlink(missing_ok=True)
+        withdraw(bus, folder)
         return None
     return bus
 
@@ -158,6 +166,24 @@ def list_buses(folder: Path | None = None) -> list[NamedBus]:
     names = sorted(path.name.removeprefix(PREFIX).removesuffix(".json") for path in folder.glob(f"{PREFIX}*.json"))
     found = (find_bus(name, folder) for name in names if _NAME.fullmatch(name))
     return [bus for bus in found if bus is not None]
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep this user's other processes from removing a file meanwhile; it takes microseconds."""
+    if sys.platform == "win32":
+        # No lock of a folder there; `is_running` cannot tell there either, so that only a refused connection and the
+        # process that has served the bus remove its file.
+        yield
+        return
+    import fcntl
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _link(draft: Path, path: Path, name: str) -> None:
