@@ -74,6 +74,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "record": await ask(stage, "record", file=str(tmp_path / "a.mcap")),
             "recording": await ask(stage, "recording"),
             "end_record": await ask(stage, "end_record"),
+            "objects": await ask(stage, "objects"),
             "stored": await ask(stage, "stored"),
             "go": await ask(stage, "go"),
             "ignore": await ask(stage, "ignore", part="DD"),

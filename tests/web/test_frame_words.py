@@ -11,9 +11,9 @@ from random import Random
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot, Wire
 from msbot.link.can.protocol import parse_log_line
+from msbot.operations.bus_objects import known_object
 from msbot.registry import open_registry
 from msbot.runtime.virtual_time import run_virtual
-from msbot.web.assembly import _known_object
 from msbot.web.frames import FrameRing
 
 
@@ -32,7 +32,7 @@ def heard_late(tmp_path: Path) -> FrameRing:
                 running = tasks.create_task(robot.run())
                 await robot.master.ready.wait()
                 await asyncio.sleep(75.0)
-                ring.know((), partial(_known_object, robot.master))
+                ring.know((), partial(known_object, robot.master))
                 robot.on_frame(ring.tap)
                 await asyncio.sleep(4.0)
                 ring.rows()

@@ -52,7 +52,7 @@ LEAST = {
     "let_go": Role.STUDENT, "stored": Role.VIEWER, "add_slot": Role.TEACHER, "remove_slot": Role.TEACHER,
     "record": Role.TEACHER, "end_record": Role.TEACHER, "recording": Role.VIEWER,
     "forget_type": Role.TEACHER,
-    "simulate": Role.TEACHER,
+    "simulate": Role.TEACHER, "objects": Role.VIEWER,
 }  # fmt: skip
 """Who may do each operation of the table at least; said twice on purpose."""
 

@@ -244,10 +244,9 @@ class Proxy:
         self.is_blocked = blocked
         return taken
 
-    def topic_of(self, object_id: int) -> str | None:
-        """The topic of an endpoint; None when there is no such endpoint."""
-        endpoint = self._endpoints.get(object_id)
-        return None if endpoint is None else endpoint.topic
+    def topics(self) -> dict[int, str]:
+        """The topics of the endpoints, by object id."""
+        return {object_id: endpoint.topic for object_id, endpoint in self._endpoints.items()}
 
     def close(self) -> None:
         """Leave the space with all objects."""

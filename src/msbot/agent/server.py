@@ -206,10 +206,17 @@ class Agent:
         bus."""
         for port in self._ports:
             proxy = port.clients.get(node) if port.link.info.shared_bus else None
-            topic = None if proxy is None else proxy.topic_of(object_id)
+            topic = None if proxy is None else proxy.topics().get(object_id)
             if proxy is not None and topic is not None:
                 return proxy.info.key, topic
         return None
+
+    def bus_endpoints(self) -> Iterator[tuple[str, Peer, int, int, str]]:
+        """Link, node, object id, client key and topic of every endpoint of the clients on buses."""
+        for port in self._ports:
+            for node, proxy in port.clients.items() if port.link.info.shared_bus else ():
+                for object_id, topic in proxy.topics().items():
+                    yield port.link.info.name, node, object_id, proxy.info.key, topic
 
     def topics(self) -> list[tuple[str, int, int]]:
         """`(name, published, delivered)` of every topic that clients used since the agent was made."""

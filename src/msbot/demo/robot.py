@@ -44,6 +44,7 @@ class DemoRobot:
         data_bitrate: bit rate of the data phase of CAN FD, bit/s.
         node_ids: where the addresses of parts on a CAN wire are remembered; memory if absent.
         compression: shorten headers on a CAN wire.
+        bus_name: what a simulated bus is called where other programs join it; empty: none does.
         names: slots whose parts are in the demo; all if absent.
         spares: further parts by name, each with the slot that it is meant for; plugged in when all others are active.
         library: where parts other than the thesis' three are looked up; MsBOT's own if absent.
@@ -62,6 +63,7 @@ class DemoRobot:
         data_bitrate: int = 2_000_000,
         node_ids: NodeIds | None = None,
         compression: bool = True,
+        bus_name: str = "",
         names: tuple[str, ...] | None = None,
         spares: Mapping[str, str] | None = None,
         library: Library | None = None,
@@ -84,6 +86,7 @@ class DemoRobot:
             random=self._random,
             node_ids=node_ids,
             compression=compression,
+            bus_name=bus_name,
         )
         self.master.add_link(self._wiring.master_link)
         self.master.inventory.on_event(self._changed)

@@ -34,6 +34,7 @@ class Wiring:
         random: Random,
         node_ids: NodeIds | None,
         compression: bool,
+        bus_name: str = "",
     ) -> None:
         self.wire = wire
         self.driver: SimBusDriver | None = None
@@ -47,7 +48,7 @@ class Wiring:
             return
         fd = wire is Wire.FD
         bus = SimBus(bitrate, data_bitrate=data_bitrate if fd else None, fd=fd)
-        self.driver = SimBusDriver(bus)
+        self.driver = SimBusDriver(bus, name=bus_name)
         # A bus needs two nodes before any frame is acknowledged: the monitor does it, as a student's adapter would.
         self.driver.attach("monitor")
         self.master_link = CanMasterLink(

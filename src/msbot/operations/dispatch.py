@@ -17,6 +17,7 @@ from msbot.master import Master
 from msbot.operations.applying import BlueprintChange
 from msbot.operations.arguments import read_arguments
 from msbot.operations.blocking import Blocking, StoredBlocking
+from msbot.operations.bus_objects import BusObjects
 from msbot.operations.by_hand import ByHand
 from msbot.operations.described_parts import DescribedParts
 from msbot.operations.outcome import Outcome
@@ -166,6 +167,7 @@ class RunningOperations(Operations):
         super().__init__(
             SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
             self.applying, self.by_hand, self.recording, Blocking(running), Wires(running), described, self.stand_ins,
+            BusObjects(running),
         )  # fmt: skip
 
     def on_library(self, listener: Callable[[Library], object]) -> None:

@@ -287,6 +287,7 @@ _ROWS = (
     ),
     Operation("end_record", "End the recording that `record` began.", (), Right.ARRANGE),
     Operation("recording", "Where the robot is recorded, and what is wrong with that."),
+    Operation("objects", "What the parts on CAN buses have set up, for whoever watches a bus from now on."),
     Operation("stored", "Wait until what the robot has said is in its database, as far as that is possible."),
     Operation("why", "The state of a part, and which rules led there.", (_part("The part."),)),
 )  # fmt: skip

@@ -90,6 +90,11 @@ class Overhearer:
         self._units = units or (lambda _type_name: {})
         self._sessions: dict[Hashable, _Session] = {}
 
+    @property
+    def unknown(self) -> int:
+        """Samples of objects that were set up before anybody listened: nobody can say what is in them."""
+        return sum(session.unknown for session in self._sessions.values())
+
     def explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
         """Explain a packet from that peer (`up`) or to it; a message appears below the sample that carries it."""
         return self.hear(packet, peer, up=up)[1]
@@ -109,6 +114,7 @@ class _Session:
         self, types: dict[str, type[Message]], know: Callable[[int], KnownObject | None], units: Units
     ) -> None:
         self.sentences: list[str] = []
+        self.unknown = 0
         self._types = types
         self._know = know
         self._units = units
@@ -160,6 +166,7 @@ class _Session:
             case ReplierDef():
                 kind = "request" if isinstance(sample, Data) else "reply"
                 return self._service_words(definition.service_name, kind, payload[IDENTITY:])
+        self.unknown += 1
         return []
 
     def _service_words(self, service: str, kind: str, body: bytes) -> list[str]:

@@ -44,6 +44,11 @@ class FrameListener:
             else CanDecoder(self._explain, decompress=decompress, ids=ids)
         )
 
+    @property
+    def unknown(self) -> int:
+        """Samples whose topic was agreed upon before anybody listened."""
+        return self._overhearer.unknown
+
     def hear(self, frame: Frame, at: float) -> FrameWords:
         """What the next frame of the bus says; `at` is its time in seconds."""
         self._plain = []

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 from msbot.config import Library
 from msbot.master import Master
+from msbot.operations.bus_objects import known_object
 from msbot.operations.dispatch import RunningOperations
 from msbot.part import Message
-from msbot.pnp import KnownObject
 from msbot.registry import Registry, RobotRecord, RobotStore
 from msbot.sim import message_class
 from msbot.web.access.accounts import Accounts
@@ -126,7 +126,7 @@ class WebRoom:
         """Look part numbers and messages up in this library from now on."""
         self._views.use_library(library)
         classes = (message_class(message) for message in library.messages.values())
-        self._frames.know(classes, partial(_known_object, self._master), library.units)
+        self._frames.know(classes, partial(known_object, self._master), library.units)
 
     def _class_of(self, type_name: str) -> type[Message] | None:
         message = self._views.library.messages.get(type_name)
@@ -179,16 +179,3 @@ def _describer(master: Master, operations: RunningOperations) -> Callable[[], Ro
         )
 
     return describe
-
-
-def _known_object(master: Master, node: Hashable, object_id: int) -> KnownObject | None:
-    """What the master knows about an object of the client at a node whose creation nobody heard."""
-    found = master.agent.topic_at(node, object_id)
-    if found is None:
-        return None
-    key, topic = found
-    configuration = master.inventory.configuration_of(key)
-    for binding in () if configuration is None else configuration.bindings:
-        if binding.topic == topic and configuration is not None:
-            return KnownObject(topic, binding.type_name, configuration.slot, binding.port)
-    return KnownObject(topic)

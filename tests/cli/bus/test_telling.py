@@ -124,3 +124,14 @@ def test_a_robot_toml_that_is_wrong_is_told_and_the_bus_is_shown_all_the_same(lo
     assert "WRITE_DATA to datawriter" in result.stdout
     with pytest.raises(ConfigError, match=r"robot\.toml"):
         invoke("decode", "--blueprint", str(blueprint), text=log)
+
+
+@pytest.mark.parametrize("verb", ["decode", "dump"])
+def test_a_log_that_begins_late_says_how_many_samples_have_no_sentence(verb: str, log: str, blueprint: Path) -> None:
+    lines = log.splitlines()
+    late = invoke(verb, "-", text="\n".join(lines[len(lines) // 2 :]) + "\n")
+    assert " says " not in late.stdout
+    assert re.search(
+        r"^msbot: \d+ samples have no sentence: their parts had joined before the log begins$", late.stderr
+    )
+    assert not invoke(verb, "-", text=log).stderr

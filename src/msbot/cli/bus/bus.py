@@ -78,7 +78,7 @@ def decode(
     from msbot.cli.bus.telling import library_of, listener_for, manner_of
 
     library = library_of(blueprint, folders, complain)
-    manner = manner_of(library, protocol=protocol, as_json=as_json)
+    manner = manner_of(is_known=library is not None, protocol=protocol, as_json=as_json)
     decode_log(log, listener_for(library, legacy=legacy), manner, click.echo, complain)
 
 
@@ -114,21 +114,32 @@ def dump(
 ) -> None:  # fmt: skip
     """Show every frame of BUS, as candump does, and what it says: segment, DDS-XRCE message, sample.
 
-    When the robot is known (--blueprint, or the robot.toml here), in sentences: knob says level 49.9 %.
+    When the robot is known (its master runs on this computer, --blueprint, or the robot.toml here), in sentences: knob
+    says level 49.9 %.
 
     BUS is can0, an address (can:slcan:/dev/ttyACM0?bitrate=500000, sim:classroom), a log (.log of candump, .asc, .blf,
     .trc, .csv, .db, .mf4), or - for what candump shows. A live bus is shown until Ctrl-C.
     """
     from msbot.cli.bus.decode import complain
-    from msbot.cli.bus.dump import DumpWishes, dump
+    from msbot.cli.bus.dump import DumpWishes, Understanding, dump
+    from msbot.cli.bus.source import is_log
     from msbot.cli.bus.telling import library_of, listener_for, manner_of
 
     library = library_of(blueprint, folders, complain)
-    wishes = DumpWishes(
-        decode, manner_of(library, protocol=protocol, as_json=as_json), log,
-        tuple(wish for option in filters for wish in option), count,
-    )  # fmt: skip
-    dump(bus, wishes, listener_for(library, legacy=legacy), click.echo, complain)
+    asks = decode and not legacy and not is_log(bus)  # whose robot a log is, no master can say
+
+    def understand() -> Understanding:
+        from msbot.cli.bus.robot_on_bus import robot_on_bus
+
+        robot = robot_on_bus(bus, complain) if asks else None
+        is_known = library is not None or robot is not None
+        return Understanding(
+            listener_for(library, legacy=legacy, robot=robot),
+            manner_of(is_known=is_known, protocol=protocol, as_json=as_json),
+        )
+
+    wishes = DumpWishes(decode, log, tuple(wish for option in filters for wish in option), count)
+    dump(bus, wishes, understand, click.echo, complain)
 
 
 @command.command("send")

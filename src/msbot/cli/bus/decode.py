@@ -7,7 +7,7 @@ from collections.abc import Callable
 import click
 
 from msbot.cli.bus.frame_log import FrameReader
-from msbot.cli.bus.telling import Manner, told_lines
+from msbot.cli.bus.telling import Manner, tell_unknown, told_lines
 from msbot.pnp import FrameListener
 
 
@@ -30,6 +30,7 @@ def decode_log(
     for line in reader.read(name):
         for text in told_lines(line, listener.hear(line.frame, line.at or 0.0), manner):
             say(text)
+    tell_unknown(listener, manner, complain)
     if reader.unreadable:
         complain(
             f"{reader.unreadable} of {reader.frames + reader.unreadable} lines were no frames; {reader.first_problem}"

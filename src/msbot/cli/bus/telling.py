@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum, auto
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from msbot.link.can.protocol import LogLine, format_frame, show_frame
 from msbot.pnp import KNOWN_TYPES, FrameListener, FrameWords, Overhearer
 
 if TYPE_CHECKING:
+    from msbot.cli.bus.robot_on_bus import RobotOnBus
     from msbot.config import Library
 
 WORDS_AT = 66
@@ -33,11 +34,11 @@ class Manner(Enum):
     """Both, one JSON object for each frame."""
 
 
-def manner_of(library: Library | None, *, protocol: bool, as_json: bool) -> Manner:
-    """What is shown: without a robot there are no sentences to be shown alone."""
+def manner_of(*, is_known: bool, protocol: bool, as_json: bool) -> Manner:
+    """What is shown: unless the robot is known there are no sentences to be shown alone."""
     if as_json:
         return Manner.JSON
-    if library is None:
+    if not is_known:
         return Manner.PROTOCOL
     return Manner.BOTH if protocol else Manner.PLAIN
 
@@ -67,14 +68,26 @@ def library_of(blueprint: Path | None, folders: Sequence[Path], complain: Callab
         return None
 
 
-def listener_for(library: Library | None, *, legacy: bool) -> FrameListener:
-    """A listener that knows the message types of a robot; without one, those that every robot has."""
-    if library is None:
+def listener_for(library: Library | None, *, legacy: bool, robot: RobotOnBus | None = None) -> FrameListener:
+    """A listener that knows the message types of a robot; without one, those that every robot has.
+
+    Args:
+        library: the robot's part library, when its blueprint is known.
+        legacy: the frames are those of the thesis' firmware.
+        robot: what a running master knows of the bus; its types are those in force.
+    """
+    if library is None and robot is None:
         return FrameListener(legacy=legacy)
     from msbot.sim import message_class
 
-    types = map(message_class, library.messages.values())
-    return FrameListener(Overhearer((*KNOWN_TYPES, *types), units=library.units), legacy=legacy)
+    types = {**({} if library is None else library.messages), **({} if robot is None else robot.types)}
+
+    def units(type_name: str) -> Mapping[str, str]:
+        return types[type_name].units if type_name in types else {}
+
+    classes = map(message_class, types.values())
+    know = None if robot is None else robot.know
+    return FrameListener(Overhearer((*KNOWN_TYPES, *classes), know=know, units=units), legacy=legacy)
 
 
 def told_lines(line: LogLine, words: FrameWords, manner: Manner) -> list[str]:
@@ -88,6 +101,12 @@ def told_lines(line: LogLine, words: FrameWords, manner: Manner) -> list[str]:
             return _beside(line, words.plain or words.protocol[:1])
         case Manner.BOTH:
             return _beside(line, (*words.plain, *words.protocol))
+
+
+def tell_unknown(listener: FrameListener, manner: Manner, complain: Callable[[str], None]) -> None:
+    """At the end of a log: which samples have no sentence, where sentences are shown."""
+    if listener.unknown and manner in (Manner.PLAIN, Manner.BOTH):
+        complain(f"{listener.unknown} samples have no sentence: their parts had joined before the log begins")
 
 
 def _beside(line: LogLine, words: Sequence[str]) -> list[str]:

@@ -153,6 +153,7 @@ async def _main(
             bitrate=options.bitrate,
             data_bitrate=options.data_bitrate,
             compression=options.compression,
+            bus_name=options.bus or "",
             random=None if options.seed is None else Random(options.seed),
             library=library,
             space=recording.space(space),

@@ -31,9 +31,15 @@ _STATE_WORDS: Final = {
 class SimBusDriver:
     """Runs a `SimBus`, which from now on belongs to this event loop alone."""
 
-    def __init__(self, bus: SimBus) -> None:
-        """Take over a bus; the loop is the one that runs when something is first sent."""
+    def __init__(self, bus: SimBus, *, name: str = "") -> None:
+        """Take over a bus; the loop is the one that runs when something is first sent.
+
+        Args:
+            bus: the bus.
+            name: what its nodes call it, as in `sim:NAME`; its bit rate if empty.
+        """
         self.bus = bus
+        self._name = name
         self.tap: FrameTap | None = None
         """If set, called with every frame; None costs nothing."""
         self.listeners: list[FrameTap] = []
@@ -60,7 +66,7 @@ class SimBusDriver:
         node = bus.attach(name, fd=fd)
         with_fd = bus.fd if fd is None else fd
         fast = bus.data_bitrate if with_fd else None
-        info = CanBusInfo(f"sim:{bus.bitrate}", bus.bitrate, fast, with_fd)
+        info = CanBusInfo(f"sim:{self._name or bus.bitrate}", bus.bitrate, fast, with_fd)
         port = self._ports[node] = self._by_name[name] = SimCanBus(self, node, name, info)
         return port
 
