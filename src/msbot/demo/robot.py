@@ -103,6 +103,8 @@ class DemoRobot:
         self._by_uid = {plug.uid: plug for plug in self._plugs.values()}
         self._baseline: dict[str, tuple[int, int]] = {}
         self._tasks: asyncio.TaskGroup | None = None
+        self.begun = asyncio.Event()
+        """All parts but the spares have been plugged in for the first time."""
         self._finished = asyncio.Event()
         self._final: DemoSnapshot | None = None
 
@@ -126,6 +128,7 @@ class DemoRobot:
                 for name in self._plugs:
                     if name not in self._spares:
                         self.plug(name)
+                self.begun.set()
                 self._watch_start()
                 await self._finished.wait()
                 await self._settle()
@@ -159,25 +162,27 @@ class DemoRobot:
         """Whether that part is on the wire."""
         return self._plug(name).part is not None
 
-    def plug(self, name: str) -> None:
-        """Plug a part in; nothing happens if it already is."""
+    def plug(self, name: str) -> bool:
+        """Plug a part in; False: it already is, or the robot does not run, and nothing happens."""
         plug = self._plug(name)
         if plug.part is not None or self._tasks is None:
-            return
+            return False
         part = plug.make(Random(self._random.getrandbits(64)))
         plug.plugged_at = self._loop.time()
         plug.active_at = None
         link = self._wiring.part_link(name, plug.uid)
         plug.task = self._tasks.create_task(part.run_async(link, epoch_ns=self._epoch_ns))
+        return True
 
-    def unplug(self, name: str) -> None:
-        """Pull a part out: it is off the wire and without power at once, and says no goodbye."""
+    def unplug(self, name: str) -> bool:
+        """Pull a part out: it is off the wire and without power at once, and says no goodbye; False: it is out."""
         plug = self._plug(name)
         if plug.part is None or plug.task is None:
-            return
+            return False
         self._wiring.pull(name)
         plug.task.cancel()
         plug.clear()
+        return True
 
     def simulated(self, name: str) -> SimulatedPart | None:
         """The simulated device plugged in there, to be played with; None for the thesis' three and an empty place."""

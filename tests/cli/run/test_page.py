@@ -14,6 +14,8 @@ from click.testing import CliRunner, Result
 from msbot.cli.run.page import DEFAULT_PORT, PageWishes, made_to_stay, page_options, page_wishes, serve_page
 from msbot.errors import ConfigError
 from msbot.runtime.virtual_time import run_virtual
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.users import MemoryUsers
 from msbot.web.server import WebSettings
 
 if TYPE_CHECKING:
@@ -122,6 +124,13 @@ def test_the_address_is_said_when_page_and_robot_are_up() -> None:
     assert said(wishes(), 3.0, 5.0) == [(3.0, f"The page is at {LINK}")]
     assert said(wishes(), 0.1, 5.0) == [(1.0, f"The page is at {LINK}")]
     assert said(wishes(), 3.0, 2.0) == []
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "192.168.100.100"])
+def test_the_line_with_the_link_fits_a_terminal_of_80_columns(host: str) -> None:
+    accounts = Accounts(MemoryUsers(), clock=lambda: 0.0)
+    for path, word in (("setup", accounts.setup_token()), ("enter", accounts.entry_token())):
+        assert len(f"The page is at https://{host}:8080/{path}?token={word}") <= 80
 
 
 def test_who_can_reach_it_is_said_when_it_is_not_this_computer_only(tmp_path: Path) -> None:

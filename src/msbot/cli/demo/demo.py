@@ -9,7 +9,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,7 @@ from msbot.cli.bus.frame_log import FrameLog
 from msbot.cli.change.robot_access import MASTER, details_of
 from msbot.cli.demo.json import as_json
 from msbot.cli.demo.key_presses import KeyPresses
-from msbot.cli.demo.script import ScriptStep, ScriptType
+from msbot.cli.demo.script import ScriptRun, ScriptStep, ScriptType
 from msbot.cli.options import space_option
 from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
 from msbot.cli.run.recording import RobotRecording, rec_option
@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from msbot.web.assembly import WebRoom
-
-_Deeds = Mapping[str, Callable[[str], None]]
 
 REFRESH_S = 0.2
 STATUS_S = 1.0
@@ -162,7 +160,11 @@ async def _main(
         _check_script(options.script, robot)
         operations = RunningOperations(robot.master, registry, store.robot, library=library)
         notes = _Notes()
-        deeds = _deeds(robot, operations, notes)
+
+        async def undo() -> str:
+            return (await operations.do("undo", who="the script")).words
+
+        script = ScriptRun(options.script, robot, undo, notes.add)
         with _logging(robot, options.log):
             beside: list[Coroutine[object, object, None]] = []
             room: WebRoom | None = None
@@ -183,10 +185,10 @@ async def _main(
             if isinstance(space, SharedSpace):
                 beside.append(RobotInRos(robot.master, operations, space).run())
             if options.bus is None or robot.bus_driver is None:
-                await _run_beside(_run(robot, options, notes, deeds), beside)
+                await _run_beside(_run(robot, options, notes, script), beside)
             else:
                 server = SimBusServer(robot.bus_driver, options.bus)
-                await _run_served(server, partial(_run, robot, options, notes, deeds), beside)
+                await _run_served(server, partial(_run, robot, options, notes, script), beside)
 
 
 def _spares(blueprint: Blueprint) -> dict[str, str]:
@@ -287,41 +289,29 @@ def _check_script(script: list[ScriptStep], robot: DemoRobot) -> None:
             raise ConfigError(f"--script: there is no part {step.part!r}; there are {', '.join(robot.names)}")
 
 
-def _deeds(robot: DemoRobot, operations: RunningOperations, notes: _Notes) -> _Deeds:
-    """The actions of the steps of a script."""
-
-    undoing: set[asyncio.Task[None]] = set()
-
-    async def undo() -> None:
-        try:
-            notes.add((await operations.do("undo", who="the script")).words)
-        except MsbotError as error:
-            notes.add(f"undo: {error}")
-
-    def begin_undo(_: str) -> None:
-        task = asyncio.get_running_loop().create_task(undo())
-        undoing.add(task)
-        task.add_done_callback(undoing.discard)
-
-    return {"plug": robot.plug, "unplug": robot.unplug, "undo": begin_undo}
-
-
-async def _run(robot: DemoRobot, options: _Options, notes: _Notes, deeds: _Deeds) -> None:
+async def _run(robot: DemoRobot, options: _Options, notes: _Notes, script: ScriptRun) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         with contextlib.suppress(NotImplementedError):
             loop.add_signal_handler(number, robot.finish)
-    for step in options.script:
-        loop.call_later(step.at_s, deeds[step.verb], step.part)
     if options.seconds is not None:
         loop.call_later(options.seconds, robot.finish)
-    if options.json:
-        await robot.run()
-        click.echo(json.dumps(as_json(robot)))
-    elif sys.stdout.isatty():
-        await _run_live(robot, notes)
-    else:
-        await _run_plain(robot, notes)
+    playing = loop.create_task(script.run())
+    try:
+        if options.json:
+            notes.say = partial(click.echo, err=True)
+            await robot.run()
+            script.end()
+            click.echo(json.dumps(as_json(robot)))
+        elif sys.stdout.isatty():
+            await _run_live(robot, notes)
+            notes.say = click.echo
+            script.end()
+        else:
+            await _run_plain(robot, notes)
+            script.end()
+    finally:
+        playing.cancel()
 
 
 async def _run_live(robot: DemoRobot, notes: _Notes) -> None:

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
+from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import click
+
+from msbot.errors import MsbotError
+
+if TYPE_CHECKING:
+    from msbot.demo import DemoRobot
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,3 +50,56 @@ class ScriptType(click.ParamType[list[ScriptStep]]):
                 )
             steps.append(ScriptStep(float(match[1]), match[2] or match[4], match[3] or ""))
         return sorted(steps, key=lambda step: step.at_s)
+
+
+class ScriptRun:
+    """Does the steps of a script to a robot.
+
+    Args:
+        steps: in order of time.
+        robot: whose parts are meant.
+        undo: takes the last change back, and says which that was.
+        say: takes what a person should know.
+    """
+
+    def __init__(
+        self, steps: Iterable[ScriptStep], robot: DemoRobot, undo: Callable[[], Awaitable[str]],
+        say: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self._left = list(steps)
+        self._robot = robot
+        self._undo = undo
+        self._say = say
+
+    async def run(self) -> None:
+        """Do each step at its time; one whose time comes before the parts are plugged in waits for that."""
+        loop = asyncio.get_running_loop()
+        begin = loop.time()
+        await self._robot.begun.wait()
+        while self._left:
+            step = self._left[0]
+            await asyncio.sleep(max(0.0, begin + step.at_s - loop.time()))
+            self._left.pop(0)
+            await self._do(step)
+
+    def end(self) -> None:
+        """Say which steps were never done."""
+        if self._left:
+            steps = "; ".join(map(_words, self._left))
+            self._say(f"--script: the demo has ended before {steps}")
+
+    async def _do(self, step: ScriptStep) -> None:
+        match step.verb:
+            case "plug" if not self._robot.plug(step.part):
+                self._say(f"--script: {_words(step)} does nothing: {step.part} is plugged in already")
+            case "unplug" if not self._robot.unplug(step.part):
+                self._say(f"--script: {_words(step)} does nothing: {step.part} is not plugged in")
+            case "undo":
+                try:
+                    self._say(await self._undo())
+                except MsbotError as error:
+                    self._say(f"undo: {error}")
+
+
+def _words(step: ScriptStep) -> str:
+    return f"{step.at_s:g}:{step.verb} {step.part}".rstrip()

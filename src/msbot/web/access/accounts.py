@@ -24,6 +24,8 @@ from msbot.web.access.users import User, UserStore
 
 MAX_NAME = 64
 """Characters of a user's name."""
+LINK_OCTETS = 16
+"""Random octets of the word of a link: nobody guesses it, and the line with the link fits a terminal of 80 columns."""
 
 _NOBODYS_PASSWORD = "no user has this password"
 
@@ -96,7 +98,7 @@ class Accounts:
 
     def setup_token(self) -> str:
         """The word of the one-time set-up link; the same until it is used."""
-        self._setup_token = self._setup_token or secrets.token_urlsafe(24)
+        self._setup_token = self._setup_token or secrets.token_urlsafe(LINK_OCTETS)
         return self._setup_token
 
     async def set_up(self, token: str, name: str, password: str) -> Session:
@@ -124,7 +126,7 @@ class Accounts:
 
     def entry_token(self) -> str:
         """The word of a link that signs an administrator in without a password: for the demo only."""
-        self._entry_token = self._entry_token or secrets.token_urlsafe(24)
+        self._entry_token = self._entry_token or secrets.token_urlsafe(LINK_OCTETS)
         return self._entry_token
 
     def enter(self, token: str) -> Session:

@@ -22,10 +22,10 @@ class SimulatedParts(Protocol):
     def is_plugged(self, slot: str) -> bool:
         """Whether that part is on the wire."""
 
-    def plug(self, slot: str) -> None:
+    def plug(self, slot: str) -> object:
         """Plug it in."""
 
-    def unplug(self, slot: str) -> None:
+    def unplug(self, slot: str) -> object:
         """Pull it out."""
 
     def simulated(self, slot: str) -> SimulatedPart | None:
