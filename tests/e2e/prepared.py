@@ -10,6 +10,7 @@ Run as a program, this file is the prepared process: requests come in at the soc
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import importlib
 import io
@@ -29,6 +30,10 @@ from typing import IO, TypeAlias
 
 MSBOT = (sys.executable, "-m", "msbot")
 REAL = "MSBOT_REAL_PROCESSES"
+NETWORK = "MSBOT_TEST_NETWORK"
+"""In the environment of a command: the name of the network that it shall run in (`tests.networks`)."""
+NEW_NETWORK = 0x40000000
+"""CLONE_NEWNET of setns(2)."""
 LARGEST = 1 << 20
 """Octets of a request: arguments and environment."""
 ROBOT = ("msbot.operations.dispatch", "msbot.registry.registry", "msbot.link.link_schemes", "msbot.agent.server")
@@ -56,8 +61,9 @@ def start(
     """Start `msbot` with these arguments; the system ends it beyond its limits: processor seconds, octets of memory."""
     changed = {name for name in {*env, *os.environ} if env.get(name) != os.environ.get(name)} - {"PYTHONUNBUFFERED"}
     if sys.platform != "linux" or REAL in env or any(name.startswith(("PYTHON", "LC_", "LANG")) for name in changed):
+        there = ["ip", "netns", "exec", env[NETWORK]] if NETWORK in env else []
         process = subprocess.Popen(
-            [*MSBOT, *arguments], cwd=cwd, env=dict(env), stdout=stdout, stderr=stderr, stdin=subprocess.DEVNULL
+            [*there, *MSBOT, *arguments], cwd=cwd, env=dict(env), stdout=stdout, stderr=stderr, stdin=subprocess.DEVNULL
         )
         if limits is not None:
             _limit(process.pid, *limits)
@@ -203,11 +209,20 @@ def _limit(pid: int, processor_s: int, memory: int) -> None:
     resource.prlimit(pid, resource.RLIMIT_AS, (taken + memory, taken + memory))
 
 
+def _enter(network: str) -> None:
+    """Move this process into a network."""
+    with Path("/run/netns", network).open() as there:
+        if ctypes.CDLL(None, use_errno=True).setns(there.fileno(), NEW_NETWORK):
+            raise OSError(ctypes.get_errno(), f"cannot enter the network {network}")
+
+
 def _become(wish: Wish, files: list[int]) -> None:
     """Run the command in this copy, as if the interpreter had just been started with `-m msbot`."""
     arguments, folder, environment, limits = wish
     if limits is not None:
         _limit(0, *limits)
+    if NETWORK in environment:
+        _enter(environment.pop(NETWORK))
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)

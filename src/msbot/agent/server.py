@@ -22,12 +22,14 @@ from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
 from msbot.agent.join_queue import JoinQueue
 from msbot.agent.object_tree import ObjectBudget
 from msbot.agent.proxy import Proxy, Surroundings
+from msbot.agent.relays import Relays
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.rivals import Rivals
 from msbot.agent.session_eviction import SessionBudget
 from msbot.agent.statistics import ClientView, TopicTable
 from msbot.errors import BusTaken, LinkDown
 from msbot.link import Link, Peer, Signal, Tap
+from msbot.link.relay import MARK, RelayGreeting
 from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 from msbot.space import Space
@@ -48,6 +50,7 @@ class Agent:
         self, space: Space, *, gate: Gate | None = None, settings: AgentSettings | None = None,
         references: References | None = None, epoch_ns: Callable[[], int] = time.time_ns,
         agent_id: bytes | None = None, signal: AgentSignalHandler | None = None,
+        relay_greeting: RelayGreeting | None = None,
     ) -> None:  # fmt: skip
         """Put an agent together; it serves once `run` is awaited.
 
@@ -57,6 +60,7 @@ class Agent:
             epoch_ns: wall clock for time synchronisation, nanoseconds since 1970.
             agent_id: 8 octets that begin the GUIDs of all writers; drawn at random if absent.
             signal: called with every signal of every link.
+            relay_greeting: what relays that bring parts are told of the robot.
         """
         self._settings = settings or AgentSettings()
         self._epoch_ns = epoch_ns
@@ -68,6 +72,7 @@ class Agent:
         self._queue = JoinQueue(
             self._gate, places=self._settings.max_joining, most_waiting=self._settings.max_unsettled
         )
+        self._relays = Relays(self.add_link, relay_greeting or RelayGreeting(), self._settings.max_outside_per_s)
         self._handshake = Handshake(
             self._clients,
             self._gate,
@@ -118,7 +123,7 @@ class Agent:
         link.attach(
             packet=partial(self._packet_received, port),
             signal=partial(self._signal_received, port),
-            room=partial(self._flusher.room_gained, port),
+            room=partial(self._room_gained, port),
             burst_end=self._flusher.flush,
         )
         if self._group is not None:
@@ -227,6 +232,7 @@ class Agent:
         total = Tally()
         for port in self._ports:
             total.count_all(port.dropped)
+        total.count_all(self._relays.dropped)
         return total
 
     # What the links call.
@@ -244,6 +250,9 @@ class Agent:
         elif 0 < session_id < 0x80:
             proxy = self._keyed(int.from_bytes(packet[4:8], "big"), port, peer)
         if proxy is None or proxy.session.session_id != session_id:
+            if packet.startswith(MARK):
+                self._relays.receive(port.link, packet, peer, now)
+                return
             answer = self._handshake.answer(port, packet, peer, now)
             if answer is not None:
                 self._flusher.send_one(port, answer, peer)
@@ -257,6 +266,10 @@ class Agent:
         if proxy.is_over:
             self._flusher.send(proxy, now)
             self._end_session(proxy, said("session deleted"))
+
+    def _room_gained(self, port: ServedLink, peer: Peer | None) -> None:
+        self._flusher.room_gained(port, peer)
+        self._relays.room_gained(port.link)
 
     def _compare(self, now: float) -> float:
         """Check who sends too much; returns when to check again."""
@@ -286,7 +299,7 @@ class Agent:
             port.opened = True
         elif signal is Signal.PEER_GONE:
             for proxy in [proxy for proxy, place in port.members.items() if place == peer]:
-                self._peer_gone(proxy, f"gone: {reason}", now)
+                self._peer_gone(proxy, said("gone: {reason}", reason=reason), now)
         elif signal is Signal.PEER_BACK:
             for proxy in tuple(port.gone.get(peer, ())):
                 self._peer_back(proxy, port, peer)
@@ -365,6 +378,9 @@ class Agent:
         for proxy in list(port.members):
             self._end_session(proxy, said("link {link} has ended", link=port.link.info.name))
         del self._tasks[port]
+        if self._relays.ended(port.link):
+            self._ports.remove(port)
+            return
         if not self._tasks or (failure is not None and (isinstance(failure, BusTaken) or not port.opened)):
             self._failure = failure
             self._ended.set()

@@ -57,6 +57,7 @@ COMMANDS = {
     "idl": ("idl", "Turn message definitions (OMG IDL, ROS 2) into Python, C or IDL."),
     "bus": ("bus.bus", "Tools for a CAN bus: watch it, send, decode, count bits, load, simulate."),
     "agent": ("agent.agent", "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint."),
+    "relay": ("run.relay", "Carry the parts of one link (a CAN bus) to a master on another computer."),
     "clients": ("agent.clients", "List the sessions of every agent and master that runs here."),
     "completion": ("completion", "Print what completes `msbot` commands in bash, zsh or fish."),
 }

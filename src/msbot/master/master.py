@@ -18,8 +18,9 @@ from typing import Protocol, runtime_checkable
 
 from msbot.agent import Agent, AgentSettings
 from msbot.config import Blueprint, Library
-from msbot.errors import ConfigError, LinkDown, MsbotError
+from msbot.errors import ConfigError, LinkDown, LinkFull, MsbotError
 from msbot.link import InprocHub, Link, Peer, Signal
+from msbot.link.relay import RelayGreeting
 from msbot.master.board_configuration import with_documents
 from msbot.master.stop_persistence import StopKeeper
 from msbot.part import Client
@@ -99,6 +100,7 @@ class Master:
             epoch_ns=epoch_ns,
             agent_id=dice.randbytes(8),
             signal=self._link_signalled,
+            relay_greeting=RelayGreeting(self.profile.profile_hash()),
         )
         self.inventory.on_rights(self.agent.recheck)
         self.inventory.on_superseded(partial(self.agent.disconnect, reason="its part came back from another address"))
@@ -182,10 +184,10 @@ class Master:
         On a CAN bus this is a frame with priority over all others; the inventory also tells every part again and again
         until it has confirmed. `until_stop_is_stored` waits until STOP is stored.
         """
-        for link in self._links:
+        for link in self.agent.links:
             if isinstance(link, SaysStop):
-                # A bus that is down now carries no orders to move either.
-                with contextlib.suppress(LinkDown):
+                # A bus that is down now carries no orders to move either; a relay is told again with its next beat.
+                with contextlib.suppress(LinkDown, LinkFull):
                     link.send_stop()
         self._inventory.stop_all(by, reason, self._epoch_ns())
         return self._stop_said()

@@ -1,0 +1,129 @@
+"""The relays that bring their parts to this agent (`msbot.link.relay`).
+
+A relay is one more link of the agent, made when it introduces itself. Anybody on a network may call itself a relay, as
+anybody may call itself a part: its parts meet the same gate, and all of them count as coming from its address.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Final
+
+from msbot.agent.outside_share import OutsideShare
+from msbot.errors import LinkDown, LinkFull, RemoteProtocolError
+from msbot.link import Link, Peer
+from msbot.link.relay import Bye, Hello, Message, Refused, RelayedLink, RelayGreeting, Who, decode, encode
+from msbot.runtime.tally import Tally
+
+MAX_RELAYS: Final = 64
+MAX_RELAYS_OF_ADDRESS: Final = 8
+
+_log = logging.getLogger(__name__)
+
+
+class Relays:
+    """Knows which relay speaks from where.
+
+    Args:
+        add_link: has the agent serve one more link.
+        greeting: what relays are told.
+        per_s: messages of unknown senders that are read in a second.
+    """
+
+    def __init__(self, add_link: Callable[[Link], None], greeting: RelayGreeting, per_s: float) -> None:
+        self.dropped = Tally()
+        self._add_link = add_link
+        self._greeting = greeting
+        self._links: list[RelayedLink] = []
+        self._by_place: dict[tuple[Link, Peer], RelayedLink] = {}
+        self._strangers = OutsideShare(per_s)
+
+    def receive(self, way: Link, packet: bytes, peer: Peer, now: float) -> None:
+        """A message that begins like one of a relay."""
+        known = self._by_place.get((way, peer))
+        if known is None and not self._strangers.takes((way.info.name, way.origin(peer)), peer, now):
+            self.dropped.count("messages of unknown relays beyond their share: not read")
+            return
+        try:
+            message = decode(packet)
+        except RemoteProtocolError:
+            self.dropped.count("message of a relay that cannot be read")
+            return
+        if isinstance(message, Hello):
+            self._greet(message, way, peer, now)
+        elif known is None:
+            if not isinstance(message, Bye):
+                self._answer(Who(), way, peer)
+        elif isinstance(message, Bye):
+            known.end()
+        else:
+            known.receive(message, now)
+
+    def room_gained(self, way: Link) -> None:
+        """That link has room again: its relays may go on."""
+        for link in tuple(self._links):
+            if link.way is way:
+                link.room_on_the_way()
+
+    def ended(self, link: Link) -> bool:
+        """Forget a link that has ended; False: it was no relay's."""
+        if link not in self._links:
+            return False
+        assert isinstance(link, RelayedLink)
+        self._links.remove(link)
+        self._by_place = {place: one for place, one in self._by_place.items() if one is not link}
+        _log.info("%s has ended", link.info.name)
+        return True
+
+    def _greet(self, hello: Hello, way: Link, peer: Peer, now: float) -> None:
+        found = next((link for link in self._links if link.hello.boot == hello.boot), None)
+        if found is None:
+            refusal = self._make_room(hello, way, peer)
+            if refusal:
+                self._answer(Refused(refusal), way, peer)
+                return
+            found = RelayedLink(hello, way, peer, self._greeting)
+            self._links.append(found)
+            self._add_link(found)
+            _log.info("%s has come, from %s on %s", found.info.name, way.describe(peer), way.info.name)
+        self._by_place = {place: one for place, one in self._by_place.items() if one is not found}
+        earlier = self._by_place.get((way, peer))
+        if earlier is not None:
+            earlier.end()
+        self._by_place[way, peer] = found
+        found.welcome(way, peer, now)
+
+    def _make_room(self, hello: Hello, way: Link, peer: Peer) -> str:
+        """Why there is no room for one more relay; empty when there is."""
+        origin = (way.info.name, way.origin(peer))
+        for link in self._links:
+            if (link.hello.name, link.hello.carried) == (hello.name, hello.carried):
+                if not link.is_silent and link.origin(None) != origin:
+                    return (
+                        f"a relay with the name {hello.name} is there already, at {link.way.describe(link.relay)}: "
+                        "give this one another with --name"
+                    )
+                link.end()  # it was started again
+                return ""
+        of_address = [link for link in self._links if link.origin(None) == origin]
+        if len(of_address) >= MAX_RELAYS_OF_ADDRESS:
+            return self._put_out(of_address, f"{MAX_RELAYS_OF_ADDRESS} relays come from your address already")
+        if len(self._links) >= MAX_RELAYS:
+            return self._put_out(self._links, f"{MAX_RELAYS} relays are there already")
+        return ""
+
+    @staticmethod
+    def _put_out(links: list[RelayedLink], otherwise: str) -> str:
+        """A relay that is silent, or has brought no part, makes room."""
+        for link in links:
+            if link.is_silent or not link.was_used:
+                link.end()
+                return ""
+        return otherwise
+
+    def _answer(self, message: Message, way: Link, peer: Peer) -> None:
+        try:
+            way.send(encode(message), peer)
+        except (LinkDown, LinkFull):
+            self.dropped.count("answer to a relay: no room")
