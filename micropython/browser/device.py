@@ -22,6 +22,11 @@ def tilt():
     return Vector(x=float(x), y=float(y), z=float(z))
 
 
+def has_tilt():
+    """Whether the device has told its tilt: computers have none, and browsers tell it on https pages only."""
+    return "tilt" in values
+
+
 def button(number=1):
     """Whether that button of the panel, 1 to 4, is held down now."""
     _check("button", number, 1, 4)

@@ -12,6 +12,8 @@ def percent(degrees):
 
 @part.every(0.1)
 def tell():
+    if not part.bound("stick"):
+        return
     tilt = device.tilt()
     y = -percent(tilt.y) if tilt.x or tilt.y else device.slider()
     part.publish("stick", Stick(x=percent(tilt.x), y=y, pressed=device.button(1)))

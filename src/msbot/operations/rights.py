@@ -49,6 +49,8 @@ class Right(Enum):
     SEE = "see the robot"
     STOP = "press STOP"
     """Anybody who sees a robot run wild must be able to stop it."""
+    JOIN = "run parts of one's own"
+    """By the page; guests with a ticket may, too (`msbot.web.access.guest_tickets`)."""
     OPERATE = "play with simulated parts"
     """Also make a part identify itself."""
     SET = "change settings"
@@ -67,6 +69,7 @@ class Right(Enum):
 _LEAST = {
     Right.SEE: Role.VIEWER,
     Right.STOP: Role.VIEWER,
+    Right.JOIN: Role.STUDENT,
     Right.OPERATE: Role.STUDENT,
     Right.SET: Role.STUDENT,
     Right.ARRANGE: Role.TEACHER,

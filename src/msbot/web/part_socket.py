@@ -55,7 +55,7 @@ class PartSocket:
             why = said(
                 "{role} may not run parts; {least} may",
                 role=said(session.role.one),
-                least=said(Right.OPERATE.least.one),
+                least=said(Right.JOIN.least.one),
             )
             await socket.close(REFUSED, _short(tell(why)))
             return
@@ -94,12 +94,12 @@ class PartSocket:
         """Whether the person behind a connection may still have parts, at any later moment."""
         accounts = self._accounts
         if not session.is_program:
-            return lambda: accounts.holds(session) and session.may(Right.OPERATE)
+            return lambda: accounts.holds(session) and session.may(Right.JOIN)
         token = socket.headers.get("authorization", "").partition(" ")[2].strip()
 
         def holds() -> bool:
             now = accounts.by_api_token(token)
-            return now is not None and now.may(Right.OPERATE)
+            return now is not None and now.may(Right.JOIN)
 
         return holds
 

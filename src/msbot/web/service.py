@@ -201,7 +201,7 @@ class Service:
 
     def may_undo(self, session: Session, edit: EditLine) -> bool:
         """Whether to offer undo: students undo only their own settings."""
-        is_own = edit.who == session.name and edit.kind == "value" and session.may(Right.SET)
+        is_own = edit.who == session.name and not session.guest_of and edit.kind == "value" and session.may(Right.SET)
         return edit.undoable and (is_own or session.may(Right.ARRANGE))
 
     # Doing: teachers
@@ -248,7 +248,7 @@ class Service:
         Raises:
             NotAllowed: a program asks, or the role does not allow it.
         """
-        is_own = name == session.name
+        is_own = name == session.name and not session.guest_of
         self._need(session, Right.SEE if is_own else Right.ADMINISTER)
         if session.is_program:
             raise NotAllowed(said("a program with an API token may not change passwords: sign in on the page"))
@@ -263,12 +263,14 @@ class Service:
 
     async def new_token(self, session: Session, name: str, purpose: str) -> str:
         """Make an API token for oneself; an administrator makes them for others, too."""
-        self._need(session, Right.SEE if name == session.name else Right.ADMINISTER)
+        is_own = name == session.name and not session.guest_of
+        self._need(session, Right.SEE if is_own else Right.ADMINISTER)
         return await self.accounts.new_token(name, purpose, who=session.name)
 
     async def remove_token(self, session: Session, name: str, purpose: str) -> Done:
         """Make an API token worthless."""
-        self._need(session, Right.SEE if name == session.name else Right.ADMINISTER)
+        is_own = name == session.name and not session.guest_of
+        self._need(session, Right.SEE if is_own else Right.ADMINISTER)
         await self.accounts.remove_token(name, purpose, who=session.name)
         return Done(words=said("the token for {purpose} is removed", purpose=purpose))
 

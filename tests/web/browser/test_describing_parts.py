@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
@@ -14,7 +15,7 @@ from playwright.sync_api import Browser, Page, expect
 from msbot.web.pages.program import NEW
 from tests.e2e.processes import Process, run, running
 from tests.web.browser.accessible import hurdles
-from tests.web.browser.conftest import Site, free_port, go
+from tests.web.browser.conftest import Site, free_port, go, new_page
 from tests.web.browser.test_program_page import expect_state, open_as_ada, press, set_up, write
 
 MINE = """from msbot import Message, Part, Switch, float32
@@ -46,13 +47,30 @@ part.run()
 """
 
 
+RELAY = '[[slot]]\nname = "relay"\npart = "RELAY-1"\n'
+BIND = """async ([topic, wish]) => {
+  const { csrf } = await (await fetch("/api/me")).json();
+  const headers = { "content-type": "application/json", "x-csrf-token": csrf };
+  return (await fetch(`/api/topics/${topic}/bind`, { method: "POST", headers, body: JSON.stringify(wish) })).status;
+}"""
+
+
+class Lesson(NamedTuple):
+    """A robot with its page."""
+
+    site: Site
+    lamp: Process
+    link: str
+    """Where parts join."""
+
+
 @pytest.fixture(scope="module")
-def lesson(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Site, Process]]:
-    """A robot with one simulated lamp."""
+def lesson(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lesson]:
+    """A robot with a simulated lamp, and a slot for a relay."""
     folder = tmp_path_factory.mktemp("describing")
     assert run("init", cwd=folder).returncode == 0
     blueprint = folder / "robot.toml"
-    blueprint.write_text(blueprint.read_text() + '\n[[slot]]\nname = "lamp"\npart = "LED"\n')
+    blueprint.write_text(blueprint.read_text() + '\n[[slot]]\nname = "lamp"\npart = "LED"\n' + RELAY)
     link = f"udp:127.0.0.1:{free_port()}"
     with ExitStack() as stack:
         process = stack.enter_context(running("master", "--link", link, "--port", "0", cwd=folder))
@@ -60,17 +78,31 @@ def lesson(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterat
         set_up(browser, site)
         lamp = stack.enter_context(running("part", "LED", "--link", link, cwd=folder))
         lamp.wait_for("active")
-        yield site, lamp
+        yield Lesson(site, lamp, link)
+
+
+def join(page: Page) -> Page:
+    """A phone that has never been here scans the code that the page shows."""
+    link = page.get_by_text(re.compile(r"/join\?ticket=")).text_content()
+    assert link is not None
+    browser = page.context.browser
+    assert browser is not None
+    phone = new_page(browser, width=390, height=844)
+    phone.goto(link)
+    phone.get_by_role("button", name="Join as a guest").click()
+    phone.wait_for_function("window.did_handshake && window.socket.connected")
+    expect(phone.locator(".cm-content")).to_be_visible()
+    return phone
 
 
 @pytest.fixture
-def visit(browser: Browser, lesson: tuple[Site, Process]) -> Iterator[Callable[..., Page]]:
+def visit(browser: Browser, lesson: Lesson) -> Iterator[Callable[..., Page]]:
     """Opens a page as ada, in a browser of its own."""
     opened: list[Page] = []
 
     def open_it(path: str, **size: int) -> Page:
-        page = open_as_ada(browser, lesson[0], **size)
-        go(page, f"{lesson[0].base}{path}")
+        page = open_as_ada(browser, lesson.site, **size)
+        go(page, f"{lesson.site.base}{path}")
         opened.append(page)
         return page
 
@@ -80,7 +112,7 @@ def visit(browser: Browser, lesson: tuple[Site, Process]) -> Iterator[Callable[.
 
 
 def test_one_program_one_click_and_the_lamp_obeys(
-    visit: Callable[..., Page], lesson: tuple[Site, Process], record_property: Callable[[str, object], None]
+    visit: Callable[..., Page], lesson: Lesson, record_property: Callable[[str, object], None]
 ) -> None:
     page = visit("/program")
     press(page, "More")
@@ -91,7 +123,7 @@ def test_one_program_one_click_and_the_lamp_obeys(
     press(page, "Run")
     page.locator("#ms-prog-adopt button").click()
     page.get_by_role("button", name="glow_1.glow → lamp.on").click()
-    lesson[1].wait_for("100")
+    lesson.lamp.wait_for("100")
     taken = time.monotonic() - began
     record_property("run_to_lamp_s", taken)
     print(f"from Run to the lamp: {taken:.2f} s")
@@ -103,12 +135,10 @@ def test_one_program_one_click_and_the_lamp_obeys(
     library = visit("/library/GLOW-1")
     expect(library.get_by_text("said by the part")).to_be_visible()
     expect(library.get_by_role("heading", name="Glow <b>worm</b>")).to_be_visible()
-    # The same program on a phone, by the link behind the QR code.
+    # The same program on a phone without an account, by the link behind the QR code.
     press(page, "More")
     page.get_by_text("Share, or open on a phone").click()
-    link = page.get_by_text(re.compile(r"/program\?shared=")).text_content()
-    assert link is not None
-    phone = visit(link[link.index("/program") :], width=390, height=844)
+    phone = join(page)
     expect(phone.locator(".cm-content")).to_contain_text("GLOW-1")
     press(phone, "Run")
     expect_state(phone, "refused")  # the slot is taken: it waits as a spare
@@ -118,9 +148,39 @@ def test_one_program_one_click_and_the_lamp_obeys(
     expect_state(phone, "active")
     expect(phone.locator("#ms-prog-reason")).to_contain_text("In slot glow")
     phone.wait_for_function("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    page.get_by_role("dialog").get_by_role("button", name="Close").click()
     for one in (phone, page):
-        one.keyboard.press("Escape")
         press(one, "Stop")
+    phone.context.close()
+
+
+def test_a_phone_without_an_account_is_a_part_that_switches_a_relay(
+    visit: Callable[..., Page], lesson: Lesson, tmp_path: Path
+) -> None:
+    page = visit("/program")
+    press(page, "More")
+    page.get_by_text("A phone as a part").click()
+    phone = join(page)
+    expect(page.get_by_text("Used. For another device make a new code.")).to_be_visible()
+    expect(phone.get_by_role("button", name="More", exact=True)).to_have_count(0)
+    phone.wait_for_function("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    press(phone, "Run")
+    expect_state(phone, "refused")
+    tray = visit("/arrivals", width=390, height=844)
+    tray.get_by_role("button", name="Adopt into slot").click()
+    tray.get_by_text("Into a new slot, phone").click()
+    expect_state(phone, "active")
+    status = tray.evaluate(BIND, ["button_1", {"from": "phone.button_1", "to": ["relay.on"], "type": "Switch"}])
+    assert status == 200
+    expect(phone.locator("#ms-prog-ports")).to_contain_text("button_1 →")
+    button = phone.get_by_role("button", name="1", exact=True)
+    with running("part", "RELAY-1", "--link", lesson.link, cwd=tmp_path) as relay:
+        relay.wait_for("active")
+        for act, is_on in (("pointerdown", "true"), ("pointerup", "false")):
+            button.dispatch_event(act)
+            relay.wait_for(f"closed {is_on}")
+    press(phone, "Stop")
+    phone.context.close()
 
 
 def test_arrivals_shows_what_it_says_as_text_and_why_it_is_refused(visit: Callable[..., Page]) -> None:

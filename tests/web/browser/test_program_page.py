@@ -221,6 +221,7 @@ def test_a_program_is_kept_by_version_and_shared(open_desk: Callable[..., Page],
     expect(page.locator(".cm-content")).to_contain_text("print('first')")
     press(page, "More")
     page.get_by_text("Share, or open on a phone").click()
+    page.get_by_text("People with an account").click()
     link = page.get_by_text(re.compile(r"/program\?shared=")).text_content()
     assert link is not None
     other = open_desk(link[link.index("?") :], width=390, height=844)
@@ -264,7 +265,7 @@ part.run()
     press(page, "Stop")
 
 
-@pytest.mark.parametrize("name", ["phone_stick.py", "phone_lamp.py"])
+@pytest.mark.parametrize("name", ["phone_stick.py", "phone_lamp.py", "phone.py"])
 def test_the_ready_programs_of_a_phone_reach_the_robot(open_desk: Callable[..., Page], name: str) -> None:
     page = open_desk(f"?name={name}", width=390, height=844)
     press(page, "Run")

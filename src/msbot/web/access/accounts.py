@@ -18,6 +18,7 @@ from msbot.operations.rights import Right, Role, role_named
 from msbot.runtime.sentence import said
 from msbot.web.access.attempts import Attempts, SignInRefused
 from msbot.web.access.class_list import Newcomer
+from msbot.web.access.guests import DEMO, Guests
 from msbot.web.access.passwords import LONGEST, Argon2Hasher, Hasher, check_password
 from msbot.web.access.sessions import Session, Sessions, digest_of
 from msbot.web.access.users import User, UserStore
@@ -55,6 +56,7 @@ class Accounts:
         self._clock = clock
         self._hasher = hasher or Argon2Hasher()
         self.sessions = Sessions(clock)
+        self.guests = Guests(self, clock)
         self._attempts = Attempts()
         self._users: dict[str, User] = {}
         self._token_users: dict[str, str] = {}
@@ -80,7 +82,7 @@ class Accounts:
         for name, old in before.items():
             new = self._users.get(name)
             if new is None or new.password_hash != old.password_hash:
-                self.sessions.end_all_of(name)
+                self.guests.end_all_of(name)
             elif new.role is not old.role:
                 self.sessions.change_role(name, new.role)
 
@@ -137,7 +139,7 @@ class Accounts:
         """
         if not self._entry_token or not hmac.compare_digest(token.encode(), self._entry_token.encode()):
             raise SignInRefused(said("this link is of another run: copy the one that msbot has printed last"))
-        return self.sessions.begin("demo", Role.ADMINISTRATOR, is_lasting=True)
+        return self.sessions.begin(DEMO, Role.ADMINISTRATOR, is_lasting=True)
 
     # Signing in and out
 
@@ -213,6 +215,8 @@ class Accounts:
         """Whether a session has not ended; asking does not count as using it."""
         if session.is_program:
             return True
+        if session.guest_of:
+            return self.sessions.is_fresh(session) and self.guests.may_invite(session.guest_of)
         return self.sessions.is_fresh(session) and (session.is_lasting or session.name in self._users)
 
     def by_api_token(self, token: str) -> Session | None:
@@ -236,8 +240,7 @@ class Accounts:
         """
         if not self.holds(session):
             raise SignedOut(said("you are signed out: sign in again"))
-        if not session.is_program:
-            self.sessions.use(session)
+        self.sessions.use(session)
         if not session.may(right):
             raise NotAllowed(
                 said(
@@ -315,7 +318,7 @@ class Accounts:
         hashed = await self._hasher.hash(password)
         async with self._changing:
             await self._keep(who, replace(self._find(name), password_hash=hashed, tokens=()))
-        self.sessions.end_all_of(name)
+        self.guests.end_all_of(name)
 
     async def remove_user(self, name: str, *, who: str) -> None:
         """Remove a person, who can no longer sign in.

@@ -18,6 +18,8 @@ IDLE_S = 8 * 3600.0
 """A session that is not used for this long ends: a school day."""
 LONGEST_S = 7 * 24 * 3600.0
 """No session is longer than a week, however busy."""
+GUEST_S = 4 * 3600.0
+"""A guest of a lesson stays no longer."""
 MOST_SESSIONS = 1000
 """If there are more, the person with the most loses their longest unused one: nobody ends another's."""
 
@@ -38,6 +40,8 @@ class Session:
     """What a changing request has to show in addition to the cookie."""
     is_lasting: bool = False
     """True: no user of the store stands behind it (the demo's own administrator)."""
+    guest_of: str = ""
+    """Who made the ticket by which a guest came in; empty for people who have signed in."""
 
     @property
     def is_program(self) -> bool:
@@ -45,8 +49,12 @@ class Session:
         return not self.key
 
     def may(self, right: Right) -> bool:
-        """Whether the role has that right."""
-        return self.role >= right.least
+        """Whether the role has that right, or a guest came to make use of it."""
+        return self.role >= right.least or (bool(self.guest_of) and right is Right.JOIN)
+
+    def is_of(self, name: str) -> bool:
+        """Whether that user has signed in here; a guest is no user, whatever users are called."""
+        return self.name == name and not self.is_lasting and not self.guest_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +66,7 @@ class KeptSession:
     csrf: str
     age_s: float
     idle_s: float
+    guest_of: str = ""
 
 
 class Sessions:
@@ -76,12 +85,14 @@ class Sessions:
         """Call `listener` with every session that ends, or whose pages must be rebuilt because the role changed."""
         self._listeners.append(listener)
 
-    def begin(self, name: str, role: Role, *, is_lasting: bool = False) -> Session:
+    def begin(self, name: str, role: Role, *, is_lasting: bool = False, guest_of: str = "") -> Session:
         """Begin a session."""
         if len(self._by_key) >= MOST_SESSIONS:
             self._drop_one()
         now, token = self._clock(), secrets.token_urlsafe(32)
-        session = Session(name, role, now, now, key=digest_of(token), token=token, is_lasting=is_lasting)
+        session = Session(
+            name, role, now, now, key=digest_of(token), token=token, is_lasting=is_lasting, guest_of=guest_of
+        )
         self._by_key[session.key] = session
         return session
 
@@ -92,7 +103,8 @@ class Sessions:
     def is_fresh(self, session: Session) -> bool:
         """Whether a session has not ended and is not too old; looking at that does not count as using it."""
         now = self._clock()
-        is_young = now - session.used_at <= IDLE_S and now - session.began_at <= LONGEST_S
+        longest_s = GUEST_S if session.guest_of else LONGEST_S
+        is_young = now - session.used_at <= IDLE_S and now - session.began_at <= longest_s
         return self._by_key.get(session.key) is session and is_young
 
     def use(self, session: Session) -> None:
@@ -106,9 +118,9 @@ class Sessions:
             self._tell(session)
 
     def end_all_of(self, name: str, *, but: Session | None = None) -> None:
-        """End the sessions of a person."""
-        for session in self.of(name):
-            if session is not but:
+        """End the sessions of a person, and of the guests whom that person has let in."""
+        for session in list(self._by_key.values()):
+            if (session.is_of(name) or session.guest_of == name) and session is not but:
                 self.end(session)
 
     def change_role(self, name: str, role: Role) -> None:
@@ -126,13 +138,13 @@ class Sessions:
 
     def of(self, name: str) -> list[Session]:
         """The sessions of a user."""
-        return [one for one in self._by_key.values() if one.name == name and not one.is_lasting]
+        return [one for one in self._by_key.values() if one.is_of(name)]
 
     def kept(self) -> list[KeptSession]:
         """The sessions that should outlive the master."""
         now = self._clock()
         return [
-            KeptSession(one.key, one.name, one.csrf, now - one.began_at, now - one.used_at)
+            KeptSession(one.key, one.name, one.csrf, now - one.began_at, now - one.used_at, one.guest_of)
             for one in self._by_key.values()
             if not one.is_lasting
         ]
@@ -147,12 +159,13 @@ class Sessions:
         """
         now = self._clock()
         for one in kept:
-            role = role_of(one.name)
+            role = role_of(one.guest_of or one.name)
             if role is None or len(self._by_key) >= MOST_SESSIONS:
                 continue
             session = Session(
-                one.name, role, now - one.age_s - away_s, now - one.idle_s - away_s, key=one.key, csrf=one.csrf
-            )
+                one.name, Role.VIEWER if one.guest_of else role, now - one.age_s - away_s, now - one.idle_s - away_s,
+                key=one.key, csrf=one.csrf, guest_of=one.guest_of,
+            )  # fmt: skip
             self._by_key[one.key] = session
             if not self.is_fresh(session):
                 del self._by_key[one.key]

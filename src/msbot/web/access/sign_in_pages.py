@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from urllib.parse import parse_qs
 
 from fastapi import APIRouter, Request
@@ -12,7 +13,7 @@ from msbot.runtime.sentence import said
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.cookies import CookieNames
-from msbot.web.access.sessions import LONGEST_S, Session
+from msbot.web.access.sessions import GUEST_S, LONGEST_S, Session
 from msbot.web.html import render
 from msbot.web.language import language_of
 
@@ -23,7 +24,7 @@ _DEVICE_S = 365 * 24 * 3600
 
 
 def make_forms(accounts: Accounts, robot: str, cookies: CookieNames) -> APIRouter:
-    """The pages `/login`, `/setup`, `/enter` and `/logout`.
+    """The pages `/login`, `/setup`, `/enter`, `/join` and `/logout`.
 
     Args:
         accounts: who may sign in.
@@ -112,16 +113,48 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames) -> APIRoute
         response = RedirectResponse(wanted, status_code=303)
         is_secure = request.url.scheme == "https"
         response.set_cookie(
-            cookies.session, session.token, max_age=int(LONGEST_S), httponly=True, samesite="lax", secure=is_secure
-        )
-        if not session.is_lasting:
+            cookies.session, session.token, max_age=int(GUEST_S if session.guest_of else LONGEST_S), httponly=True,
+            samesite="lax", secure=is_secure,
+        )  # fmt: skip
+        if not session.is_lasting and not session.guest_of:
             response.set_cookie(
                 cookies.device, accounts.device_of(session.name), max_age=_DEVICE_S, httponly=True, samesite="strict",
                 secure=is_secure,
             )  # fmt: skip
         return response
 
+    _add_guest_forms(router, accounts, page, signed_in)
     return router
+
+
+def _add_guest_forms(
+    router: APIRouter, accounts: Accounts, page: Callable[..., Response], signed_in: Callable[..., Response]
+) -> None:
+    """What whoever scans a ticket sees (`msbot.web.access.guest_tickets`)."""
+
+    @router.get("/join")
+    async def show_join(request: Request, ticket: str = "") -> Response:
+        if request.scope["state"].get("session") is not None:  # somebody known: the ticket is not needed
+            return RedirectResponse(accounts.guests.tickets.path_of(ticket) or "/program", status_code=303)
+        try:
+            found = accounts.guests.tickets.find(ticket)
+        except SignInRefused as refused:
+            return refused_guest(request, refused)
+        return page(request, "join", "Join", ticket=ticket, maker=found.maker)
+
+    @router.post("/join")
+    async def join(request: Request) -> Response:
+        """Only a press of the button uses the ticket up: cameras and chats fetch links to show what is behind them."""
+        form = await _form_of(request)
+        try:
+            session, path = accounts.guests.admit(form.get("ticket", ""))
+        except SignInRefused as refused:
+            return refused_guest(request, refused)
+        return signed_in(request, session, path)
+
+    def refused_guest(request: Request, refused: SignInRefused) -> Response:
+        words = language_of(request).say(str(refused))
+        return page(request, "sign_in", "Sign in", wanted="/program", error=words, status=403)
 
 
 def local_path(wanted: str) -> str:

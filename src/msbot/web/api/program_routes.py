@@ -8,6 +8,7 @@ from fastapi import APIRouter, Path, Query
 from pydantic import Field
 
 from msbot.runtime.sentence import said
+from msbot.web.access.guest_tickets import MOST_GUESTS, TICKET_S
 from msbot.web.api.model import Model
 from msbot.web.api.models import Done
 from msbot.web.api.session import SignedIn
@@ -47,6 +48,23 @@ class Shared(Model):
 
     path: str
     """Behind the page's address."""
+
+
+class Invitation(Model):
+    """A ticket by which devices join without an account."""
+
+    path: str
+    """Behind the page's address; for a QR code."""
+    valid_s: float
+    """Seconds that it can be used."""
+    guests: int
+    """Devices that it lets in."""
+
+
+class Guests(Model):
+    """For how many devices a ticket is."""
+
+    guests: int = Field(default=1, ge=1, le=MOST_GUESTS)
 
 
 def add_programs(router: APIRouter, service: Service) -> None:
@@ -92,3 +110,9 @@ def add_programs(router: APIRouter, service: Service) -> None:
     async def share(session: SignedIn, name: FileName) -> Shared:
         """Let everybody who can sign in open a copy; the link is the same each time."""
         return Shared(path=f"/program?shared={await programs.share(session, name)}")
+
+    @router.post("/programs/{name}/invite")
+    async def invite(session: SignedIn, name: FileName, wanted: Guests) -> Invitation:
+        """Make a ticket by which devices run a copy without an account; more than one: teachers."""
+        path, ticket = await programs.invite(session, name, wanted.guests)
+        return Invitation(path=path, valid_s=TICKET_S, guests=ticket.left)

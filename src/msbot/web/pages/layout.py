@@ -53,7 +53,7 @@ MENU = (
     MenuEntry("/settings", "tune", "Settings"),
     MenuEntry("/bus", "cable", "Bus"),
     MenuEntry("/wires", "hub", "Wires"),
-    MenuEntry("/program", "code", "Program", Right.OPERATE),
+    MenuEntry("/program", "code", "Program", Right.JOIN),
     MenuEntry("/timeline", "timeline", "Timeline"),
     MenuEntry("/library", "menu_book", "Library"),
     MenuEntry("/journal", "history", "Journal"),

@@ -22,12 +22,14 @@ from msbot.web.html import Markup, render
 from msbot.web.pages.arrivals import adopt
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import show_dialog
+from msbot.web.pages.share_program import ShareDialog
 from msbot.web.programs.browser_files import examples
 from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.service import Service
-from msbot.web.svg.passport import qr_svg
 
 FIRST = "01_hello.py"
+PHONE = "phone.py"
+"""The example that makes a part of the device itself."""
 NEW = """from msbot import Part, Switch
 
 part = Part("BLINK-1", describes="A light that blinks")
@@ -54,7 +56,7 @@ def register(service: Service) -> None:
     @ui.page("/program")
     async def program(request: Request, name: str = "", shared: str = "") -> None:
         with page_frame(service, request, "/program", "Program") as page:
-            if not page.may(Right.OPERATE):
+            if not page.may(Right.JOIN):
                 ui.label(page.say("Students and teachers may run programs."))
                 return
             desk = _Desk(page, str(request.base_url))
@@ -72,29 +74,26 @@ class _Desk:
         self._kept = ""
         """The text as it was opened or kept last."""
         self._mine: list[str] = []
+        self._is_guest = bool(page.session.guest_of)
+        """Runs what the ticket opens, and keeps nothing."""
 
     async def lay_out(self, name: str, shared: str) -> None:
         """Make everything, and open what the address names: a program, a shared one, or the last."""
         say = self._page.say
         for script in ("board", "program"):
             ui.add_head_html(f'<script src="/web/program/{script}.js"></script>')
-        with ui.element("div").classes("row w-full ms-prog-bar"):
+        bar = ui.element("div").classes("row w-full ms-prog-bar")
+        with bar:
             self._choice = ui.select([], label=say("Program"), on_change=self._chosen).props("dense outlined")
-            self._choice.classes("ms-prog-choice")
+            self._choice.classes("ms-prog-choice").set_visibility(not self._is_guest)
             run = ui.button(say("Run"), icon="play_arrow", on_click=self._keep_if_changed).props("color=positive")
             run.on("click", js_handler="() => msbotProgram.run()")
             stop = ui.button(say("Stop"), icon="stop").props("outline").classes("ms-prog-stop")
             stop.on("click", js_handler="() => msbotProgram.stop()")
-            board = ui.button(say("Put on a board"), icon="usb", on_click=self._keep_if_changed).props("flat")
-            board.on("click", js_handler="() => msbotProgram.showBoard()")
-            ui.button(say("Keep"), icon="save", on_click=self._keep_now).props("flat")
-            with ui.button(icon="more_vert").props(f'flat dense aria-label="{say("More")}"'), ui.menu():
-                ui.menu_item(say("New program"), self._new)
-                ui.menu_item(say("Keep as …"), self._keep_as)
-                ui.menu_item(say("Earlier versions"), self._versions)
-                ui.menu_item(say("Share, or open on a phone"), self._share)
-                ui.menu_item(say("Remove"), self._remove)
-        with ui.element("div").classes("ms-prog"):
+        if not self._is_guest:
+            with bar:
+                self._lay_out_keeping()
+        with ui.element("div").classes("ms-prog ms-prog-guest" if self._is_guest else "ms-prog"):
             with ui.element("div").classes("ms-prog-left"):
                 self._editor = ui.codemirror("", language="Python", theme="githubLight").classes("ms-prog-editor")
                 ui.html(render("console", say=say), sanitize=False).classes("w-full")
@@ -114,6 +113,20 @@ class _Desk:
         self._page.client.on_disconnect(self._left)
         await self._list()
         await self._open_first(name, shared)
+
+    def _lay_out_keeping(self) -> None:
+        """What belongs to a person's own programs."""
+        say = self._page.say
+        board = ui.button(say("Put on a board"), icon="usb", on_click=self._keep_if_changed).props("flat")
+        board.on("click", js_handler="() => msbotProgram.showBoard()")
+        ui.button(say("Keep"), icon="save", on_click=self._keep_now).props("flat")
+        with ui.button(icon="more_vert").props(f'flat dense aria-label="{say("More")}"'), ui.menu():
+            ui.menu_item(say("New program"), self._new)
+            ui.menu_item(say("Keep as …"), self._keep_as)
+            ui.menu_item(say("Earlier versions"), self._versions)
+            ui.menu_item(say("Share, or open on a phone"), self._share)
+            ui.menu_item(say("A phone as a part"), self._phone)
+            ui.menu_item(say("Remove"), self._remove)
 
     async def _open_first(self, name: str, shared: str) -> None:
         page = self._page
@@ -135,7 +148,7 @@ class _Desk:
 
     async def _list(self) -> None:
         """What can be chosen: the person's own programs first."""
-        found = await self._try(self._deeds.mine(self._page.session))
+        found = None if self._is_guest else await self._try(self._deeds.mine(self._page.session))
         self._mine = [program.name for program in found or ()]
         titles = {name: name for name in self._mine}
         titles |= {name: self._page.say("{name} (example)", name=name) for name in examples() if name not in titles}
@@ -165,7 +178,7 @@ class _Desk:
         )
 
     async def _keep_if_changed(self) -> None:
-        if self._editor.value != self._kept:
+        if self._editor.value != self._kept and not self._is_guest:
             await self._keep(self._name, quiet=True)
 
     async def _keep_now(self) -> None:
@@ -187,7 +200,7 @@ class _Desk:
 
     async def _left(self) -> None:
         """The page is closed: what was typed is not lost."""
-        if self._editor.value != self._kept:
+        if self._editor.value != self._kept and not self._is_guest:
             try:
                 await self._deeds.keep(self._page.session, self._name, self._editor.value)
             except MsbotError:
@@ -266,29 +279,12 @@ class _Desk:
         show_dialog(dialog)
 
     async def _share(self) -> None:
-        page, is_example = self._page, self._name not in self._mine and self._editor.value == self._kept
-        if is_example and self._name in examples():
-            path = f"program?name={self._name}"
-        else:
-            if not await self._keep(self._name, quiet=True):
-                return
-            word = await self._try(self._deeds.share(page.session, self._name))
-            if word is None:
-                return
-            path = f"program?shared={word}"
-        link = f"{self._base}{path}"
-        with ui.dialog() as dialog, ui.card():
-            ui.label(page.say("Whoever can sign in can open a copy by this link:"))
-            ui.label(link).classes("mono").style("user-select:all;overflow-wrap:anywhere")
-            if _is_only_here(self._base):
-                ui.label(page.say(
-                    "This address leads to this computer only. For a phone start the robot with --host 0.0.0.0, and "
-                    "open the page here by the address that it prints."
-                )).classes("soft")  # fmt: skip
-            else:
-                ui.html(qr_svg(link, scale=5), sanitize=False)
-            ui.button(page.say("Close"), on_click=dialog.close).props("flat")
-        show_dialog(dialog)
+        is_example = self._name in examples() and self._name not in self._mine and self._editor.value == self._kept
+        if is_example or await self._keep(self._name, quiet=True):
+            await ShareDialog(self._page, self._base, self._name, is_example=is_example).show()
+
+    async def _phone(self) -> None:
+        await ShareDialog(self._page, self._base, PHONE, is_example=PHONE not in self._mine).show()
 
     def _remove(self) -> None:
         page = self._page
@@ -380,8 +376,3 @@ def _lines_of(args: Any) -> list[int]:  # noqa: ANN401 - anything can come from 
         return []
     lines = args.get("lines")
     return [line for line in lines[:_MOST_MARKS] if type(line) is int and line > 0] if isinstance(lines, list) else []
-
-
-def _is_only_here(base: str) -> bool:
-    host = base.partition("://")[2]
-    return host.startswith(("127.", "localhost", "[::1]"))

@@ -8,6 +8,7 @@ from msbot.errors import NotThere
 from msbot.operations.rights import Right
 from msbot.registry import ProgramRecord, ProgramVersion
 from msbot.web.access.accounts import Accounts
+from msbot.web.access.guest_tickets import Ticket
 from msbot.web.access.sessions import Session
 from msbot.web.programs.browser_files import examples
 from msbot.web.programs.program_shelf import ProgramShelf, check_program
@@ -31,7 +32,13 @@ class ProgramDeeds:
         return await self._shelf.of(session.name)
 
     async def text(self, session: Session, name: str, number: int | None = None) -> str:
-        """A program of the person, or an earlier version of it; an example that the person has not changed."""
+        """A program of the person, or an earlier version of it; an example that the person has not changed.
+
+        Guests have no programs of their own.
+        """
+        if session.guest_of and number is None and name in examples():
+            self._accounts.require(session, Right.JOIN)
+            return examples()[name]
         self._accounts.require(session, Right.OPERATE)
         try:
             return await self._shelf.text(session.name, name, number)
@@ -63,5 +70,14 @@ class ProgramDeeds:
 
     async def shared(self, session: Session, word: str) -> tuple[str, str, str]:
         """Owner, name and text of a program that somebody shares."""
-        self._accounts.require(session, Right.OPERATE)
+        self._accounts.require(session, Right.JOIN)
         return await self._shelf.shared(word)
+
+    async def invite(self, session: Session, name: str, guests: int) -> tuple[str, Ticket]:
+        """Make a ticket by which so many devices run a program without an account; returns the path of its link."""
+        self._accounts.require(session, Right.OPERATE)
+        kept = {program.name for program in await self._shelf.of(session.name)}
+        is_example = name in examples() and name not in kept
+        path = f"/program?name={name}" if is_example else f"/program?shared={await self.share(session, name)}"
+        word, ticket = self._accounts.guests.invite(session, path, guests)
+        return f"/join?ticket={word}", ticket
