@@ -40,6 +40,15 @@ def test_every_link_leads_somewhere(page: Path) -> None:
     assert not missing
 
 
+@pytest.mark.parametrize("page", sorted((DOCS / "howto").glob("*.md")), ids=lambda page: page.name)
+def test_a_guide_that_installs_msbot_says_where_it_comes_from(page: Path) -> None:
+    """It is in no package index: `pip install 'msbot[serial]'` only adds to an environment that has it already."""
+    words_and_code = page.read_text().split("```")
+    blocks = zip(words_and_code[::2], words_and_code[1::2], strict=False)
+    unsaid = [code for words, code in blocks if "pip install 'msbot[" in code and "](install.md)" not in words]
+    assert not unsaid
+
+
 def test_every_page_is_in_the_navigation() -> None:
     navigation = (ROOT / "mkdocs.yml").read_text()
     assert [str(page.relative_to(DOCS)) for page in PAGES if str(page.relative_to(DOCS)) not in navigation] == []

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.agent.status_files import find_files, leave_word, status_folder
+from msbot.agent.status_files import find_files, leave_word, put_back, status_folder
 from msbot.errors import ConfigError
 
 
@@ -103,3 +103,11 @@ def test_a_place_that_cannot_be_written_is_explained(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match=r"cannot write .*/status-.*\.json \(Not a directory\)"):
         leave_word(tmp_path / "file" / "msbot", 1)
+
+
+def test_a_file_is_not_put_back_into_a_folder_of_others(tmp_path: Path) -> None:
+    file = leave_word(tmp_path / "msbot", 1)
+    file.path.unlink()
+    file.path.parent.chmod(0o777)
+    put_back(file)
+    assert not file.path.exists()

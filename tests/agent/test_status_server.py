@@ -181,3 +181,15 @@ async def test_a_file_that_leads_nowhere_is_removed(tmp_path: Path) -> None:
     _, file = answering(tmp_path / "msbot", None)
     assert await read(tmp_path / "msbot") == []
     assert not file.path.exists()
+
+
+async def test_a_file_that_somebody_has_removed_comes_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(status_module, "LOOK_AFTER_S", 0.001)
+    folder = tmp_path / "msbot"
+    async with shown(Agent(MemorySpace()), folder) as file:
+        file.path.unlink()
+        folder.rmdir()
+        while not file.path.exists() or not await read(folder):  # noqa: ASYNC110 - a file makes no sound
+            await asyncio.sleep(0)
+        assert file.path.stat().st_mode & 0o777 == 0o600
+    assert list(folder.iterdir()) == []

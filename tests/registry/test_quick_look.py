@@ -61,6 +61,9 @@ def test_it_shows_what_the_registry_shows(
         for word in ("AA", "aa", UID.hex(), "nobody"):
             for limit in (1, 5):
                 assert look.journal(limit, word) == registry.robots.journal(limit, word)
+                for one in look.robots():
+                    found = registry.robots.journal(limit, word, robot=one)
+                    assert look.journal(limit, word, one) == found
         reason: Any = look.journal(1, "AA")[0].event.reason
     assert (reason, reason.form) == (WHY, WHY.form)
 

@@ -18,7 +18,7 @@ from collections.abc import Awaitable, Callable, Iterator, Mapping
 from pathlib import Path
 
 from msbot.agent.server import Agent
-from msbot.agent.status_files import DESCRIBE, FORMAT, leave_word, status_folder
+from msbot.agent.status_files import DESCRIBE, FORMAT, leave_word, put_back, status_folder
 from msbot.errors import ConfigError
 from msbot.runtime.accept_connections import Acceptor
 from msbot.runtime.tally import Tally
@@ -39,6 +39,8 @@ Control = Callable[[Mapping[str, object]], Awaitable[Mapping[str, object]]]
 READ_S = 5.0
 """A reader that takes nothing for this long counts as gone."""
 
+LOOK_AFTER_S = 5.0
+"""How often a server looks whether its file is still there."""
 _MAX_STRANGERS = 32
 _MAX_READERS = 4
 _CLIENTS_PER_TURN = 32
@@ -98,7 +100,9 @@ class StatusServer:
             file = leave_word(self._folder, listening.getsockname()[1])
             self._token, self._since, self.path = file.token.encode(), loop.time(), file.path
             try:
-                await loop.create_future()
+                while True:
+                    await asyncio.sleep(LOOK_AFTER_S)
+                    await asyncio.to_thread(put_back, file)
             finally:
                 self.path = None
                 file.path.unlink(missing_ok=True)

@@ -86,12 +86,13 @@ class QuickLook:
             found.extend(records if self.is_run(one) else [without_master(record) for record in records])
         return found
 
-    def journal(self, limit: int, part: str) -> list[JournalEntry]:
-        """The newest lines about a part, the oldest of them first; see `Registry.robots.journal`."""
+    def journal(self, limit: int, part: str, robot: RobotRecord | None = None) -> list[JournalEntry]:
+        """The newest lines about a part, of one robot or of all, the oldest first; see `Registry.robots.journal`."""
         names = ("j.part", "j.slot", "j.local_name", "j.part_number", "j.uid")
         fits = " OR ".join(f"{name} = :part OR lower({name}) = :small" for name in names)
-        query = f"{_JOURNAL} WHERE {fits} ORDER BY j.id DESC LIMIT :limit"
-        rows = self._connection.execute(query, {"part": part, "small": part.lower(), "limit": limit}).fetchall()
+        query = f"{_JOURNAL} WHERE ({fits}) AND (:robot IS NULL OR r.id = :robot) ORDER BY j.id DESC LIMIT :limit"
+        values = {"part": part, "small": part.lower(), "limit": limit, "robot": None if robot is None else robot.id}
+        rows = self._connection.execute(query, values).fetchall()
         return [_entry(row) for row in reversed(rows)]
 
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from msbot.cli.look.why import command
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.errors import RegistryError
+from msbot.errors import ConfigError, RegistryError
 from msbot.part.join import plug
 from msbot.part.join.keys import prove
 from msbot.pnp import Claim, Inventory, Refusal
@@ -244,6 +244,26 @@ def test_a_part_that_was_never_there_is_a_mistake_with_the_names_of_those_that_w
     why(tmp_path, unknown_part)
     with pytest.raises(Exception, match="no part 'XX' is in the journal; seen so far: DD"):
         CliRunner().invoke(command, ["XX", "--db", str(tmp_path / "robot.db")], catch_exceptions=False)
+
+
+def test_in_a_database_of_several_robots_the_one_that_is_named_answers(tmp_path: Path) -> None:
+    why(tmp_path, unknown_part)
+    (tmp_path / "rex.toml").write_text('[robot]\nname = "Rex"\n[[slot]]\nname = "AA"\npart = "ABCD"\n')
+    library = load_library()
+    with open_registry(tmp_path / "robot.db") as registry:
+        rex = registry.robots.apply_blueprint(load_blueprint(tmp_path / "rex.toml", library), library)
+        Counter(registry, rex).claim("ABCD", name="DD")
+
+    def ask(*more: str) -> str:
+        asked = ["DD", "--db", str(tmp_path / "robot.db"), *more]
+        return CliRunner().invoke(command, asked, catch_exceptions=False).stdout
+
+    assert "part number ABCD" in ask("--robot", "Rex")
+    assert "part number ABCD" not in ask("--robot", "MSBOT_MASTER")
+    assert "  Rex: DD: " in ask("--last", "9")
+    assert "  MSBOT_MASTER: DD: " in ask("--last", "9")
+    with pytest.raises(ConfigError, match=r"has no robot 'X'; there are"):
+        ask("--robot", "X")
 
 
 def _why_after(

@@ -130,7 +130,7 @@ def _find(database: str | None, robot: str | None) -> RunningProcess | None:
         for process in running_processes()
         if process.what == MASTER
         and (database is None or process.details.get("database") == database)
-        and (robot is None or process.details.get("robot") == robot)
+        and (robot is None or robot in (process.details.get("robot"), process.details.get("serial_number")))
     ]
     if len(found) > 1:
         names = ", ".join(f"{one.details.get('robot')} ({one.details.get('database')})" for one in found)

@@ -33,8 +33,8 @@ class Look(Protocol):
     def parts(self, robot: RobotRecord | None = None) -> list[PartRecord]:
         """All parts that were ever seen, of one robot or of all."""
 
-    def journal(self, limit: int, part: str) -> list[JournalEntry]:
-        """The newest lines of the journal about a part."""
+    def journal(self, limit: int, part: str, robot: RobotRecord | None = None) -> list[JournalEntry]:
+        """The newest lines of the journal about a part, of one robot or of all."""
 
 
 @contextmanager
@@ -67,4 +67,8 @@ class _ThroughRegistry:
         self.is_run = registry.runs.is_run
         self.slot_names = registry.robots.slot_names
         self.parts = registry.robots.parts
-        self.journal = registry.robots.journal
+        self._robots = registry.robots
+
+    def journal(self, limit: int, part: str, robot: RobotRecord | None = None) -> list[JournalEntry]:
+        """See `Look.journal`."""
+        return self._robots.journal(limit, part, robot=robot)

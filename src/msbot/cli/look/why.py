@@ -10,9 +10,10 @@ import click
 
 from msbot.cli.change.robot_access import perform, running_master, until_stored
 from msbot.cli.look.looking import Look, looking_at
+from msbot.cli.look.one_robot import one_robot
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, existing_database, json_option, robot_options
 from msbot.errors import ConfigError, RegistryError
-from msbot.registry import JournalEntry
+from msbot.registry import JournalEntry, RobotRecord
 
 
 @click.command("why")
@@ -35,7 +36,7 @@ def command(part: str, last: int, db: str | None, robot: str | None, *, as_json:
         if db is None and not Path(database_beside(DEFAULT_BLUEPRINT)).exists():
             db = master.details.get("database")
     try:
-        entries = _read(part, last, db, must_be_there=not lines)
+        entries, several = _read(part, last, db, robot, must_be_there=not lines)
     except RegistryError as error:
         if not lines:
             raise
@@ -53,7 +54,7 @@ def command(part: str, last: int, db: str | None, robot: str | None, *, as_json:
     for entry in entries:
         when = datetime.fromtimestamp(entry.at_ns / 1e9).strftime("%Y-%m-%d %H:%M:%S")
         first, *evidence = entry.event.sentences()
-        click.echo(f"{when}  {first}")
+        click.echo(f"{when}  {entry.robot}: {first}" if several else f"{when}  {first}")
         for line in evidence:
             click.echo(line)
     if lines:
@@ -81,16 +82,21 @@ def _texts(found: object) -> list[str]:
     return found
 
 
-def _read(part: str, last: int, db: str | None, *, must_be_there: bool) -> list[JournalEntry]:
+def _read(
+    part: str, last: int, db: str | None, robot: str | None, *, must_be_there: bool
+) -> tuple[list[JournalEntry], bool]:
+    """The lines of the journal, and whether they may be those of several robots."""
     path = existing_database(db)
     until_stored(path)
     with looking_at(path) as look:
-        entries = look.journal(last, part)
+        robots = look.robots()
+        meant = None if robot is None else one_robot(look.database, robots, robot)
+        entries = look.journal(last, part, meant)
         if not entries and must_be_there:
-            raise ConfigError(f"no part {part!r} is in the journal; {_seen(look)}")
-    return entries
+            raise ConfigError(f"no part {part!r} is in the journal; {_seen(look, meant)}")
+    return entries, meant is None and len(robots) > 1
 
 
-def _seen(look: Look) -> str:
-    names = sorted({record.name for record in look.parts()})
+def _seen(look: Look, robot: RobotRecord | None) -> str:
+    names = sorted({record.name for record in look.parts(robot)})
     return f"seen so far: {', '.join(names)}" if names else "nothing has been plugged in yet"
