@@ -109,6 +109,7 @@ SHOTS = (
     Shot("journal", "/journal"),
     Shot("changes", "/journal", _second_tab),
     Shot("class", "/class"),
+    Shot("doctor", "/doctor"),
     Shot("admin", "/admin"),
     Shot("api", "/api-docs"),
 )

@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 import inspect
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from msbot import doctor
 from msbot.errors import MsbotError, NotThere
 from msbot.operations.rights import Role
 from msbot.operations.table import OPERATIONS, ArgumentKind
@@ -22,6 +24,7 @@ from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import PASSWORD, Rig, ToyBench, chunks, refusal, show
 
 Deed = Callable[[Service, Session], object]
+FINDING = doctor.Finding("x", "x", "x", "x", "x", "x", mending=doctor.Mending("unblock", {"part": "nobody"}))
 DEEDS: dict[str, tuple[Role, Deed]] = {
     "stop all": (Role.VIEWER, lambda do, who: do.stop_all(who)),
     "own token": (Role.VIEWER, lambda do, who: do.new_token(who, who.name, "x")),
@@ -31,6 +34,8 @@ DEEDS: dict[str, tuple[Role, Deed]] = {
     "plug": (Role.STUDENT, lambda do, who: do.plug(who, "AA", plugged=True)),
     "compare": (Role.TEACHER, lambda do, who: do.blueprint_diff(who, "x")),
     "blueprint": (Role.TEACHER, lambda do, who: do.apply_blueprint(who, "x")),
+    "examine": (Role.TEACHER, lambda do, who: do.examine(who, anew=False)),
+    "mend": (Role.TEACHER, lambda do, who: do.mend(who, FINDING)),
     "users": (Role.ADMINISTRATOR, lambda do, who: do.users(who)),
     "add user": (Role.ADMINISTRATOR, lambda do, who: do.add_user(who, "x", "viewer", "short")),
     "another's password": (Role.ADMINISTRATOR, lambda do, who: do.change_password(who, "nobody", PASSWORD, None)),
@@ -41,6 +46,7 @@ DEEDS: dict[str, tuple[Role, Deed]] = {
     "another's token": (Role.ADMINISTRATOR, lambda do, who: do.new_token(who, "nobody", "x")),
     "remove another's token": (Role.ADMINISTRATOR, lambda do, who: do.remove_token(who, "nobody", "x")),
     "backup": (Role.ADMINISTRATOR, lambda do, who: do.backup(who)),
+    "back up": (Role.ADMINISTRATOR, lambda do, who: do.mend(who, replace(FINDING, mending=doctor.Mending("backup")))),
     "restore": (Role.ADMINISTRATOR, lambda do, who: do.restore(who, chunks(b"no backup"))),
 }
 LEAST = {

@@ -41,6 +41,7 @@ COMMANDS = {
     "parts": ("look.parts", "List the parts a robot's database knows, and how they are."),
     "key": ("key", "Make, list and remove the keys of parts, for robots with authentication."),
     "why": ("look.why", "Say in words why a part is, or is not, in the robot."),
+    "doctor": ("doctor", "Find what keeps a robot from working, and what mends it."),
     **{name: ("change.verbs", OPERATIONS[name].summary) for name in CHANGING},
     "check": ("blueprint.check", "Check a blueprint against the part library."),
     "diff": ("blueprint.diff", "Show what a blueprint would change, and what was changed by hand."),

@@ -13,7 +13,7 @@ from msbot.link.contract import (
     Tap,
 )
 from msbot.link.in_process import InprocEnd, InprocHub, inproc_pair
-from msbot.link.link_schemes import open_link
+from msbot.link.link_schemes import open_link, parse_host_and_port
 from msbot.link.lossy import LossyLink
 
 __all__ = [
@@ -32,4 +32,5 @@ __all__ = [
     "Tap",
     "inproc_pair",
     "open_link",
+    "parse_host_and_port",
 ]

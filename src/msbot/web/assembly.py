@@ -6,19 +6,25 @@ import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from urllib.parse import urlsplit
 
+from msbot.agent import read_statuses
 from msbot.config import Library
+from msbot.doctor import Patient
+from msbot.doctor.patient import PAGE_PORT
 from msbot.master import Master
 from msbot.operations.bus_objects import known_object
 from msbot.operations.dispatch import RunningOperations
 from msbot.part import Message
 from msbot.registry import Registry, RobotRecord, RobotStore
 from msbot.sim import message_class
+from msbot.space import SharedSpace
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.kept_sessions import session_file
 from msbot.web.access.users import MemoryUsers, UserStore
 from msbot.web.api.models import Robot
 from msbot.web.cards import stop_state
+from msbot.web.examining import Examining
 from msbot.web.frames import FrameRing
 from msbot.web.live import Live
 from msbot.web.programs.program_shelf import RegistryShelf
@@ -117,10 +123,22 @@ class WebRoom:
         self.service = Service(
             views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock,
             programs=None if database is None else RegistryShelf(database.registry),
+            doctor=Examining(partial(self._patient, master, database), clock),
         )  # fmt: skip
         self.server = WebServer(self.service, settings)
         master.add_link(self.server.parts)
         self._sessions = session_file(accounts, self.server.mark)
+
+    def _patient(self, master: Master, database: Database | None) -> Patient:
+        """Whom the doctor of the page examines; it asks the running masters, so it belongs in a thread."""
+        return Patient(
+            database=None if database is None else database.address,
+            robot=master.profile.name,
+            links=tuple(link.info.name for link in master.links),
+            uses_dds=isinstance(master.space, SharedSpace),
+            page_port=urlsplit(self.server.own_address).port or PAGE_PORT,
+            masters=tuple(read_statuses()),
+        )
 
     def _use_library(self, library: Library) -> None:
         """Look part numbers and messages up in this library from now on."""

@@ -22,8 +22,8 @@ from msbot.runtime.sentence import Sentence
 
 COOKIE = "msbot_language"
 ENGLISH = "en"
-CATALOGUES = ("pages", "robot", "library")
-"""The files of a language: words of the pages, sentences of the robot, texts of the part library."""
+CATALOGUES = ("pages", "robot", "library", "doctor")
+"""The files of a language: words of the pages, sentences of the robot, texts of the part library, the doctor."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from functools import partial
 
+from msbot.doctor import Examination, Finding
 from msbot.errors import ConfigError
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.outcome import Outcome
@@ -32,6 +33,7 @@ from msbot.web.api.models import (
     UserLine,
     Value,
 )
+from msbot.web.examining import Examining
 from msbot.web.local_masters import LocalMaster, LocalMasters, StopForAll
 from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.programs.program_shelf import NoShelf, ProgramShelf
@@ -42,6 +44,8 @@ SHARED_S = 0.2
 """How long one snapshot of the robot serves every page."""
 MAX_BLUEPRINT = 256 * 1024
 """Octets of a blueprint."""
+BACKUP = "backup"
+"""What the doctor mends that is no operation."""
 CLASS_S = 2.0
 """How long one look at the whole database serves every class view."""
 
@@ -58,12 +62,13 @@ class Service:
         clock: the robot's clock.
         neighbours: the masters of this computer.
         programs: where people's programs are kept; None: nowhere.
+        doctor: examines robot and computer; None: nobody does.
     """
 
     def __init__(
         self, *, views: Views, operations: RunningOperations, accounts: Accounts, records: Records,
         robot: Callable[[], Robot], clock: Callable[[], float], neighbours: LocalMasters | None = None,
-        programs: ProgramShelf | None = None,
+        programs: ProgramShelf | None = None, doctor: Examining | None = None,
     ) -> None:  # fmt: skip
         self.views = views
         self.accounts = accounts
@@ -71,6 +76,7 @@ class Service:
         self._records = records
         self._robot = robot
         self._clock = clock
+        self._doctor = doctor
         self._neighbours = neighbours or LocalMasters()
         self.programs = ProgramDeeds(programs or NoShelf(), accounts)
         self._looking_around = asyncio.Lock()
@@ -211,6 +217,27 @@ class Service:
         self._need(session, Right.DESIGN)
         _check_size(toml)
         return Done(words=await self._records.apply(toml, session.name))
+
+    async def examine(self, session: Session, *, anew: bool) -> Examination:
+        """What keeps the robot from working, and what mends it."""
+        self._need(session, Right.ARRANGE)
+        return await self._the_doctor().examine(anew=anew)
+
+    async def mend(self, session: Session, finding: Finding) -> Done:
+        """Mend what the doctor has found, where that can be taken back or only adds a file."""
+        mending = finding.mending
+        if mending is None:
+            raise ConfigError(said("this cannot be mended from here: {command}", command=finding.mend))
+        if mending.name == BACKUP:
+            self._need(session, Right.ADMINISTER)
+            return Done(words=await self._the_doctor().back_up())
+        self._need(session, Right.ARRANGE)
+        return done_of(await self.operations.do(mending.name, who=self.asker(session), **mending.arguments))
+
+    def _the_doctor(self) -> Examining:
+        if self._doctor is None:
+            raise ConfigError(said("nobody examines this robot"))
+        return self._doctor
 
     # Doing: administrators
 

@@ -14,7 +14,7 @@ from tests.web.browser.conftest import Site, go, new_page
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
     "/timeline": "Timeline", "/library": "Library", "/library/SG90": "Library", "/journal": "Journal",
-    "/class": "Class", "/admin": "Admin", "/api-docs": "API",
+    "/class": "Class", "/admin": "Admin", "/doctor": "Doctor", "/api-docs": "API",
 }  # fmt: skip
 
 

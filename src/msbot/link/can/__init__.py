@@ -1,6 +1,6 @@
 """Links over a CAN bus, and the controllers they need."""
 
-from msbot.link.can.can_address import CanSettings, open_can_bus
+from msbot.link.can.can_address import CanSettings, CanTarget, open_can_bus, parse_target
 from msbot.link.can.can_link_base import CanEnd
 from msbot.link.can.controller import BusState, CanBus, CanBusInfo, FrameTap
 from msbot.link.can.eprosima_fd import CanFdEprosimaLink
@@ -19,9 +19,11 @@ __all__ = [
     "CanMasterLink",
     "CanPartLink",
     "CanSettings",
+    "CanTarget",
     "CheckResult",
     "Codec",
     "FrameTap",
     "open_can_bus",
+    "parse_target",
     "selftest",
 ]

@@ -252,7 +252,9 @@ def read_library(connection: Connection, robot_id: int) -> Library:
         PartType(
             row.number,
             row.name,
-            ports=tuple(Port(port["name"], Direction(port["direction"]), port["type"]) for port in row.ports),
+            ports=tuple(
+                Port(port["name"], Direction(port["direction"]), port["type"], port["rate_hz"]) for port in row.ports
+            ),
             parameters=read_parameters(connection, row.number),
         )
         for row in connection.execute(query).all()

@@ -8,6 +8,7 @@ from msbot.web.pages import (
     arrivals,
     bus,
     classroom,
+    doctor,
     help,
     journal,
     library,
@@ -23,7 +24,7 @@ from msbot.web.service import Service
 def register_pages(service: Service) -> None:
     """Make the pages of one robot known to NiceGUI; to be called once in a process."""
     for page in (
-        robot, arrivals, settings, bus, wires, program, timeline, library, journal, classroom, admin, api_docs, help,
+        robot, arrivals, settings, bus, wires, program, timeline, library, journal, doctor, classroom, admin, api_docs, help,
     ):  # fmt: skip
         page.register(service)
 

@@ -85,6 +85,11 @@ HELP = {
         "with its undo. Search for a part, a slot or a UID.",
         "howto/web_page",
     ),
+    "/doctor": PageHelp(
+        "The doctor looks at the computer, its buses and the robot, and says what is not as it should be. Each finding "
+        "has the command that mends it. What can be taken back is mended with one click.",
+        "howto/find_what_is_wrong",
+    ),
     "/class": PageHelp(
         "Every tile is a robot of your class. Its colour says at a glance whether all its parts are there. Click a "
         "tile to go to that robot.",

@@ -57,6 +57,7 @@ MENU = (
     MenuEntry("/timeline", "timeline", "Timeline"),
     MenuEntry("/library", "menu_book", "Library"),
     MenuEntry("/journal", "history", "Journal"),
+    MenuEntry("/doctor", "medical_services", "Doctor", Right.ARRANGE),
     MenuEntry("/class", "grid_view", "Class"),
     MenuEntry("/admin", "manage_accounts", "Admin", Right.ADMINISTER),
 )

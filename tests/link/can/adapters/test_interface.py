@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from msbot.link.can.adapters.interface import (
     CanInterface,
+    CanTotals,
     can_interfaces,
     find_interface,
     parse_interface,
@@ -28,14 +29,17 @@ LOOPBACK, VIRTUAL, ADAPTER, BUS_OFF = ANSWERS
 
 def test_answers_of_a_real_kernel() -> None:
     adapter = CanInterface(
-        "can0", 4, is_can=True, is_up=True, mtu=16, kind="can", bitrate=250_000, state=BusState.ACTIVE
-    )
+        "can0", 4, is_can=True, is_up=True, mtu=16, kind="can", bitrate=250_000, state=BusState.ACTIVE,
+        totals=CanTotals(),
+    )  # fmt: skip
     assert parse_interface(LOOPBACK) == CanInterface("lo", 1, is_can=False, is_up=True, mtu=65536)
     assert parse_interface(VIRTUAL) == CanInterface("vcan0", 2, is_can=True, is_up=True, mtu=72, kind="vcan")
     assert parse_interface(ADAPTER) == adapter
     off = parse_interface(BUS_OFF)
     assert off is not None
     assert off.state is BusState.OFF
+    assert off.totals is not None
+    assert off.totals.bus_offs == 1
     assert [one is not None and one.fd for one in map(parse_interface, ANSWERS)] == [True, True, False, False]
 
 
@@ -105,3 +109,12 @@ def test_systems_without_netlink_say_so(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.delattr(socket, "AF_NETLINK", raising=False)
     with pytest.raises(OSError, match="not supported"):
         find_interface("can0")
+
+
+def test_the_error_counters_of_a_controller() -> None:
+    data = attribute(0x8002, attribute(8, struct.pack("=HH", 130, 4)))
+    statistics = attribute(3, struct.pack("=6I", 9, 8, 7, 6, 5, 4))
+    found = parse_interface(answer(attribute(0x8012, attribute(1, b"can\0") + data + statistics)))
+    assert found is not None
+    assert (found.transmit_errors, found.receive_errors) == (130, 4)
+    assert found.totals == CanTotals(9, 8, 7, 6, 5, 4)

@@ -1,10 +1,19 @@
 """Real CAN controllers, by the kernel's SocketCAN or by python-can."""
 
 from msbot.link.can.adapters.driver import CanDriver
+from msbot.link.can.adapters.interface import CanInterface, CanTotals, can_interfaces, find_interface
 from msbot.link.can.adapters.python_can import frame_of, message_of
+from msbot.link.can.adapters.remedies import Wanted, up_commands, why_not
 
 __all__ = [
     "CanDriver",
+    "CanInterface",
+    "CanTotals",
+    "Wanted",
+    "can_interfaces",
+    "find_interface",
     "frame_of",
     "message_of",
+    "up_commands",
+    "why_not",
 ]

@@ -25,11 +25,13 @@ _ATTRIBUTE: Final = Struct("=HH")
 _WORD: Final = Struct("=I")
 _CONTROL: Final = Struct("=II")
 _ERRNO: Final = Struct("=i")
+_COUNTERS: Final = Struct("=HH")
+_TOTALS: Final = Struct("=6I")
 
 _NEWLINK, _GETLINK, _ERROR_MESSAGE = 16, 18, 2
 _REQUEST, _ACKNOWLEDGE = 0x01, 0x04
-_NAME, _MTU, _LINKINFO, _KIND, _DATA = 3, 4, 18, 1, 2
-_BITTIMING, _STATE, _CONTROL_MODE, _RESTART_MS, _RESTART, _DATA_BITTIMING = 1, 4, 5, 6, 7, 9
+_NAME, _MTU, _LINKINFO, _KIND, _DATA, _STATISTICS = 3, 4, 18, 1, 2, 3
+_BITTIMING, _STATE, _CONTROL_MODE, _RESTART_MS, _RESTART, _ERROR_COUNTERS, _DATA_BITTIMING = 1, 4, 5, 6, 7, 8, 9
 _NESTED: Final = 0x3FFF
 _CAN_TYPE: Final = 280
 _UP: Final = 1
@@ -37,6 +39,21 @@ _LISTEN_ONLY: Final = 0x02
 _STATES: Final = (BusState.ACTIVE, BusState.ACTIVE, BusState.PASSIVE, BusState.OFF)
 _ANSWER_SIZE: Final = 32_768
 _ANSWER_S: Final = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class CanTotals:
+    """How often something happened since the interface was made (`struct can_device_stats`, linux/can/netlink.h)."""
+
+    bus_errors: int = 0
+    """Frames that went wrong; only drivers that report every bus error count them."""
+    warnings: int = 0
+    """Changes to error-warning."""
+    passives: int = 0
+    """Changes to error-passive."""
+    bus_offs: int = 0
+    lost_arbitrations: int = 0
+    restarts: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +76,11 @@ class CanInterface:
     restart_ms: int = 0
     """The kernel's pause before a restart from bus-off; 0 = it never restarts by itself."""
     listen_only: bool = False
+    transmit_errors: int | None = None
+    receive_errors: int | None = None
+    """Error counters of the controller, 0 to 255 (ISO 11898-1 12.1.4); None: the driver does not report them."""
+    totals: CanTotals | None = None
+    """None: the interface has no controller."""
 
     @property
     def fd(self) -> bool:
@@ -112,6 +134,7 @@ def parse_interface(answer: bytes) -> CanInterface | None:
         attributes = dict(_attributes(answer[_HEADER.size + _LINK.size :]))
         about = dict(_attributes(attributes.get(_LINKINFO, b"")))
         can = dict(_attributes(about.get(_DATA, b""))) if link_type == _CAN_TYPE else {}
+        counters = _COUNTERS.unpack_from(can[_ERROR_COUNTERS]) if _ERROR_COUNTERS in can else None
         return CanInterface(
             name=_text(attributes.get(_NAME, b"")),
             index=index,
@@ -126,6 +149,9 @@ def parse_interface(answer: bytes) -> CanInterface | None:
             listen_only=bool(_CONTROL.unpack_from(can[_CONTROL_MODE])[1] & _LISTEN_ONLY)
             if _CONTROL_MODE in can
             else False,
+            transmit_errors=counters[0] if counters else None,
+            receive_errors=counters[1] if counters else None,
+            totals=_totals(about.get(_STATISTICS)) if link_type == _CAN_TYPE else None,
         )
     except StructError:
         return None
@@ -171,6 +197,10 @@ def _number(content: bytes | None) -> int | None:
 
 def _text(content: bytes) -> str:
     return content.rstrip(b"\0").decode(errors="replace")
+
+
+def _totals(content: bytes | None) -> CanTotals | None:
+    return None if content is None else CanTotals(*_TOTALS.unpack_from(content))
 
 
 def _state(number: int | None) -> BusState | None:

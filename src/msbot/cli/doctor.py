@@ -1,0 +1,120 @@
+"""`msbot doctor`: what keeps a robot from working, and what mends it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import click
+
+from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, json_option, robot_options, space_option
+from msbot.link import open_link
+from msbot.runtime.terminal_log import TerminalHandler
+from msbot.space import MEMORY, SpaceAddress
+from msbot.xrce import is_whole
+
+if TYPE_CHECKING:
+    from msbot.doctor import Examination, Patient
+
+
+@click.command("doctor")
+@click.option("--link", "addresses", multiple=True,
+              help="A link that the robot is to use, as for `msbot master`; may be given several times.")  # fmt: skip
+@robot_options
+@space_option
+@click.option("--only", metavar="CHECK,...", help="Only these checks, for example can,robot.")
+@click.option("-v", "--verbose", is_flag=True, help="Say also what is in order.")
+@json_option
+def command(
+    addresses: tuple[str, ...], db: str | None, robot: str | None, space: SpaceAddress, only: str | None, *,
+    verbose: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Look for everything that keeps a robot from working: installation, buses, network, database, the robot itself.
+
+    Says only what is not as it should be, why it matters and what mends it; status 1 when there is something to mend.
+    A master that runs here is examined without being named.
+    """
+    from msbot.doctor import examine
+    from msbot.link.can import CanSettings
+
+    logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])
+    for address in addresses:
+        open_link(address, serve=True, can=CanSettings(is_whole=is_whole))  # a mistake is said at once
+    names = [name.strip() for name in only.split(",")] if only else []
+    found = examine(_patient(addresses, db, robot, space), names)
+    if as_json:
+        click.echo(json.dumps(as_object(found), ensure_ascii=False))
+    else:
+        for line in lines(found, verbose=verbose):
+            click.echo(line)
+    sys.exit(0 if found.is_well else 1)
+
+
+def _patient(addresses: tuple[str, ...], db: str | None, robot: str | None, space: SpaceAddress) -> Patient:
+    from msbot.agent import read_statuses
+    from msbot.doctor import Patient
+    from msbot.doctor.patient import PAGE_PORT
+
+    masters = tuple(read_statuses())
+    database = db or database_beside(DEFAULT_BLUEPRINT)
+    links = addresses
+    is_there = "://" in database or Path(database).exists()
+    meant = [one for one in masters if one.details and robot in (None, one.details.get("robot"))]
+    if db is None and not is_there and len(meant) == 1:
+        database, is_there = meant[0].details["database"], True
+    if not links:
+        links = tuple(link.name for one in meant for link in one.links)
+    return Patient(
+        database=database if is_there or db else None,
+        robot=robot,
+        blueprint=DEFAULT_BLUEPRINT if DEFAULT_BLUEPRINT.exists() else None,
+        links=links,
+        uses_dds=space.kind != MEMORY,
+        masters=masters,
+        page_port=next((port for one in meant if (port := urlsplit(one.details.get("page", "")).port)), PAGE_PORT),
+    )
+
+
+def lines(found: Examination, *, verbose: bool) -> list[str]:
+    """What is printed."""
+    said: list[str] = []
+    for check, finding in found.findings:
+        note = "" if finding.must else "(note) "
+        said.append(f"{note}{finding.about} ({check}): {finding.saw}")
+        rows = (("why", finding.why), ("wire", finding.wire), ("first", finding.first), ("mend", finding.mend))
+        said += [f"    {title.ljust(6)} {text}" for title, text in rows if text]
+    if verbose:
+        said += [f"in order: {check}" for check in found.well]
+        said += [f"not needed: {check}: {why}" for check, why in found.not_needed]
+    said += [f"not looked at: {check}: {why}" for check, why in found.not_seen]
+    if found.is_well:
+        said.append("Nothing to mend.")
+    return said
+
+
+def as_object(found: Examination) -> dict[str, object]:
+    """The same for programs."""
+    return {
+        "well": found.is_well,
+        "findings": [
+            {
+                "check": check,
+                "problem": finding.problem,
+                "about": finding.about,
+                "must": finding.must,
+                "saw": finding.saw,
+                "why": finding.why,
+                "wire": finding.wire,
+                "first": finding.first,
+                "mend": finding.mend,
+            }
+            for check, finding in found.findings
+        ],
+        "not_looked_at": [{"check": check, "why": why} for check, why in found.not_seen],
+        "not_needed": [{"check": check, "why": why} for check, why in found.not_needed],
+        "in_order": list(found.well),
+    }

@@ -1,0 +1,1 @@
+"""The look at this computer: every function returns facts, or raises CannotSee."""
