@@ -74,6 +74,34 @@ def test_what_was_checked_counts_for_the_same_words_only() -> None:
     assert desk.rig.part(KEY).says is None
 
 
+@pytest.mark.parametrize(
+    ("octets", "words"),
+    [
+        (len(WORDS) * 40, "it is longer than 4096 octets"),
+        (b"\xff\xff" + bytes(600), "its octets cannot be read: "),
+        (b"\x1d\x02\0\0" + b"\xfe" * 540 + b"\0", "its octets cannot be read: "),
+        (b"number = 'NEW-1'\n" * 9, "its octets cannot be read: "),
+    ],
+)
+def test_what_cannot_be_read_is_refused_with_the_reason_in_why(octets: int | bytes, words: str) -> None:
+    desk = Desk()
+    if isinstance(octets, int):
+        octets = (octets + 1).to_bytes(4, "little") + b"x" * octets + b"\0"
+    desk.requests.compact(octets, KEY, desk.rig.now)
+    desk.is_asked(STRANGER)
+    before = desk.rig.inventory.why("eye", 0.0)
+    assert not any("refused: it" in line for line in before), "it was not asked then"
+    for _ in range(2):  # said once
+        assert desk.requests.compact(octets, KEY, desk.rig.now) is None
+    refused = f"what it says of itself is refused: {words}"
+    assert sum(refused in line for line in desk.rig.inventory.why("eye", 0.0)) == 1
+    says = desk.says()
+    assert says is not None
+    assert says.fault.startswith(words), "and the part is not asked for another"
+    assert not desk.is_asked(STRANGER)
+    assert desk.handed == []
+
+
 def test_a_part_of_a_known_number_or_another_refusal_is_not_asked() -> None:
     desk = Desk()
     known = plug.ClaimMessage(part_number="ABCD", local_name="", uid=uid(1), session_nonce=7)
@@ -121,12 +149,11 @@ def test_no_claim_is_as_long_as_a_description() -> None:
     assert isinstance(plug.decode_request(shortest), plug.DescriptionMessage)
 
 
-def test_a_description_that_is_too_large_is_dropped_and_counted() -> None:
+def test_a_description_that_is_too_large_is_counted() -> None:
     desk = Desk()
     desk.is_asked(STRANGER)
     octets = (5001).to_bytes(4, "little") + b"x" * 5000 + b"\0"
     assert desk.requests.compact(octets, KEY, desk.rig.now) is None
-    assert desk.rig.part(KEY).says is None
     assert any("4096" in reason for reason in desk.requests.dropped)
 
 

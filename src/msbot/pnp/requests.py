@@ -68,6 +68,7 @@ class RequestHandler:
             return plug.decode_request(opened)
         except RemoteProtocolError as error:
             self.dropped.count(f"request: {error}")
+            self._inventory.descriptions.unreadable(client_key, len(opened), str(error), now)
             return None
 
     def answer(self, request: plug.Request, client_key: int, now: float, asker: bytes = b"") -> plug.Reply | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from msbot.part.join.plug import Refusal
+from msbot.part.join.plug import MOST_DESCRIPTION, Refusal
 from msbot.pnp.inventory_index import InventoryIndex
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import SelfDescription
@@ -69,6 +69,27 @@ class SelfDescriptions:
                 record.spoke_unasked = True  # noted once
                 words = said("it says what it is, and was not asked: the library's entry of its number counts")
                 self._changes.note(record, now, words)
+        self._changes.publish()
+
+    def unreadable(self, client_key: int, size: int, fault: str, now: float) -> None:
+        """A request cannot be read; from a part that was asked what it is, that is its answer, and it is refused.
+
+        Args:
+            client_key: the session that it came through.
+            size: its octets.
+            fault: what is wrong with them.
+            now: the present time.
+        """
+        record = self._record(client_key)
+        if record is None or record.says is not None or not record.asked_what:
+            return
+        if record.refusal is not Refusal.UNKNOWN_PART:
+            return
+        words = said("its octets cannot be read: {fault}", fault=fault)
+        if size > MOST_DESCRIPTION:
+            words = said("it is longer than {most} octets", most=MOST_DESCRIPTION)
+        record.says = SelfDescription("", fault=words)
+        self._changes.note(record, now, said("what it says of itself is refused: {fault}", fault=words))
         self._changes.publish()
 
     def checked(self, client_key: int, asked: SelfDescription, result: SelfDescription, now: float) -> None:
