@@ -7,12 +7,13 @@
 // second line (`machine`, below).
 //
 // Settings: vm (folder), flash (octets), buffer (octets; 0 = no limit, as USB, which stops the sender), window (octets of
-// raw paste; most boards have 128), uart (path of a terminal), boot (Python that is run before anything else), lib (folder
+// raw paste; most boards have 128), paste ("yes"; "no": it says that it has no raw paste; "unknown": it is older than raw
+// paste, and begins raw mode anew at its last character), uart (path of a terminal), boot (Python that is run before anything else), lib (folder
 // of a package that is on it already), files (more files, path: text).
 import { openSync, readdirSync, readFileSync, readSync, writeSync, constants } from "node:fs";
 import { join } from "node:path";
 
-const settings = { flash: 600_000, buffer: 0, window: 2048, uart: "", boot: "", lib: "", files: {}, ...JSON.parse(process.argv[2]) };
+const settings = { flash: 600_000, buffer: 0, window: 2048, paste: "yes", uart: "", boot: "", lib: "", files: {}, ...JSON.parse(process.argv[2]) };
 const { loadMicroPython } = await import(join(settings.vm, "micropython.mjs"));
 const INTERRUPT = 3, NO_SPACE = 28, BLOCK = 512, POLL_MS = 0.5;
 const RAW = 1, FRIENDLY = 2, SOFT_RESET = 4;
@@ -251,7 +252,9 @@ for (;;) {
   if (octet === 1 && asked.join() === "5,65" && isRaw) {
     asked = [];
     type(INTERRUPT); // forget the two
-    if (!paste()) continue;
+    if (settings.paste === "no") say("R\x00");
+    if (settings.paste === "unknown") type(RAW);
+    if (settings.paste !== "yes" || !paste()) continue;
   } else {
     asked = octet === 5 || asked.length === 1 ? [...asked, octet] : [];
     if (octet === RAW) isRaw = true;

@@ -8,6 +8,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from msbot.config import load_library, read_description
 from msbot.demo import DemoRobot
 from msbot.lab.recorder.batch import RecordedChannel
 from msbot.lab.recorder.recorder import Recorder
@@ -116,3 +117,25 @@ def test_an_unknown_type_is_recorded_without_a_schema_and_ros_types_with_theirs(
 def test_a_channel_survives_its_octets() -> None:
     one = RecordedChannel("/a", "cdr", "p/msg/B", "ros2msg", "uint8 x", (("slot", "ä"),))
     assert RecordedChannel.decode(one.encode()) == one
+
+
+def test_a_type_that_the_library_learns_while_it_records_has_its_schema() -> None:
+    library = load_library()
+    recorder = Recorder(lambda: 0.0, lambda: BEGAN_NS, library)
+    space = recorder.space(MemorySpace())
+    described = """
+number = "VANE-1"
+name = "Vane"
+[[port]]
+name = "wind"
+direction = "publish"
+type = "Wind"
+[[type]]
+name = "Wind"
+fields = { speed = "float32" }
+"""
+    found = read_description(described, "VANE-1", library)
+    library.become(library.with_type(found.part_type, found.messages))
+    writer = space.writer(Topic("wind", "Wind"), Qos(), bytes(16))
+    writer.write(bytes(4))
+    assert b"float32 speed" in recorder.drain()

@@ -92,6 +92,18 @@ def test_an_error_of_a_program_names_its_file_and_line(board: SimulatedBoard, tm
 
 
 @needs_node
+@pytest.mark.parametrize("paste", ["no", "unknown"])
+def test_a_board_without_raw_paste_gets_its_program_by_plain_raw_mode(tmp_path: Path, paste: str) -> None:
+    files = {"/msbot.json": SETTINGS}
+    text = "".join(f"# line {number} of many\n" for number in range(200)) + 'print("hällo")\nlux\n'
+    with simulated_board(lib=str(micro.FOLDER), files=files, paste=paste) as board:
+        status, said = call("run", program(tmp_path, text), "--source", "--port", board.port)
+        assert (status, said) == (1, "hällo\nmsbot: my_part.py, line 202: NameError: name 'lux' isn't defined\n")
+        with open_board(board.port) as open_one:
+            assert open_one.read("/my_part.py") == text.encode()
+
+
+@needs_node
 def test_settings_are_changed_and_what_else_is_in_them_stays(board: SimulatedBoard) -> None:
     env = {"MSBOT_WIFI_PASSWORD": "secret", "MSBOT_TOKEN": "msbot_abc"}
     link = ("--link", "ws://192.168.1.20:8080", "--wifi", "school")

@@ -148,6 +148,26 @@ def test_a_program_is_put_on_a_board_and_says_what_it_does_in_the_console(
             assert "old.py" not in one.files("/lib/msbot")
 
 
+@pytest.mark.parametrize("paste", ["no", "unknown"])
+def test_a_board_without_raw_paste_gets_its_program_by_plain_raw_mode(
+    open_desk: Callable[..., Page], compiled: Path, paste: str
+) -> None:
+    page = open_desk("?name=01_hello.py")
+    text = 'print("I have", 200, "lines")\n' + "".join(f"# line {number} of many\n" for number in range(199))
+    write(page, text)
+    with plugged(page, lib=str(compiled), paste=paste) as (board, cable):
+        page.locator("#ms-board-link").fill("serial:1")
+        choose(page)
+        expect_told(page, "01_hello.py runs on the board now, and whenever it starts; 3 files were written.")
+        expect_said(page, "I have 200 lines")
+        press(page, "Put on a board")  # leaves it
+        cable.close()
+        from msbot.cli.board.connection import open_board
+
+        with open_board(board.port) as one:
+            assert one.read("/01_hello.py") == text.encode()
+
+
 def test_what_can_go_wrong_at_a_board_is_one_sentence(open_desk: Callable[..., Page], compiled: Path) -> None:
     page = open_desk("?name=01_hello.py")
     with plugged(page, lib=str(compiled), flash=120_000) as (_, cable):

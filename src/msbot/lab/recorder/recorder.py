@@ -38,15 +38,15 @@ class Recorder:
     Args:
         clock: seconds, the robot's own.
         epoch_ns: nanoseconds since 1970.
-        library: says what the message types mean; None: no schemas but for MsBOT's own messages.
+        library: says what the message types mean, also those that it learns later; None: no schemas but for MsBOT's
+            own messages.
     """
 
     def __init__(self, clock: Callable[[], float], epoch_ns: Callable[[], int], library: Library | None = None) -> None:
         self.clock = clock
         self._began_ns = epoch_ns() - round(clock() * 1e9)
         self._types: dict[str, type[Message]] = {cls.type_name: cls for cls in (ProfileMessage, HelloWorld)}
-        if library is not None:
-            self._types |= {name: message_class(message) for name, message in library.messages.items()}
+        self._library = library
         self._pending: list[bytes] = []
         self.append: Callable[[bytes], None] = self._pending.append
         """Takes the head of a record, then its content."""
@@ -129,6 +129,10 @@ class Recorder:
         return self._number(RecordedChannel(name, "cdr", *schema, metadata=tuple(metadata.items())))
 
     def _class_of(self, type_name: str) -> type[Message] | None:
+        """What a type looks like; the library is asked each time, because an adopted part brings types of its own."""
+        message = None if self._library is None else self._library.messages.get(type_name)
+        if message is not None:
+            return message_class(message)
         if type_name not in self._types and "::msg::dds_::" in type_name:
             from msbot import ros2  # of use only to robots that speak to ROS 2
 
