@@ -272,7 +272,12 @@ class Part:
 
     def changed(self, before, state, reason, now):
         """The state of the membership has changed."""
-        say("info", "{} is {}: {}".format(self.local_name, state.value, reason))
+        word = state.value
+        if state is JoinState.REFUSED:
+            from .words import told_state
+
+            word = told_state(word, reason)
+        say("info", "{} is {}: {}".format(self.local_name, word, reason))
         if state is JoinState.ACTIVE:
             self._tell("join")
             for timed in self._timed:

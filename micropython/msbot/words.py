@@ -16,6 +16,7 @@ REFUSALS = (
     "this robot asks for keys, and has none for this part",
     "an old proof was shown again, or one that nobody asked for",
 )
+_NO_SLOT = 4
 _KEY_NEEDED = 9
 
 
@@ -24,6 +25,11 @@ def refusal(reason):
     if not 0 < reason <= len(REFUSALS):
         return "refused for reason {}".format(reason)
     return REFUSALS[reason - 1]
+
+
+def told_state(state, reason):
+    """How the state of a refused part is told: without a free slot it is a spare that waits."""
+    return "standby" if reason == REFUSALS[_NO_SLOT - 1] else state
 
 
 def key_needed():

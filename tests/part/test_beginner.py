@@ -156,7 +156,7 @@ def test_a_refusal_is_told_with_its_reason_and_every_new_reason_too(caplog: pyte
         assert f"is refused: {plug.Refusal.DUPLICATE.words}" in caplog.text
         room.master.refuse = plug.Refusal.NO_SLOT
         await asyncio.sleep(3.0)
-        assert f"is refused: {plug.Refusal.NO_SLOT.words}" in caplog.text
+        assert f"is standby: {plug.Refusal.NO_SLOT.words}" in caplog.text, "a spare that waits, as the master calls it"
         assert caplog.text.count(plug.Refusal.NO_SLOT.words) == 1
 
     play(scenario)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from msbot.pnp import PartState
+from msbot.pnp.inventory_record import lasting
 from tests.pnp.robot import Rig
 
 AA = 0xAAAAAAAA
@@ -16,12 +17,23 @@ def test_why_tells_the_chain_of_rules_with_evidence() -> None:
     rig.now += 0.5
     lines = rig.inventory.why("light", rig.now)
     assert lines[0] == (
-        "light (ABCD) is active since 0.5 s in slot AA, life 3, last beat 0.5 s ago: "
+        "light (ABCD) is active since 0.5 s in slot AA, life 3, last beat less than 1 s ago: "
         "slot AA is the one free slot that fits"
     )
-    assert "0.500 s ago: light: checking -> active in slot AA: slot AA is the one free slot that fits" in lines
+    assert "0.5 s ago: light: checking -> active in slot AA: slot AA is the one free slot that fits" in lines
     assert "  - library: ABCD is a light sensor" in lines
     assert "  - same UID as before: never seen here" in lines
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (-1.0, "0.0 s"), (0.04, "0.0 s"), (9.9, "9.9 s"), (9.96, "10 s"), (119.0, "119 s"), (120.0, "2 min"),
+        (7100.0, "118 min"), (7200.0, "2 h"), (172_000.0, "48 h"), (172_800.0, "2 days"), (1e7, "116 days"),
+    ],
+)  # fmt: skip
+def test_a_time_is_as_exact_as_matters_after_so_long(seconds: float, words: str) -> None:
+    assert lasting(seconds) == words
 
 
 def test_of_a_healthy_part_the_life_status_stands_still_and_of_a_late_one_it_is_counted() -> None:

@@ -7,10 +7,11 @@ import logging
 from pathlib import Path
 
 import pytest
-from nicegui import ui
+from nicegui import Client, ui
 
 from msbot.errors import NotThere, RegistryError
 from msbot.operations.rights import Right, Role
+from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
 from msbot.web.language import languages
 from msbot.web.pages import layout
@@ -117,3 +118,37 @@ def test_a_page_ends_with_its_session_and_looking_keeps_none_alive(tmp_path: Pat
         assert page.refreshers == []
 
     show(tmp_path, scene, parts=())
+
+
+def test_nothing_is_shown_on_a_page_that_was_closed_while_something_was_read(
+    tmp_path: Path, screen: Screen, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scene(rig: Rig) -> None:
+        client = Client(ui.page("/closed"), request=None)
+        page, shown, answer = open_page(rig), [], asyncio.Event()
+        page.client = client
+        client.on_delete(page.closed)
+        with client:
+            label = ui.label("reading")
+
+        async def show_answer() -> None:
+            await answer.wait()
+            label.set_text("read")
+            shown.append("read")
+
+        async def deed(_: Session) -> Done:
+            await answer.wait()
+            return Done(words="done")
+
+        page.every_look(show_answer)
+        doing = asyncio.create_task(page.do(deed))
+        await asyncio.sleep(1.0)
+        client.delete()
+        answer.set()
+        assert await doing == Done(words="done")
+        await asyncio.sleep(1.0)
+        assert shown == screen.notes == []
+        assert not page.tasks
+
+    show(tmp_path, scene, parts=())
+    assert "deleted" not in caplog.text

@@ -25,6 +25,7 @@ from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Join
 from msbot.part.join.keys import prove, prove_sealed
 from msbot.part.join.membership import Membership
 from msbot.part.join.plug import STOP_SETTING, ClaimMessage, ConfigurationMessage, Nature, Notice, NoticeKind
+from msbot.part.join.refusal import told_state
 from msbot.part.messages.message import Message
 from msbot.part.ports import Ports
 from msbot.part.program import Program, When
@@ -233,7 +234,7 @@ class ProgramRunner:
             _log.warning("%s", words)
 
     def _changed(self, change: Changed) -> None:
-        _log.info("%s is %s: %s", self._local_name, change.after.value, change.reason)
+        _log.info("%s is %s: %s", self._local_name, told_state(change.after.value, change.reason), change.reason)
         assert self._ports is not None
         if change.after is JoinState.ACTIVE:
             self._tell("join")

@@ -9,7 +9,7 @@ from msbot.part.join.trouble import TROUBLE_ENDS, TROUBLE_OCTETS, TROUBLE_PIECES
 from msbot.pnp.life_status import Life, check_transition
 from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo, SelfDescription
 from msbot.pnp.part_events import Evidence, PartEvent, PartState
-from msbot.runtime.sentence import said
+from msbot.runtime.sentence import Sentence, said
 
 HISTORY = 32
 """Changes kept per part for `Inventory.why`; the journal keeps all."""
@@ -234,17 +234,30 @@ class InventoryRecord:
             lines.append(said("Samples in its name without a good seal, refused: {count}.", count=self.refused_samples))
         for event in self.history:
             first, *rest = event.sentences()
-            lines.append(said("{age:.3f} s ago: {first}", age=max(0.0, now - event.at), first=first))
+            lines.append(said("{age} ago: {first}", age=lasting(now - event.at), first=first))
             lines.extend(rest)
         return lines
 
     def _headline(self, now: float) -> str:
         name = self.name if self.claim is None else f"{self.name} ({self.claim.part_number})"
-        state, age = said((self.state or PartState.NEW).value), max(0.0, now - self.since)
-        words = said("{name} is {state} since {age:.1f} s", name=name, state=state, age=age)
+        state, age = said((self.state or PartState.NEW).value), lasting(now - self.since)
+        words = said("{name} is {state} since {age}", name=name, state=state, age=age)
         if not self.holds_slot:
             return words
-        return said(
-            "{words} in slot {slot}, life {life}, last beat {silence:.1f} s ago",
-            words=words, slot=self.slot, life=self.shown_life, silence=self.life.silence_s(now),
-        )  # fmt: skip
+        silence, beat_s = self.life.silence_s(now), self.life.timing.beat_s
+        known = {"words": words, "slot": self.slot, "life": self.shown_life}
+        if silence < beat_s:  # as long as it is not overdue, nobody needs a number that changes while it is read
+            return said(
+                "{words} in slot {slot}, life {life}, last beat less than {beat_s:g} s ago", **known, beat_s=beat_s
+            )
+        return said("{words} in slot {slot}, life {life}, last beat {silence:.1f} s ago", **known, silence=silence)
+
+
+def lasting(seconds: float) -> Sentence:
+    """A time as people say it: as exact as matters after so long."""
+    if seconds < 9.95:
+        return said("{seconds:.1f} s", seconds=max(0.0, seconds))
+    for size, limit, form in ((1, 120, "{count} s"), (60, 120, "{count} min"), (3600, 48, "{count} h")):
+        if seconds < size * limit:
+            return said(form, count=round(seconds / size))
+    return said("{count} days", count=round(seconds / 86_400))

@@ -7,12 +7,12 @@ That is shown only as far as it is known: a part that has not confirmed STOP may
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from msbot.config import Binding, Blueprint, Library, PartType, Port, Slot, scalar_text
 from msbot.master import Master
-from msbot.pnp import PartInfo, SelfDescription, StopStatus
+from msbot.pnp import PartInfo, PartState, SelfDescription, StopStatus
 from msbot.runtime.sentence import said
 from msbot.web.api.models import (
     PartLine,
@@ -82,8 +82,19 @@ class SlotCards:
         if blueprint is not self._ends_are_of:
             self._ends_are_of, self._ends = blueprint, _ends_of(blueprint)
             self._slots = {slot.name: slot for slot in blueprint.slots}
-        infos = {info.slot: info for info in self._master.inventory.view(now) if info.slot}
-        return _Look(now, infos, frozenset(self.bench.slots()), self._ends, self._stop(), self._by_hand())
+        view = self._master.inventory.view(now)
+        infos = {info.slot: info for info in view if info.slot}
+        spares = self._spares(info for info in view if info.state is PartState.STANDBY)
+        return _Look(now, infos, spares, frozenset(self.bench.slots()), self._ends, self._stop(), self._by_hand())
+
+    def _spares(self, waiting: Iterable[PartInfo]) -> Mapping[str, list[str]]:
+        """The names of the parts that stand by, by the part numbers of the slots that they can fill."""
+        found: dict[str, list[str]] = {}
+        for info in waiting:
+            part_type = self.library.find(info.part_number)
+            for number in () if part_type is None else (part_type.number, *part_type.compatible_with):
+                found.setdefault(number, []).append(info.part)
+        return found
 
     def _card(self, slot: Slot, look: _Look) -> SlotCard:
         info, is_here = look.infos.get(slot.name), slot.name in look.here
@@ -105,6 +116,7 @@ class SlotCards:
             next_beat_s=beat_s - info.beat_age_s
             if is_counted and info is not None and info.beat_age_s is not None
             else None,
+            spares=list(look.spares.get(slot.part_number, ())),
             simulated=is_here,
             plugged=self.bench.is_plugged(slot.name) if is_here else None,
         )
@@ -204,6 +216,8 @@ class _Look:
     now: float
     infos: Mapping[str, PartInfo]
     """By slot."""
+    spares: Mapping[str, list[str]]
+    """Names of parts that stand by, by the part number of the slots that they fit."""
     here: frozenset[str]
     """Slots whose parts are simulated in this process."""
     ends: Mapping[str, list[_End]]

@@ -67,6 +67,35 @@ def test_why_follows_in_an_open_drawer(page: Page, demo: Site) -> None:
     expect(page.get_by_role("button", name="Open slot bumper")).to_contain_text("active")
 
 
+def test_an_open_drawer_follows_who_is_in_the_slot(page: Page, demo: Site) -> None:
+    card = page.get_by_role("button", name="Open slot knob")
+    expect(card).to_contain_text("standby: DD")
+    go(page, f"{demo.base}/?slot=knob")
+    drawer = page.get_by_role("dialog")
+    drawer.get_by_role("button", name="Swap to DD").click()
+    drawer.get_by_role("button", name="Swap to knob").click()  # the buttons are those of the part that stands by now
+    expect(drawer.get_by_role("button", name="Swap to DD")).to_be_visible()
+
+
+def test_what_is_marked_in_why_stays_marked_while_it_follows(page: Page, demo: Site) -> None:
+    go(page, f"{demo.base}/?slot=ear")
+    why = page.locator(".why")
+    line = why.get_by_text("claim: part number").first
+    expect(line).to_be_visible()
+    line.evaluate("(line) => getSelection().selectAllChildren(line)")
+    marked, before = page.evaluate("getSelection().toString()"), why.inner_text()
+    plug = page.get_by_role("switch", name="Plugged in")
+    plug.evaluate("(one) => one.click()")  # a pointer that is pressed elsewhere would let go of the mark
+    expect(page.get_by_role("dialog").get_by_text(re.compile(r"^(late|lost)$"))).to_be_visible()
+    assert marked
+    assert page.evaluate("getSelection().toString()") == marked
+    assert why.inner_text() == before
+    page.evaluate("getSelection().removeAllRanges()")
+    expect(why).to_contain_text("active -> late")
+    plug.click()
+    expect(page.get_by_role("dialog").get_by_text("active", exact=True)).to_be_visible()
+
+
 def test_turning_the_knob_drives_the_fan(page: Page, demo: Site) -> None:
     go(page, f"{demo.base}/?slot=knob")
     page.get_by_role("slider").first.locator("[tabindex]").focus()

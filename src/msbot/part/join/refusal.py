@@ -26,6 +26,15 @@ class Refusal(IntEnum):
         return _REFUSALS[self]
 
 
+STANDBY = "standby"
+"""What the master calls a part that was refused because no slot is free: it waits, and takes over when one is."""
+
+
+def told_state(state: str, reason: str) -> str:
+    """How a part calls its state when it tells people: refused with that reason, it may be a spare that waits."""
+    return STANDBY if state == "refused" and reason == Refusal.NO_SLOT.words else state
+
+
 _REFUSALS = {
     Refusal.UNKNOWN_PART: "this part number is not in the library",
     Refusal.BLOCKED: "this part is blocked",

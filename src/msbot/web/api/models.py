@@ -126,6 +126,8 @@ class SlotCard(Model):
     ports: list[PortLine]
     next_beat_s: float | None
     """Until the next beat is expected; negative: overdue."""
+    spares: list[str] = Field(default_factory=list)
+    """Parts that stand by and fit, by name: one of them takes over when the slot becomes free."""
     simulated: bool
     """Whether the part runs in this process and can be operated here."""
     plugged: bool | None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 from urllib.parse import quote
@@ -10,8 +12,9 @@ from nicegui import ui
 
 from msbot.errors import MsbotError, NotThere
 from msbot.operations.rights import Right
-from msbot.web.api.models import SlotCard
-from msbot.web.html import render
+from msbot.pnp import PartState
+from msbot.web.api.models import PartLine, SlotCard
+from msbot.web.html import Markup, render
 from msbot.web.pages.by_hand import hand_panel
 from msbot.web.pages.layout import Page
 from msbot.web.pages.page_elements import heading, set_html, show_dialog
@@ -25,7 +28,7 @@ WHY_LINES = 40
 def open_drawer(page: Page, slot: str) -> None:
     """Open the drawer of a slot; Back closes it."""
     try:
-        card = page.service.views.slot(slot)
+        page.service.views.check_slot(slot)
     except MsbotError as error:
         ui.notify(page.say(str(error)), type="negative")
         return
@@ -35,15 +38,14 @@ def open_drawer(page: Page, slot: str) -> None:
             close = ui.button(icon="close", on_click=dialog.close).props("flat round dense")
             close.props["aria-label"] = close.props["title"] = page.say("Close")
         _state(page, slot)
-        if card.simulated and page.may(Right.OPERATE):
-            simulator_panel(page, slot)
+        if page.may(Right.OPERATE):
+            _following(page, slot, lambda card: card.simulated, lambda card: _simulator(page, card))
         _ports(page, slot)
-        hand_panel(page, slot, card.part_number)
+        _following(page, slot, lambda card: card.part_number, lambda card: hand_panel(page, slot, card.part_number))
         heading(page.say("Settings"))
         values_panel(page, slot)
         _rhythm(page, slot)
-        _deeds(page, card)
-        _stand_in(page, card)
+        _following(page, slot, partial(_doable, page), partial(_deeds, page))
         _why(page, slot)
 
     def look_whether_there() -> None:
@@ -55,6 +57,31 @@ def open_drawer(page: Page, slot: str) -> None:
 
     page.every_look(look_whether_there, dialog)
     show_dialog(dialog, f"/?slot={quote(slot)}")
+
+
+def _following(
+    page: Page, slot: str, key: Callable[[SlotCard], object], build: Callable[[SlotCard], None]
+) -> None:  # fmt: skip
+    """Elements that depend on the part in the slot: made anew whenever their key is another one."""
+    place = ui.column().classes("w-full")
+    built: list[object] = []
+
+    def show() -> None:
+        card = page.service.views.slot(slot)
+        if built == [wanted := key(card)]:
+            return
+        built[:] = [wanted]
+        place.clear()
+        with place:
+            build(card)
+        place.set_visibility(bool(place.default_slot.children))
+
+    page.every_look(show, place)
+
+
+def _simulator(page: Page, card: SlotCard) -> None:
+    if card.simulated:
+        simulator_panel(page, card.name)
 
 
 def _state(page: Page, slot: str) -> None:
@@ -74,6 +101,8 @@ def _state(page: Page, slot: str) -> None:
             ]
             if part.plug_in_to_active_ms is not None:
                 rows.append((page.say("plug-in to active"), f"{page.number(part.plug_in_to_active_ms, '.1f')} ms"))
+        if card.spares:
+            rows.append((page.say("standby"), ", ".join(card.spares)))
         chip = state_chip(card.state, page.say(card.state))
         set_html(shown, render("slot_facts", say=page.say, chip=chip, card=card, rows=rows))
 
@@ -113,47 +142,58 @@ def _rhythm(page: Page, slot: str) -> None:
     page.every_look(show, shown)
 
 
-def _deeds(page: Page, card: SlotCard) -> None:
-    part = card.part
-    if part is None or not part.uid:
-        return
+def _doable(page: Page, card: SlotCard) -> object:
+    """What can be done to the part in a slot, and to which."""
+    return (
+        None if card.part is None else card.part.uid, card.simulated, _has_stand_in(page, card),
+        [(spare.part, spare.uid) for spare in _spares(page)],
+    )  # fmt: skip
 
+
+def _spares(page: Page) -> list[PartLine]:
+    return [part for part in page.service.views.arrivals() if part.state == PartState.STANDBY.value and part.uid]
+
+
+def _has_stand_in(page: Page, card: SlotCard) -> bool:
+    return card.name in page.service.operations.stand_ins.names
+
+
+def _deeds(page: Page, card: SlotCard) -> None:
     def button(words: str, icon: str, operation: str, look: str = "outline", **arguments: Any) -> None:  # noqa: ANN401
         ui.button(words, icon=icon, on_click=partial(page.act, operation, **arguments)).props(look)
 
-    with ui.element("div").classes("row"):
-        if page.may(Right.OPERATE):
-            button(page.say("Identify"), "lightbulb", "identify", part=part.uid)
-        if page.may(Right.ARRANGE):
-            button(page.say("Release slot"), "eject", "release", slot=card.name)
-            button(page.say("Block part"), "block", "block", "outline color=negative", part=part.uid)
-            for spare in page.service.views.arrivals():
-                if spare.state == "standby" and spare.uid:
+    part = card.part
+    if part is not None and part.uid:
+        with ui.element("div").classes("row"):
+            if page.may(Right.OPERATE):
+                button(page.say("Identify"), "lightbulb", "identify", part=part.uid)
+            if page.may(Right.ARRANGE):
+                button(page.say("Release slot"), "eject", "release", slot=card.name)
+                button(page.say("Block part"), "block", "block", "outline color=negative", part=part.uid)
+                for spare in _spares(page):
                     words = page.say("Swap to {part}", part=spare.part)
                     button(words, "swap_horiz", "swap", slot=card.name, to=spare.uid)
-
-
-def _stand_in(page: Page, card: SlotCard) -> None:
-    """One click lets a simulated part stand in for that of the slot, another gives the slot back."""
-    is_here = card.name in page.service.operations.stand_ins.names
-    if not page.may(Right.ARRANGE) or (card.simulated and not is_here):
-        return
-
-    async def change() -> None:
-        if await page.act("simulate", slot=card.name, end=is_here) is not None:
-            ui.navigate.to(f"/?slot={quote(card.name)}")  # the drawer with, or without, the part's controls
-
-    words = page.say("Give the slot back") if is_here else page.say("Simulate this slot")
-    ui.button(words, icon="settings_backup_restore" if is_here else "smart_toy", on_click=change).props("outline")
+    # One click lets a simulated part stand in for that of the slot, another gives the slot back.
+    is_here = _has_stand_in(page, card)
+    if page.may(Right.ARRANGE) and (is_here or not card.simulated):
+        words = page.say("Give the slot back") if is_here else page.say("Simulate this slot")
+        icon = "settings_backup_restore" if is_here else "smart_toy"
+        button(words, icon, "simulate", slot=card.name, end=is_here)
 
 
 def _why(page: Page, slot: str) -> None:
     heading(page.say("Why?"))
     shown = ui.html("", sanitize=False).classes("why")
+    last: list[Markup] = []
 
     def show() -> None:
         part = page.service.views.slot(slot).part
         lines = page.service.views.why(slot if part is None else part.part)
-        set_html(shown, render("lines", say=page.say, lines=lines[:WHY_LINES]))
+        content = render("lines", say=page.say, lines=lines[:WHY_LINES])
+        if not last:
+            shown.set_content(content)
+        elif last != [content]:  # not set_content: whoever is marking a sentence would lose it
+            ui.run_javascript(f"msbotLines('{shown.html_id}', {json.dumps(content)})")
+        last[:] = [content]
 
     page.every_look(show, shown)

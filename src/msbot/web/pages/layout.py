@@ -120,6 +120,8 @@ class Page:
         return self._done(done, quiet=quiet)
 
     def _refused(self, error: MsbotError) -> None:
+        if self.is_gone:
+            return
         if isinstance(error, SignedOut):
             ui.run_javascript("msbotSignIn()")
         else:
@@ -128,6 +130,8 @@ class Page:
             )
 
     def _done(self, done: Done, *, quiet: bool) -> Done:
+        if self.is_gone:
+            return done
         with self.here():
             if not quiet:
                 ui.notify(self.say(done.words), type="positive", multi_line=True)
@@ -167,6 +171,17 @@ class Page:
                 self.reading.discard(refresh)
 
         self.later(finish())
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether the browser's page was closed: nothing can be shown on it any more."""
+        return self.client is not None and self.client.is_deleted
+
+    def closed(self) -> None:
+        """Show nothing any more: the browser's page was closed, maybe while something was being read for it."""
+        self.refreshers.clear()
+        for task in self.tasks:
+            task.cancel()
 
     def here(self) -> AbstractContextManager[object]:
         """Show what follows in the page itself, because the element that was clicked may be gone by now."""
@@ -217,6 +232,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     """
     session = request.scope["state"]["session"]
     page = Page(service, session, language_of(request), client=ui.context.client)
+    ui.context.client.on_delete(page.closed)
     ui.add_head_html('<link rel="stylesheet" href="/web/msbot.css"><script src="/web/page.js"></script>')
     ui.add_body_html(render("stop", say=page.say, csrf=session.csrf))
     ui.page_title(f"{page.say(title)} · {service.robot_name}")

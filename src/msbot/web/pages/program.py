@@ -16,6 +16,7 @@ from nicegui.events import GenericEventArguments
 from msbot.errors import MsbotError
 from msbot.operations.rights import Right
 from msbot.part import JoinState
+from msbot.part.join.refusal import STANDBY, Refusal
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
 from msbot.web.html import Markup, render
@@ -326,9 +327,11 @@ def _words(page: Page) -> dict[str, object]:
         JoinState.WRONG_ROBOT: say("wrong robot"), JoinState.ENDED: say("ended"),
     }  # fmt: skip
     states = {state.value: words for state, words in titles.items()}
+    states |= {STANDBY: say(STANDBY)}
     states |= {"not running": say("not running"), "starting": say("starting"), "busy": say("busy")}
     return {
         "states": states,
+        "no_slot": Refusal.NO_SLOT.words,
         "slot": say("In slot {slot}"),
         "stopped": say("STOP holds: messages do not reach the program"),
         "adopt": say("Under Arrivals a teacher can let {number} in."),

@@ -125,6 +125,7 @@ def look_of(card: SlotCard, beat_s: float) -> object:
         card.type_name,
         card.simulated,
         card.plugged,
+        tuple(card.spares),
         None if part is None else (part.part, part.nature, part.life, part.beats, _age(part, beat_s)),
         None if port is None else (port.topic, port.port, port.publishes, port.held, _stale_age(port),
                                    tuple(port.fields.items())),

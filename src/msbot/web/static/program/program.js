@@ -38,7 +38,7 @@ const msbotProgram = (() => {
     if (isAtEnd) log.scrollTop = log.scrollHeight;
   }
 
-  const looks = { active: "active", refused: "refused", "wrong robot": "refused", lost: "lost", ended: "empty" };
+  const looks = { active: "active", standby: "standby", refused: "refused", "wrong robot": "refused", lost: "lost", ended: "empty" };
 
   function state(word, look, reason) {
     const chip = at("ms-prog-state"), shown = words().states[word] || word;
@@ -56,7 +56,9 @@ const msbotProgram = (() => {
       (seen.state === "refused" ? `${seen.reason}. ${say(seen.describes ? "describes" : "adopt", { number: seen.number })}`
         : seen.slot ? "" : seen.reason);
     showAdopt(seen.state === "refused", seen.describes);
-    state(seen.state, looks[seen.state] || "checking", reason);
+    // What a refused part calls a full robot is, for people, a spare that waits.
+    const word = seen.state === "refused" && seen.reason === words().no_slot ? "standby" : seen.state;
+    state(word, looks[word] || "checking", reason);
     const rows = seen.ports.map(([port, way, type, topic, age, shown]) => {
       const row = document.createElement("tr");
       const cells = [`${port} ${way === "in" ? "←" : "→"}`, type, age === null ? "–" : `${shown} (${(age / 1000).toFixed(1)} s)`];
