@@ -201,7 +201,7 @@ def _decoder(message: RecordedMessage) -> Callable[[bytes], object] | None:
 
     try:
         return DecoderFactory().decoder_for("cdr", message.schema)
-    except Exception:
+    except Exception:  # a foreign schema: its parser raises whatever it stumbles on; the octets are shown then
         return None
 
 
