@@ -1,20 +1,17 @@
-"""Draws one CAN frame as an oscilloscope shows it: CAN-H and CAN-L, bit by bit, with fields and stuff bits named.
+"""Draws the frame of the docs as an oscilloscope shows it: CAN-H and CAN-L, bit by bit, with what each piece means.
 
     python tools/can_picture.py docs/explain/can_frame.svg
 
-The frame is a real one, a part's heartbeat; its bits come from `msbot.link.can.protocol.bits`. The picture is the same
-every time, and reads well on light and on dark pages.
+The frame is a real one, a part's heartbeat; `msbot.lab.frame_picture`, which `msbot plot --frame` uses too, draws it.
 """
 
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
-from msbot.link.can.protocol import CanIds, Frame, wire_bits
-from msbot.link.can.protocol.bits import WireBit
+from msbot.lab.frame_picture import BitSpan, cut_data, frame_svg
+from msbot.link.can.protocol import CanIds, Frame, WireBit, wire_bits
 from msbot.link.can.protocol.frames import split
 from msbot.xrce import compress
 from msbot.xrce.messages import STREAM_BEST_EFFORT, Header, WriteData, encode_message, write_request_id
@@ -23,80 +20,6 @@ BITRATE = 500_000
 LEASE = bytes.fromhex("a3d81173")
 NUMBER = 1000
 REQUESTER = 0x0017
-
-CELL = 22
-"""Width of a bit."""
-LEFT = 68
-TOP = 84
-ROW = 215
-"""Height of a row."""
-WIDTH = 820
-HIGH, MIDDLE, LOW = 0, 34, 68
-"""3.5 V, 2.5 V and 1.5 V below the upper end of a trace."""
-LEVELS = ((HIGH, "3.5 V"), (MIDDLE, "2.5 V"), (LOW, "1.5 V"))
-
-STYLE = """
-text { font: 12.5px system-ui, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; fill: #1f2933; }
-.panel { fill: #ffffff; stroke: #d5dbe1; }
-.scope { fill: #f6f8fa; stroke: #e1e6eb; }
-.title { font-size: 20px; font-weight: 600; }
-.soft { fill: #5b6773; }
-.name { font-size: 12.5px; font-weight: 600; text-anchor: middle; }
-.side { font-size: 11.5px; font-weight: 600; }
-.mean { font-size: 12px; text-anchor: middle; }
-.bit { font: 13.5px ui-monospace, SFMono-Regular, Menlo, Consolas, monospace; text-anchor: middle; }
-.tick { font-size: 11px; text-anchor: middle; }
-.volt { font-size: 11px; text-anchor: end; }
-.grid { stroke: #dfe4ea; stroke-width: 1; }
-.zero { stroke: #c3cbd4; stroke-width: 1; stroke-dasharray: 2 3; }
-.tock { stroke: #8b96a2; stroke-width: 1; }
-.h { stroke: #c2410c; fill: none; stroke-width: 2.2; stroke-linejoin: round; }
-.l { stroke: #1d4ed8; fill: none; stroke-width: 2.2; stroke-linejoin: round; }
-.h-text { fill: #c2410c; font-weight: 600; }
-.l-text { fill: #1d4ed8; font-weight: 600; }
-.stuff { fill: #a21caf; fill-opacity: 0.14; }
-.others { fill: #f59e0b; fill-opacity: 0.22; }
-.run { stroke: #a21caf; stroke-width: 1.6; fill: none; }
-.stuff-text { fill: #a21caf; font-weight: 700; }
-.start, .ends { fill: #d9dfe6; }
-.who { fill: #c7dcf7; }
-.control { fill: #bfe6df; }
-.data { fill: #d7e8bd; }
-.check { fill: #dccff2; }
-.answer { fill: #fbd9a8; }
-@media (prefers-color-scheme: dark) {
-  text { fill: #e6ebf0; }
-  .panel { fill: #11161d; stroke: #2c3641; }
-  .scope { fill: #0b0f14; stroke: #232c36; }
-  .soft { fill: #9aa7b4; }
-  .grid { stroke: #1c242d; }
-  .zero { stroke: #3b4652; }
-  .h { stroke: #fb923c; }
-  .l { stroke: #60a5fa; }
-  .h-text { fill: #fb923c; }
-  .l-text { fill: #60a5fa; }
-  .stuff { fill: #e879f9; fill-opacity: 0.2; }
-  .run { stroke: #e879f9; }
-  .stuff-text { fill: #f0abfc; }
-  .start, .ends { fill: #37424e; }
-  .who { fill: #1f4471; }
-  .control { fill: #12504a; }
-  .data { fill: #3d5220; }
-  .check { fill: #463275; }
-  .answer { fill: #6f4512; }
-}
-"""
-
-
-@dataclass(frozen=True)
-class Span:
-    """Neighbouring bits that belong together."""
-
-    name: str
-    meaning: str
-    kind: str
-    """Class of its colour."""
-    bits: list[WireBit]
 
 
 def heartbeat() -> Frame:
@@ -107,16 +30,16 @@ def heartbeat() -> Frame:
     return Frame(CanIds().up + 1, data)
 
 
-def rows_of(bits: list[WireBit]) -> list[list[Span]]:
+def rows_of(bits: list[WireBit]) -> list[list[BitSpan]]:
     """The frame in four rows: who speaks and how, what is said (two rows), and what makes it safe."""
     by_field: dict[str, list[WireBit]] = {}
     for bit in bits:
         by_field.setdefault(bit.field, []).append(bit)
-    segment, code, number, lease = _cut(by_field["DATA"], (1, 1, 2, 4))
+    segment, code, number, lease = cut_data(by_field["DATA"], (1, 1, 2, 4))
     crc = "".join(str(bit.level) for bit in by_field["CRC"] if not bit.stuff)
 
-    def span(name: str, meaning: str, kind: str, field: str) -> Span:
-        return Span(name, meaning, kind, by_field[field])
+    def span(name: str, meaning: str, kind: str, field: str) -> BitSpan:
+        return BitSpan(name, meaning, kind, by_field[field])
 
     return [
         [
@@ -126,13 +49,13 @@ def rows_of(bits: list[WireBit]) -> list[list[Span]]:
             span("IDE", "", "control", "IDE"),
             span("r0", "", "control", "R0"),
             span("DLC 8", "8 bytes", "control", "DLC"),
-            Span("DATA C0", "first and last frame, no. 0", "data", segment),
+            BitSpan("DATA C0", "first and last frame, no. 0", "data", segment),
         ],
         [
-            Span("DATA 10", "a request to the inventory", "data", code),
-            Span("DATA E8 03", f"message {NUMBER}", "data", number),
+            BitSpan("DATA 10", "a request to the inventory", "data", code),
+            BitSpan("DATA E8 03", f"message {NUMBER}", "data", number),
         ],
-        [Span("DATA A3 D8 11 73", "the part's lease: “I am alive”", "data", lease)],
+        [BitSpan("DATA A3 D8 11 73", "the part's lease: “I am alive”", "data", lease)],
         [
             span(f"CRC {int(crc, 2):04X}", "check sum of all bits so far", "check", "CRC"),
             span("CRC end", "", "check", "CRC DELIMITER"),
@@ -144,165 +67,9 @@ def rows_of(bits: list[WireBit]) -> list[list[Span]]:
     ]
 
 
-def _cut(bits: list[WireBit], octets: tuple[int, ...]) -> list[list[WireBit]]:
-    """Data bits in pieces of so many octets; a stuff bit stays with the bit before it."""
-    pieces: list[list[WireBit]] = []
-    start = 0
-    for count in octets:
-        end, left = start, 8 * count
-        while end < len(bits) and (left or bits[end].stuff):
-            left -= not bits[end].stuff
-            end += 1
-        pieces.append(bits[start:end])
-        start = end
-    return pieces
-
-
-class Canvas:
-    """Collects the elements of the picture."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def text(self, x: float, y: float, words: str, style: str = "", *, turn: float | None = None) -> None:
-        """Words at a place, turned around it by so many degrees."""
-        place = f'x="{x:g}" y="{y:g}"' if turn is None else f'transform="translate({x:g} {y:g}) rotate({turn:g})"'
-        self.lines.append(f'<text {place} class="{style}">{escape(words)}</text>')
-
-    def box(self, x: float, y: float, width: float, height: float, style: str, *, radius: float = 0) -> None:
-        """A rectangle."""
-        place = f'x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}"'
-        self.lines.append(f'<rect {place} rx="{radius:g}" class="{style}"/>')
-
-    def line(self, x1: float, y1: float, x2: float, y2: float, style: str) -> None:
-        """A straight line."""
-        self.lines.append(f'<line x1="{x1:g}" y1="{y1:g}" x2="{x2:g}" y2="{y2:g}" class="{style}"/>')
-
-    def path(self, steps: list[str], style: str) -> None:
-        """A free line."""
-        self.lines.append(f'<path d="{" ".join(steps)}" class="{style}"/>')
-
-
-def trace(levels: list[int], before: int, left: float, base: float, swing: float) -> list[str]:
-    """One wire: a dominant bit (0) drives it by `swing`, a recessive one (1) lets it fall back."""
-
-    def height(level: int) -> float:
-        return base + (0 if level else swing)
-
-    steps = [f"M {left - 8:g} {height(before):g}", f"H {left:g}"]
-    for place, level in enumerate(levels):
-        x = left + place * CELL
-        was = before if place == 0 else levels[place - 1]
-        if level != was:
-            # Driven quickly, let go more slowly: the terminators discharge the wire.
-            bend = (2, 3, 4) if level == 0 else (1.5, 2.5, 8)
-            steps.append(
-                f"C {x + bend[0]:g} {height(was) if level == 0 else height(level):g} {x + bend[1]:g} {height(level):g} "
-                f"{x + bend[2]:g} {height(level):g}"
-            )
-        steps.append(f"H {x + CELL:g}")
-    return steps
-
-
-def draw_row(canvas: Canvas, spans: list[Span], top: float, first: int, before: list[WireBit]) -> None:
-    """A row of the picture: names, traces, bits, and the time."""
-    bits = [bit for span in spans for bit in span.bits]
-    right = LEFT + len(bits) * CELL
-    scope = top + 62
-    canvas.box(LEFT - 8, scope - 12, right - LEFT + 16, LOW + 24, "scope", radius=4)
-    for depth, words in LEVELS:
-        canvas.line(LEFT - 8, scope + depth, right + 8, scope + depth, "zero" if depth == MIDDLE else "grid")
-        canvas.text(LEFT - 14, scope + depth + 4, words, "volt soft")
-    _draw_spans(canvas, spans, top)
-    _draw_stuffing(canvas, before, bits, scope)
-    levels = [bit.level for bit in bits]
-    last = before[-1].level if before else 1
-    # A hair apart, so that both are seen where they are alike.
-    canvas.path(trace(levels, last, LEFT, scope + MIDDLE + 1.2, LOW - MIDDLE), "l")
-    canvas.path(trace(levels, last, LEFT, scope + MIDDLE - 1.2, HIGH - MIDDLE), "h")
-    for place, bit in enumerate(bits):
-        style = "bit stuff-text" if bit.stuff else "bit"
-        canvas.text(LEFT + (place + 0.5) * CELL, scope + LOW + 31, str(bit.level), style)
-    for place in range(-first % 5, len(bits) + 1, 5):
-        x = LEFT + place * CELL
-        canvas.line(x, scope + LOW + 48, x, scope + LOW + 53, "tock")
-        microseconds = (first + place) * 1_000_000 / BITRATE
-        canvas.text(x, scope + LOW + 65, f"{microseconds:g} µs" if place < 5 else f"{microseconds:g}", "tick soft")
-
-
-def _draw_spans(canvas: Canvas, spans: list[Span], top: float) -> None:
-    x: float = LEFT
-    for span in spans:
-        width = len(span.bits) * CELL
-        canvas.box(x + 1, top + 22, width - 2, 20, span.kind, radius=3)
-        canvas.line(x, top + 42, x, top + 62 + LOW + 38, "grid")
-        if width >= 3 * CELL:
-            canvas.text(x + width / 2, top + 36, span.name, "name")
-            canvas.text(x + width / 2, top + 14, span.meaning, "mean soft")
-        else:
-            canvas.text(x + width / 2 + 3, top + 17, span.name, "side soft", turn=-38)
-        x += width
-
-
-def _draw_stuffing(canvas: Canvas, before: list[WireBit], bits: list[WireBit], scope: float) -> None:
-    for place, bit in enumerate(bits):
-        x = LEFT + place * CELL
-        if bit.field == "ACK":
-            canvas.box(x, scope - 12, CELL, LOW + 50, "others")
-        if not bit.stuff:
-            continue
-        canvas.box(x, scope - 12, CELL, LOW + 50, "stuff")
-        start = x - min(5, place + len(before)) * CELL if place >= 5 else LEFT - 6
-        y = scope + LOW + 41
-        canvas.path([f"M {start + 3:g} {y - 4:g}", f"V {y:g}", f"H {x - 3:g}", f"V {y - 4:g}"], "run")
-
-
-def legend(canvas: Canvas, top: float) -> None:
-    """What the signs mean."""
-    left, middle, right = 24, 262, 556
-    canvas.line(left, top - 4, left + 24, top - 4, "h")
-    canvas.text(left + 32, top, "CAN-H", "h-text")
-    canvas.line(left + 94, top - 4, left + 118, top - 4, "l")
-    canvas.text(left + 126, top, "CAN-L", "l-text")
-    for line, words in enumerate(("apart: dominant, a 0", "together: recessive, a 1")):
-        canvas.text(left + 32, top + 18 * (line + 1), words, "soft")
-    canvas.box(middle, top - 14, CELL, 20, "stuff")
-    canvas.text(middle + 7, top + 1, "1", "stuff-text")
-    stuffing = (
-        "A stuff bit: after five equal bits the",
-        "sender puts in one of the other level,",
-        "so that receivers keep in step.",
-    )
-    for line, words in enumerate(stuffing):
-        canvas.text(middle + 32, top + 18 * line, words, "soft")
-    canvas.box(right, top - 14, CELL, 20, "others")
-    for line, words in enumerate(
-        ("Here the sender lets go. Whoever", "got the frame right makes the bit", "dominant: it has arrived.")
-    ):
-        canvas.text(right + 32, top + 18 * line, words, "soft")
-
-
 def picture() -> str:
     """The whole picture as SVG."""
-    bits = wire_bits(heartbeat())
-    rows = rows_of(bits)
-    stuffed = sum(bit.stuff for bit in bits)
-    height = TOP + len(rows) * ROW + 70
-    canvas = Canvas()
-    canvas.box(0.5, 0.5, WIDTH - 1, height - 1, "panel", radius=8)
-    canvas.text(24, 36, "One heartbeat of a part on the wire", "title")
-    microseconds = len(bits) * 1_000_000 / BITRATE
-    rate = f"{BITRATE // 1000} kbit/s"
-    words = f"one classic CAN frame at {rate}: {len(bits)} bits, {stuffed} of them stuff bits, {microseconds:g} µs"
-    canvas.text(24, 58, words, "soft")
-    first = 0
-    for number, spans in enumerate(rows):
-        draw_row(canvas, spans, TOP + number * ROW, first, bits[:first])
-        first += sum(len(span.bits) for span in spans)
-    legend(canvas, TOP + len(rows) * ROW + 16)
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" role="img">'
-    title = f"<title>{escape('A heartbeat on the CAN bus: ' + words)}</title>"
-    return "\n".join([head, title, f"<style>{STYLE}</style>", *canvas.lines, "</svg>", ""])
+    return frame_svg("One heartbeat of a part on the wire", rows_of(wire_bits(heartbeat())), bitrate=BITRATE)
 
 
 def main() -> None:

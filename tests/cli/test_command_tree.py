@@ -26,6 +26,7 @@ NO_FACTS = {
         "user remove", "key remove", "bus send", "board reset", "rec start", "rec stop",
     ), DOES),
     **dict.fromkeys(("user add", "user passwd", "key new"), SECRET),
+    "plot": "draws; `--out FILE.csv` has the numbers",
     "log diff": "writes lines as `diff` does, and its exit status says whether there are any",
 }  # fmt: skip
 """Commands without `--json`, and why."""

@@ -26,11 +26,16 @@ LIMITS = RingLimits(100.0, 100 << 20)
 Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]
 
 
-def record_demo(folder: Path, target: Path, scene: Scene, names: tuple[str, ...] | None = None) -> DemoRobot:
-    """Run the thesis' ring, or some of its slots, through a scene in virtual time; all is recorded in the target."""
+def record_demo(
+    folder: Path, target: Path, scene: Scene, names: tuple[str, ...] | None = None, sample: str = "thesis"
+) -> DemoRobot:
+    """Run the thesis' ring, or another sample, or some of its slots, through a scene in virtual time.
+
+    All is recorded in the target.
+    """
 
     async def main() -> DemoRobot:
-        write_sample(folder / "robot.toml")
+        write_sample(folder / "robot.toml", sample)
         library = load_library()
         blueprint = load_blueprint(folder / "robot.toml", library)
         loop = asyncio.get_running_loop()

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from msbot.lab.curves.measuring import Beats
 from msbot.pnp import PartEvent, PartInfo
 
 KEPT_SPANS = 500
@@ -29,9 +30,9 @@ class Timeline:
 
     def __init__(self) -> None:
         self._spans: dict[str, deque[Span]] = {}
-        self._beats: dict[int, tuple[int, float]] = {}
-        """By client key: beats counted so far, and when the latest came."""
-        self._intervals: dict[str, deque[float]] = {}
+        self._beats = Beats()
+        self._intervals: dict[str, deque[tuple[float, float]]] = {}
+        """By slot: (when a beat came, seconds since the one before)."""
 
     def note(self, event: PartEvent) -> None:
         """Take a change; what the inventory calls."""
@@ -43,17 +44,8 @@ class Timeline:
 
     def look(self, infos: Iterable[PartInfo], now: float) -> None:
         """Derive the intervals between beats from the inventory; to be called a few times a second."""
-        seen: dict[int, tuple[int, float]] = {}
-        for info in infos:
-            if info.beat_age_s is None or not info.slot:
-                continue
-            at = now - info.beat_age_s
-            count, before = self._beats.get(info.client_key, (info.beats, at))
-            if info.beats > count and at > before:
-                kept = self._intervals.setdefault(info.slot, deque(maxlen=KEPT_BEATS))
-                kept.append((at - before) / (info.beats - count))
-            seen[info.client_key] = (info.beats, at)
-        self._beats = seen
+        for slot, at, seconds in self._beats.look(infos, now):
+            self._intervals.setdefault(slot, deque(maxlen=KEPT_BEATS)).append((at, seconds))
 
     def lanes(self) -> dict[str, tuple[Span, ...]]:
         """All spans by slot (or part without one), oldest first."""
@@ -65,4 +57,4 @@ class Timeline:
 
     def beat_intervals(self, slot: str) -> tuple[float, ...]:
         """Seconds between the latest beats of the part in a slot, oldest first."""
-        return tuple(self._intervals.get(slot, ()))
+        return tuple(seconds for _, seconds in self._intervals.get(slot, ()))

@@ -5,10 +5,11 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from msbot.lab.curves.curve import Curve, thinned
 from msbot.runtime.sentence import said
 from msbot.web.api.models import SpanLine, TimelineLane
 from msbot.web.language import languages
-from msbot.web.svg.plots import STATE_COLOURS, Curve, bars_svg, curve_svg, curves_csv, shortened, thinned
+from msbot.web.svg.plots import STATE_COLOURS, bars_svg, curve_svg, curves_csv, shortened
 from tests.web.pictures import HARMFUL, names, read, words
 
 WIDTH = 1000.0

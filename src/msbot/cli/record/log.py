@@ -104,14 +104,15 @@ def filter_(  # noqa: PLR0917 - what the command was given
 ) -> None:
     """Write a piece of FILE to TARGET; what was known when it begins is at its beginning."""
     from msbot.lab.recordings.cutting import write_cut
+    from msbot.lab.recordings.reading import began_ns
 
     wish = _Wish(topics, slots, from_s, to_s)
-    began_ns = _began_ns(file)
+    zero_ns = began_ns(file)
     cut = write_cut(
         [file],
         target,
-        from_ns=None if from_s is None else began_ns + round(from_s * 1e9),
-        to_ns=None if to_s is None else began_ns + round(to_s * 1e9),
+        from_ns=None if from_s is None else zero_ns + round(from_s * 1e9),
+        to_ns=None if to_s is None else zero_ns + round(to_s * 1e9),
         wanted=wish.has,
     )
     click.echo(f"{target}: {cut.messages} messages")
@@ -213,12 +214,6 @@ def _chosen(reader: RecordingReader, wish: _Wish) -> Iterator[tuple[float, Recor
             continue
         if wish.has(message) and (wish.from_s is None or at_s >= wish.from_s):
             yield at_s, message
-
-
-def _began_ns(file: Path) -> int:
-    from msbot.lab.recordings.reading import RecordingReader
-
-    return next((message.logged_ns for message in RecordingReader(file).messages()), 0)
 
 
 def _printable(text: str) -> str:

@@ -79,6 +79,7 @@ class RobotRecording:
         """Begin to listen to the robot; what must run beside it."""
         if self._recorder is None:
             return []
+        from msbot.lab.curves.measuring import keep_measuring
         from msbot.lab.recorder.recorder_process import RecorderProcess, run_recorder
 
         process = RecorderProcess(self._recorder, self._folder, RingLimits(self._wish.seconds, self._wish.octets))
@@ -86,4 +87,4 @@ class RobotRecording:
         operations.recording.use(process)
         if self._wish.file is not None:
             process.record(self._wish.file.absolute())
-        return [run_recorder(process)]
+        return [run_recorder(process), keep_measuring(master.inventory.view, self._recorder.measured)]

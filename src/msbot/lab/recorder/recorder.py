@@ -16,6 +16,7 @@ from msbot.config import Library
 from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_began, encode_object, encode_state, head
 from msbot.lab.recorder.can_frames import FRAME, FRAME_DEFINITION, FRAME_TYPE
 from msbot.lab.recorder.schemas import ENCODING, ros_definition, ros_name
+from msbot.lab.recorder.topics import BITRATE, MEASURED
 from msbot.link import Link
 from msbot.link.can import CanEnd
 from msbot.link.can.protocol import Frame
@@ -100,11 +101,16 @@ class Recorder:
         for link in master.links:
             if isinstance(link, CanEnd) and link not in self._tapped:
                 self._tapped.add(link)
-                link.on_frame(self._frame_tap(link.info.name))
+                link.on_frame(self._frame_tap(link.info.name, link.info.bits_per_second))
 
     def note(self, words: Mapping[str, object]) -> None:
         """Something that the recorder itself has to say."""
         self.put(Kind.OBJECT, self._json_channel("/msbot/recorder"), self.clock(), encode_object(words))
+
+    def measured(self, late_ms: float, beats: Mapping[str, float]) -> None:
+        """How late the master was at most since the last time, and seconds between the latest beats by slot."""
+        value = {"late_ms": round(late_ms, 3), "beats": {slot: round(seconds, 4) for slot, seconds in beats.items()}}
+        self.put(Kind.OBJECT, self._json_channel(MEASURED), self.clock(), encode_object(value))
 
     def start(self, path: str) -> None:
         """Record in one more file from now on."""
@@ -156,7 +162,15 @@ class Recorder:
     # What is heard.
 
     def _say_all(self, master: Master) -> None:
-        for topic in ("/msbot/robot", "/msbot/slots", "/msbot/events", "/msbot/acts", "/msbot/stop", "/msbot/recorder"):
+        for topic in (
+            "/msbot/robot",
+            "/msbot/slots",
+            "/msbot/events",
+            "/msbot/acts",
+            "/msbot/stop",
+            "/msbot/recorder",
+            MEASURED,
+        ):
             self._json_channel(topic)
         self._state("/msbot/robot", "robot", dataclasses.asdict(master.profile))
         self._stopped(master.stop)
@@ -201,8 +215,9 @@ class Recorder:
                 if info.state.is_registered:
                     self._slot(self._master.inventory.configuration_of(info.client_key), info.part_number)
 
-    def _frame_tap(self, link: str) -> Callable[[float, str, Frame], None]:
-        channel = RecordedChannel(f"/msbot/frames/{link}", "cdr", FRAME_TYPE, ENCODING, FRAME_DEFINITION)
+    def _frame_tap(self, link: str, bitrate: int | None) -> Callable[[float, str, Frame], None]:
+        metadata = () if bitrate is None else ((BITRATE, str(bitrate)),)
+        channel = RecordedChannel(f"/msbot/frames/{link}", "cdr", FRAME_TYPE, ENCODING, FRAME_DEFINITION, metadata)
         number, append, fixed = self._number(channel), self.append, FRAME.pack
         assert number is not None, "MsBOT's own channels come first"
 

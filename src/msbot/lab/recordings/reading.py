@@ -103,6 +103,15 @@ class RecordingReader:
                     yield RecordedMessage(record.log_time, record.publish_time, channel, schema, record.data)
 
 
+def began_ns(path: Path) -> int:
+    """When a recording begins, nanoseconds since 1970; 0: there is nothing in it.
+
+    Raises:
+        ConfigError: it is no recording.
+    """
+    return next((message.logged_ns for message in RecordingReader(path).messages()), 0)
+
+
 _MAGIC: Final = b"\x89MCAP0\r\n"
 
 

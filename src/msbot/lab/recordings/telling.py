@@ -35,7 +35,7 @@ def rows_of(message: RecordedMessage, decoder: Decoder) -> Iterator[Row]:
     """A sample as rows of a table, one for each field; nothing for what is no sample."""
     if message.topic.startswith(OWN):
         return
-    for name, value in _flat("", decoder.fields(message) or {}):
+    for name, value in flat_fields(decoder.fields(message) or {}):
         yield message.topic, message.slot, name, _short(value)
 
 
@@ -66,6 +66,11 @@ def _short(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.7g}"
     return value.hex() if isinstance(value, bytes) else str(value)
+
+
+def flat_fields(fields: Mapping[str, object]) -> list[tuple[str, object]]:
+    """The fields of a message with the way to each: `pose.x`, `samples.0`."""
+    return list(_flat("", fields))
 
 
 def _flat(prefix: str, fields: Mapping[str, object]) -> Iterator[tuple[str, object]]:

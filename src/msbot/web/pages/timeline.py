@@ -7,12 +7,13 @@ import json
 from fastapi import Request
 from nicegui import ui
 
+from msbot.lab.curves.curve import Curve
 from msbot.web.api.models import TimelineLane
 from msbot.web.html import Markup, render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import heading, set_html
 from msbot.web.service import Service
-from msbot.web.svg.plots import Curve, bars_svg, curve_svg, curves_csv
+from msbot.web.svg.plots import bars_svg, curve_svg, curves_csv
 
 SPANS_S = {"1 min": 60.0, "5 min": 300.0, "30 min": 1800.0, "2 h": 7200.0}
 RANGES_S = {"10 s": 10.0, "1 min": 60.0, "5 min": 300.0}

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from msbot.lab.curves.curve import Curve, thinned
 from msbot.web.api.models import SpanLine, TimelineLane
 from msbot.web.html import Markup, render
 from msbot.web.language import Language
@@ -22,16 +22,6 @@ _TICKS = 6
 _ROW = 30
 MOST_POINTS = 800
 """Points of a drawn curve; of more, the least and the greatest in each step are drawn."""
-
-
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """The numbers of one field over time."""
-
-    name: str
-    points: Sequence[tuple[float, float]]
-    """(seconds, value), oldest first."""
-    unit: str = ""
 
 
 def bars_svg(lanes: Sequence[TimelineLane], span_s: float, language: Language, *, is_narrow: bool = False) -> Markup:
@@ -98,18 +88,6 @@ def curve_svg(curves: Sequence[Curve], span_s: float, now: float, language: Lang
     )  # fmt: skip
 
 
-def thinned(points: Sequence[tuple[float, float]], most: int) -> Sequence[tuple[float, float]]:
-    """At most this many points that show the same curve: of each step its least and its greatest."""
-    if len(points) <= most:
-        return points
-    step = -(-len(points) * 2 // most)
-    kept = []
-    for first in range(0, len(points), step):
-        part = points[first : first + step]
-        kept += sorted({min(part, key=_value), max(part, key=_value)})
-    return kept
-
-
 def shortened(text: str, most: int) -> str:
     """A text that fits, with an ellipsis where it was cut."""
     return text if len(text) <= most else f"{text[: most - 1]}…"
@@ -122,10 +100,6 @@ def curves_csv(curves: Sequence[Curve], now: float) -> str:
         name = curve.name.replace('"', '""')
         lines += [f'{now - at:.4f},"{name}",{value!r},{curve.unit}' for at, value in curve.points]
     return "\r\n".join(lines) + "\r\n"
-
-
-def _value(point: tuple[float, float]) -> float:
-    return point[1]
 
 
 def _time_ticks(span_s: float, left: float, right: float, count: int, language: Language) -> list[tuple[str, str, str]]:

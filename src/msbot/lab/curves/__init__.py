@@ -1,0 +1,1 @@
+"""Curves: the numbers of a robot over time, read from recordings or taken while it runs, and drawn."""
