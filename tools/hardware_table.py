@@ -38,6 +38,7 @@ TESTED = {
     "test_kernel_files.py": "files as the kernel's",
     "test_usb_gpio.py": "module on a pseudo terminal",
     "test_i2c_stub.py": "i2c-stub of a Linux kernel",
+    "test_gpio_sim.py": "gpio-sim of a Linux kernel",
     "test_usb_module.py": "USB device of a Linux kernel",
 }
 """Test files of drivers, and what they have in place of the thing."""

@@ -19,7 +19,8 @@
 #   qemu   Debian's stock kernel under qemu-system-x86_64 without KVM: Python is 17 times slower, but there are emulated
 #          controllers with their real drivers:  -c kvaser  two SJA1000 (classic CAN),  -c ctucan  two CTU CAN FD.
 #          As can0 and can1 on one bus, down:  ip link set can0 up type can bitrate 500000 [dbitrate 2000000 fd on]
-#          With  -c both  the two SJA1000 are can0 and can1, the two CTU CAN FD can2 and can3.
+#          With  -c both  the two SJA1000 are can0 and can1, the two CTU CAN FD can2 and can3. The module gpio-sim (GPIO
+#          lines in software), which Debian leaves out, is in the cache, in the folder gpio_sim.
 #
 # Needs Debian 12 on x86-64 (apt-get, dpkg, iproute2, python3, util-linux); kernel: gcc, make, flex, bison, bc, xz-utils;
 # qemu: gcc, make, xz-utils, qemu-system-x86. Nothing is installed, root is not needed.
@@ -107,19 +108,33 @@ setup_kernel() {
     rm -rf "$s"
 }
 
-build_ctucan() {  # Debian's kernel lacks the driver of QEMU's CAN FD controller
-    b=$(mktemp -d "$CACHE/tmp.XXXXXX"); say "building ctucanfd.ko for $1"
-    (exec >"$CACHE/ctucan.log" 2>&1
-    common=$(echo "$1" | sed 's/-amd64$/-common/'); v=$(sed -n 's/^Version: //p' "$CACHE/linux/control")
-    for p in "linux-headers-$1" "linux-headers-$common" linux-kbuild-6.1; do
+build_modules() {  # build_modules NAME VERSION: modules that Debian's kernel lacks, from its own source, into the cache
+    b=$(mktemp -d "$CACHE/tmp.XXXXXX"); say "building $1 for $2"
+    (exec >"$CACHE/$1.log" 2>&1
+    common=$(echo "$2" | sed 's/-amd64$/-common/'); v=$(sed -n 's/^Version: //p' "$CACHE/linux/control")
+    for p in "linux-headers-$2" "linux-headers-$common" linux-kbuild-6.1; do
         fetch "$p=$v" "headers-$p"; cp -r "$CACHE/headers-$p/usr" "$b/"; rm -rf "$CACHE/headers-$p"
     done
-    sed -i "s#/usr/src/#$b/usr/src/#" "$b/usr/src/linux-headers-$1/Makefile"
-    unpack_source "$b/s" --wildcards '*/drivers/net/can/ctucanfd/*'; s=$b/s/drivers/net/can/ctucanfd
-    make -s -C "$b/usr/src/linux-headers-$1" M="$s" CONFIG_CAN_CTUCANFD=m CONFIG_CAN_CTUCANFD_PCI=m modules
-    strip -g "$s"/*.ko; mkdir "$b/out"; cp "$s/ctucanfd.ko" "$s/ctucanfd_pci.ko" "$b/out/"; mv "$b/out" "$CACHE/ctucan"
-    ) || { rm -rf "$b"; die "the ctucan driver could not be built: see $CACHE/ctucan.log"; }
+    sed -i "s#/usr/src/#$b/usr/src/#" "$b/usr/src/linux-headers-$2/Makefile"
+    "source_of_$1"; [ -e "$b/source" ]
+    make -s -C "$b/usr/src/linux-headers-$2" M="$b/source" modules
+    strip -g "$b"/source/*.ko; mkdir "$b/out"; cp "$b"/source/*.ko "$b/out/"; mv "$b/out" "$CACHE/$1"
+    ) || { rm -rf "$b"; die "$1 could not be built: see $CACHE/$1.log"; }
     rm -rf "$b"
+}
+
+source_of_ctucan() {  # the driver of QEMU's CAN FD controller
+    unpack_source "$b/s" --wildcards '*/drivers/net/can/ctucanfd/*'; mv "$b/s/drivers/net/can/ctucanfd" "$b/source"
+    printf 'obj-m := ctucanfd.o ctucanfd_pci.o\nctucanfd-y := ctucanfd_base.o\n' > "$b/source/Makefile"
+}
+
+source_of_gpio_sim() {  # GPIO pins in software, with the simulated interrupts that they need
+    unpack_source "$b/s" --wildcards '*/drivers/gpio/gpio-sim.c' '*/drivers/gpio/gpiolib.h' '*/kernel/irq/irq_sim.c'
+    mkdir "$b/source"; mv "$b"/s/drivers/gpio/* "$b/s/kernel/irq/irq_sim.c" "$b/source/"
+    mv "$b/source/gpio-sim.c" "$b/source/sim.c"
+    # The kernel does not let modules call irq_to_desc; this gives the same answer.
+    sed -i 's/irq_to_desc(irqnum)/irq_data_to_desc(irq_get_irq_data(irqnum))/' "$b/source/irq_sim.c"
+    printf 'obj-m := gpio-sim.o\ngpio-sim-y := sim.o irq_sim.o\n' > "$b/source/Makefile"
 }
 
 setup_qemu() {
@@ -132,7 +147,7 @@ setup_qemu() {
     fi
     version=$(ls "$CACHE/linux/lib/modules"); d=$CACHE/linux/lib/modules/$version
     [ -e "$d/modules.dep" ] || "$CACHE/busybox/bin/busybox" depmod -b "$CACHE/linux" "$version"
-    [ -d "$CACHE/ctucan" ] || build_ctucan "$version"
+    for m in ctucan gpio_sim; do [ -d "$CACHE/$m" ] || build_modules $m "$version"; done
     [ -e "$CACHE/vm/initrd" ] && return 0
     t=$(mktemp -d "$CACHE/tmp.XXXXXX"); mkdir -p "$t/r/m" "$t/r/proc" "$t/r/sys" "$t/r/dev" "$t/r/lower" "$t/r/up"
     cp "$CACHE/busybox/bin/busybox" "$t/r/"
@@ -163,7 +178,7 @@ is_ready() {
     case $1 in
         uml) [ -x "$CACHE/kernel/linux" ] || [ -e "$CACHE/uml/mods" ] ;;
         kernel) [ -x "$CACHE/kernel/linux" ] ;;
-        qemu) command -v qemu-system-x86_64 >/dev/null && [ -e "$CACHE/vm/initrd" ] ;;
+        qemu) command -v qemu-system-x86_64 >/dev/null && [ -e "$CACHE/vm/initrd" ] && [ -d "$CACHE/gpio_sim" ] ;;
         *) die "no such engine: $1" ;;
     esac
 }

@@ -17,6 +17,7 @@ from msbot.config import Scalar
 from msbot.hardware import PartWiring, make_wiring
 from msbot.hardware.drivers.lcd1602 import character
 from msbot.hardware.drivers.light import bh1750_lux, colour_octet, tcs34725_lux
+from msbot.pnp import PartState
 from tests.hardware.chips import Bus, Chip, bh1750, bmp280, ina219, mpu6050, tcs34725
 from tests.hardware.robot import Bench, machine_at, play
 from tests.sim.robot import LIBRARY
@@ -83,8 +84,29 @@ def test_a_chip_that_is_not_there_keeps_its_part_out_of_the_robot(number: str, t
         await asyncio.sleep(5)
         assert bench.unit.part.slot == ""
         assert "check its supply, the wires SDA and SCL, and its address" in bench.unit.fault
+        assert bench.unit.fault[:100] in str(bench.master.why(number)[0]), "the robot is told"
+        assert bench.heard == {name: [] for name in bench.heard}
 
     play(number, machine_at(tmp_path, Bus()), scene, wiring=wiring_of(number), joins=False)
+
+
+def test_why_a_chip_is_not_there_is_told_once_to_a_master_that_comes_later_and_the_part_joins_when_it_answers(
+    tmp_path: Path,
+) -> None:
+    bus = Bus()
+
+    async def scene(bench: Bench) -> None:
+        await asyncio.sleep(100)
+        (part,) = [info for info in bench.master.inventory.view(0.0) if info.part_number == "BMP280"]
+        assert part.state is PartState.LEFT
+        history = bench.master.why("BMP280")
+        await asyncio.sleep(100)
+        assert len(bench.master.why("BMP280")) == len(history), "it does not come and go every second"
+        bus.chips[0x76] = bmp280()
+        await bench.until_active()
+        assert "it said" not in bench.master.why("BMP280")[0]
+
+    play("BMP280", machine_at(tmp_path, bus), scene, joins=False)
 
 
 def test_a_stuck_bus_is_told_from_a_missing_chip(tmp_path: Path) -> None:

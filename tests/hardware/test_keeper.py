@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -220,3 +221,17 @@ def test_a_keeper_ends_with_its_program_and_without_one_nothing_is_started(tmp_p
     first, second = (tmp_path / "said").read_text().splitlines()
     assert json.loads(first)["hold"] == "a"
     assert json.loads(second) == {"free": "a"}
+
+
+def test_the_process_that_is_started_says_nothing_when_there_is_nothing_to_make_safe() -> None:
+    done = subprocess.run(Machine().keeper, input=b"", capture_output=True, check=True)
+    assert (done.stdout, done.stderr) == (b"", b"")
+
+
+@pytest.mark.skipif(find_spec("lgpio") is None, reason="lgpio is not installed: pip install 'msbot[hardware]'")
+def test_the_pin_library_leaves_nothing_in_the_current_folder_and_needs_no_right_to_write_there(tmp_path: Path) -> None:
+    program = "import os, sys; from msbot.hardware.lgpio_import import import_lgpio; os.chdir(sys.argv[1]); " \
+              "import_lgpio(); assert 'lgpio' in sys.modules; print(os.getcwd())"  # fmt: skip
+    done = subprocess.run([sys.executable, "-c", program, tmp_path], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == (f"{tmp_path}\n", "")
+    assert list(tmp_path.iterdir()) == []

@@ -25,6 +25,12 @@ def load(name: str, *parameters: str) -> None:
     _busybox("insmod", str(folder / path), *parameters, check=True)
 
 
+def load_built(name: str) -> None:
+    """Load the modules that this machine was given because Debian's kernel lacks them."""
+    for path in (_cache() / name).glob("*.ko"):
+        _busybox("insmod", str(path), check=False)  # perhaps it is there already
+
+
 def unload(name: str) -> bool:
     """Try to unload a module; False: somebody uses it still."""
     return _busybox("rmmod", name.replace("-", "_"), check=False)

@@ -35,8 +35,9 @@ class Mount:
 class Driver:
     """Base of all drivers; one that reads has `sample`, one that switches has `wanted` and `drive`.
 
-    All but `wanted` are called in the thread of the bus and may block for up to a second. They raise HardwareFault with
-    a sentence that says what to check. After a fault the driver is closed and opened again until it works.
+    All but `wanted` are called in the thread of the bus and may block: `prepare` for long, the others for up to a
+    second. They raise HardwareFault with a sentence that says what to check. After a fault the driver is closed and
+    opened again until it works.
     """
 
     samples: ClassVar[bool] = False
@@ -52,6 +53,9 @@ class Driver:
         self.place = place
         self.wiring = place.wiring
         self.machine = place.machine
+
+    def prepare(self) -> None:
+        """Load the libraries that the driver needs, which may take seconds on a small computer; touches no hardware."""
 
     def open(self) -> None:
         """Open the hardware; afterwards the outputs are at their safe values."""

@@ -22,13 +22,15 @@ from collections.abc import Callable
 from random import Random
 
 from msbot.config import PartType, Scalar
+from msbot.hardware.absence import Absence
 from msbot.hardware.bus_worker import BusWorker
 from msbot.hardware.driver import Driver, Values
 from msbot.hardware.faults import HardwareFault
 from msbot.link import Link
 from msbot.part import ExpectedRobot, JoinState
 from msbot.part.beginner import part_is_run
-from msbot.part.join.plug import Nature
+from msbot.part.join.membership import TELL_S
+from msbot.part.join.plug import UID_OCTETS, Nature
 from msbot.sim import ModelPart
 
 MOST_FAULTS = 3
@@ -39,8 +41,6 @@ RETRY_S = 1.0
 """Time between two attempts to open a driver."""
 SAFE_S = 0.25
 """Longest wait for a bus to take a safe value. Only here does the loop wait: STOP must not be confirmed any earlier."""
-TELL_S = 0.25
-"""Time that the robot has to hear why a part ends before its session is over."""
 ALIVE_S = 1.0
 """Period in which even a part that speaks only on a change is read."""
 MOST_EVENTS = 32
@@ -110,6 +110,7 @@ class HardwarePart(ModelPart):
         self._given: object = None
         self._events: deque[Values] = deque(maxlen=MOST_EVENTS)
         self._said_fault = ""
+        self._absence = Absence()
         self._leaving: asyncio.TimerHandle | None = None
         """Set while the robot is told why the part ends."""
         self.part.every(self._tick_s() if not self._driver.drives else 0.02)(self._tick)
@@ -125,11 +126,16 @@ class HardwarePart(ModelPart):
         self._loop = asyncio.get_running_loop()
         self._ended = asyncio.Event()
         try:
+            await self._loop.run_in_executor(self._bus, self._driver.prepare)
             while not self._ended.is_set():
                 if await self._opened():
+                    await self._absence.end()
                     await self.part.run_async(connect())
                     await self._close()
+                else:
+                    self._tell_absence(connect)
         finally:
+            await self._absence.end()
             await self._close()
 
     def end(self) -> None:
@@ -202,6 +208,13 @@ class HardwarePart(ModelPart):
             self._said_fault = fault
             _log.warning("%s: %s", self.part.local_name, fault)
 
+    def _tell_absence(self, connect: Callable[[], Link]) -> None:
+        """Have the robot told why this part is not there, unless it knows."""
+        part = self.part
+        if part.uid is None:
+            part.uid = Random().randbytes(UID_OCTETS)
+        self._absence.tell(part, self.fault, connect, self._time())
+
     def _failed(self, fault: HardwareFault, *, at_once: bool = False) -> None:
         """A sample or an order has failed; after several the part leaves its robot."""
         self.faults += 1
@@ -213,11 +226,13 @@ class HardwarePart(ModelPart):
         if self._leaving is None:
             assert self._loop is not None
             self.part.trouble(str(fault))
+            self._absence.is_told(self._time())
             self._leaving = self._loop.call_later(TELL_S, self.part.end)
 
     # Reading.
 
     def _joined(self) -> None:
+        self._absence.is_over()
         self._next_at = self._time()
 
     def _tick(self) -> None:

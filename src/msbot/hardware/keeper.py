@@ -1,6 +1,6 @@
 """Makes outputs safe when the program that drives them is killed: a small process that outlives it.
 
-`python -m msbot.hardware.keeper` reads lines of JSON from its standard input: `{"hold": KEY, "class": ENTRY POINT,
+`main` reads lines of JSON from its standard input: `{"hold": KEY, "class": ENTRY POINT,
 "wiring": {...}}` when a driver has been opened, `{"free": KEY}` when it was closed. It does nothing else while its
 input is open. When the input ends (the system closes it however the other program dies, even by kill -9), it opens each
 driver that is still held and closes it again, both of which make its outputs safe. So it needs no rules of its own.
@@ -148,7 +148,3 @@ def main() -> None:
         with contextlib.suppress(OSError):
             os.write(2, f"msbot: not made safe: {fault}\n".encode())
     sys.exit(1 if faults else 0)
-
-
-if __name__ == "__main__":
-    main()

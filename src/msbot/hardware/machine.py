@@ -11,6 +11,9 @@ from pathlib import Path
 from msbot.hardware.faults import HardwareFault
 from msbot.hardware.i2c import SmBus, open_smbus
 
+KEEPER = "from msbot.hardware.keeper import main; main()"
+"""Its program; `-m msbot.hardware.keeper` would do the same after a warning, since the package imports that file."""
+
 
 @dataclass(slots=True)
 class Machine:
@@ -22,7 +25,7 @@ class Machine:
     clock: Callable[[], float] = time.monotonic
     wait: Callable[[float], None] = time.sleep
     """Waits in the thread of a bus, for chips that need time."""
-    keeper: list[str] = field(default_factory=lambda: [sys.executable, "-P", "-m", "msbot.hardware.keeper"])
+    keeper: list[str] = field(default_factory=lambda: [sys.executable, "-P", "-c", KEEPER])
     """The command of the process that makes outputs safe when this one is killed; [] = none."""
 
     def path(self, text: str) -> Path:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from typing import Any
 
 from msbot.hardware.driver import Driver
 from msbot.hardware.faults import HardwareFault, missing_library
+from msbot.hardware.lgpio_import import import_lgpio
 
 
 def gpiozero() -> Any:  # noqa: ANN401 - the library has no types
@@ -21,6 +23,8 @@ def gpiozero() -> Any:  # noqa: ANN401 - the library has no types
         library = import_module("gpiozero")
     except ImportError:
         raise missing_library("parts on GPIO pins", "gpiozero") from None
+    if library.Device.pin_factory is None:
+        import_lgpio()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # gpiozero warns about each pin library that does not work here
         try:
@@ -42,6 +46,11 @@ class PinDriver(Driver):
     def __init__(self, place: Any) -> None:  # noqa: ANN401 - as its base
         super().__init__(place)
         self._devices: list[Any] = []
+
+    def prepare(self) -> None:
+        """Load gpiozero; where it is missing, `open` says so."""
+        with suppress(HardwareFault):
+            gpiozero()
 
     def device(self, kind: str, *pins: int, **options: object) -> Any:  # noqa: ANN401 - the library has no types
         """Make one of gpiozero's devices; it is closed with the driver.

@@ -337,6 +337,7 @@ class Part:
         *,
         settings: ClientSettings | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
+        absent: str = "",
     ) -> None:
         """Run the part on the current loop until `end` (cleanly) or cancellation (without telling the master).
 
@@ -344,6 +345,7 @@ class Part:
             link: the connection to the master's agent; the part takes it over.
             settings: periods and limits of the client.
             epoch_ns: wall clock for time synchronisation, in ns since 1970.
+            absent: why its hardware is not there: then the part only tells the robot so, and this returns.
 
         Raises:
             LinkDown: the link broke before it ever carried anything.
@@ -355,7 +357,7 @@ class Part:
             self.uid = self._random.randbytes(UID_OCTETS)
         description = describe(self.part_number, self._called, self._program) if self.describes else ""
         identity = Identity(
-            self.part_number, self.local_name, self.robot, self.uid, lambda: self.key, self.nature, description
+            self.part_number, self.local_name, self.robot, self.uid, lambda: self.key, self.nature, description, absent
         )
         await self._runner.run(link, identity, random=self._random, settings=settings, epoch_ns=epoch_ns)
 

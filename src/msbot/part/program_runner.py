@@ -49,6 +49,8 @@ class Identity:
     """What is behind its ports."""
     description: str = ""
     """What it says of itself to a robot that does not know its part number; empty: nothing."""
+    absent: str = ""
+    """Why its hardware is not there: it only says so, and never becomes active; empty: it is there."""
 
     def prove(self, nonce: bytes, session_key: int) -> bytes | None:
         """The answer to a challenge in that session; None = the part has no key."""
@@ -195,6 +197,7 @@ class ProgramRunner:
             obeyed_stop=lambda: self.safety.number,
             nature=identity.nature,
             description=identity.description,
+            absent=identity.absent,
         )
         self._ports = Ports(membership.client, membership.participant, membership.subscriber, membership.seals.seal)
         membership.start()

@@ -47,6 +47,9 @@ ONE_SAMPLE = None
 NO_MORE = DeliveryControl(max_samples=0)
 """Delivery control that only ends the running read."""
 
+TELL_S = 0.25
+"""Time that the robot has to hear why a part ends before its session is over."""
+
 SHORTEST_BEAT_MS = 20
 """A master cannot ask for beats more often; a blueprint cannot either."""
 
@@ -72,6 +75,7 @@ class Membership:
         obeyed_stop: Callable[[], int] = lambda: 0,
         nature: plug.Nature = plug.Nature.UNKNOWN,
         description: str = "",
+        absent: str = "",
     ) -> None:
         """Make the client and request what joining needs; `start` begins.
 
@@ -91,6 +95,8 @@ class Membership:
             obeyed_stop: the number of the STOP that the part obeys, which its beats then carry; 0 = none.
             nature: what is behind the part's ports.
             description: what the part says of itself to a robot that asks; empty: nothing.
+            absent: why the part's hardware is not there. Then it asks for its place only to say so: it asks for no
+                configuration, and never becomes active.
         """
         self.joining = joining
         self.dropped = 0
@@ -111,6 +117,8 @@ class Membership:
         self._obeyed_stop = obeyed_stop
         self._nature = nature
         self._description = description
+        self._absent = absent
+        self._leaving: asyncio.TimerHandle | None = None
         self._turn = Turn(self._work)
         # Without a name: nobody learns who the part is before it has recognised its robot.
         self.participant = client.create_participant()
@@ -128,6 +136,8 @@ class Membership:
 
     def end(self, reason: str) -> None:
         """The part ends."""
+        if self._leaving is not None:
+            self._leaving.cancel()
         self.joining.end(reason, self._turn.now())
         self._drain()
         self._turn.cancel()
@@ -219,6 +229,8 @@ class Membership:
                     self._send_proof(action)
                 case SendBeat():
                     self._send_beat(action.lease)
+                case FetchConfiguration() if self._absent:
+                    self._say_absence()
                 case FetchConfiguration():
                     self._read_replies(STREAM_RELIABLE)
                     request = plug.ConfigurationRequest(lease=action.lease, have_version=action.have_version)
@@ -244,6 +256,16 @@ class Membership:
         if self.joining.lease:
             for piece in trouble_pieces(self.joining.lease, sentence):
                 self._send(piece.encode(), STREAM_RELIABLE)
+
+    def _say_absence(self) -> None:
+        """Say why the part's hardware is not there, and end once the robot has had time to hear it."""
+        self.say_trouble(self._absent)
+        if self._leaving is None:
+            self._leaving = asyncio.get_running_loop().call_later(TELL_S, self._leave)
+
+    def _leave(self) -> None:
+        self.end("its hardware is not there")
+        self.client.close_soon()
 
     def _send_beat(self, lease: int) -> None:
         number = self._obeyed_stop()
