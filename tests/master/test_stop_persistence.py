@@ -80,6 +80,16 @@ def test_without_the_file_the_database_must_confirm(store: MemoryStore, words: s
     assert bool(trouble) == bool(words)
 
 
+@pytest.mark.parametrize(("store", "words"), [(MemoryStore(), ""), (Away(), "STOP is stored on this computer only: ")])
+def test_where_another_master_may_take_over_the_database_must_confirm_too(
+    store: MemoryStore, words: str, tmp_path: Path
+) -> None:
+    trouble = keep(StopKeeper(store, tmp_path / "stop.json", is_shared=True), STOP)
+    assert trouble.startswith(words)
+    assert bool(trouble) == bool(words)
+    assert StopKeeper(MemoryStore(), tmp_path / "stop.json").load() == STOP, "the file has it in any case"
+
+
 def test_each_robot_of_each_database_has_its_own_file(tmp_path: Path) -> None:
     files = {
         stop_file(name, serial, database, tmp_path)

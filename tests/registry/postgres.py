@@ -33,8 +33,11 @@ def find_server() -> Path | None:
 
 
 @contextmanager
-def running_server(programs: Path) -> Iterator[str]:
-    """Serve; gives the beginning of an address, to which the name of a database is put in place of `{}`."""
+def running_server(programs: Path, *, network: str = "", host: str = "") -> Iterator[str]:
+    """Serve; gives the beginning of an address, to which the name of a database is put in place of `{}`.
+
+    With `network` (a namespace) and `host` (an address in it) the server is reached there by TCP, too.
+    """
     user = _unprivileged()
     # Not below pytest's own folder: nobody else may enter that one.
     folder = Path(tempfile.mkdtemp(prefix="msbot-pg-", dir="/tmp"))
@@ -44,19 +47,26 @@ def running_server(programs: Path) -> Iterator[str]:
         data = folder / "data"
         arguments = ["--username=msbot", "--auth=trust", "--no-sync", "--encoding=UTF8", "--locale=C"]
         _run(user, [str(programs / "initdb"), f"--pgdata={data}", *arguments]).communicate()
-        with serving(programs, folder):
+        if host:
+            (data / "pg_hba.conf").write_text("local all all trust\nhost all all samenet trust\n")
+        with serving(programs, folder, network=network, host=host):
             yield f"postgresql://msbot@/{{}}?host={folder}"
     finally:
         shutil.rmtree(folder)
 
 
 @contextmanager
-def serving(programs: Path, folder: Path) -> Iterator[None]:
+def serving(programs: Path, folder: Path, *, network: str = "", host: str = "") -> Iterator[None]:
     """The server of a cluster that is there: also once more, after it has crashed."""
     settings = [word for setting in _QUICK for word in ("-c", setting)]
-    server = _run(
-        _unprivileged(), [str(programs / "postgres"), "-D", str(folder / "data"), "-k", str(folder), *settings]
-    )
+    user = _unprivileged()
+    command = [str(programs / "postgres"), "-D", str(folder / "data"), "-k", str(folder), *settings]
+    if network:
+        assert user is not None, "only root has networks"
+        as_user = ["setpriv", f"--reuid={user.pw_uid}", f"--regid={user.pw_gid}", "--clear-groups"]
+        command = ["ip", "netns", "exec", network, *as_user, *command, "-c", f"listen_addresses={host}"]
+        user = None
+    server = _run(user, command)
     try:
         _wait_until_ready(server, programs, folder)
         yield

@@ -23,6 +23,7 @@ from msbot.link.can.can_address import (
 )
 from msbot.link.can.sim.sim_address import SIM_EXAMPLE, open_sim
 from msbot.link.contract import Link
+from msbot.link.either_link import EitherLink
 from msbot.link.net.tcp import TcpClientLink, TcpServerLink
 from msbot.link.net.udp import UdpClientLink, UdpServerLink
 from msbot.link.net.websocket_client import open_websocket
@@ -45,13 +46,19 @@ def open_link(address: str, *, serve: bool = False, can: CanSettings | None = No
     """Make the link for an address; it opens when it runs.
 
     Args:
-        address: for example `udp:192.168.1.20:8888` or `udp:[::1]:8888`.
+        address: for example `udp:192.168.1.20:8888` or `udp:[::1]:8888`; a part may have several, with commas between
+            them: masters of which one serves (`EitherLink`).
         serve: True for the side that serves many peers (the master), False for a part.
         can: what a link on a CAN bus needs in addition to its address.
 
     Raises:
         ConfigError: the address makes no sense; the text shows a right one.
     """
+    several = _SEVERAL.split(address.strip())
+    if len(several) > 1:
+        if serve:
+            raise ConfigError(f"link {address!r}: a master serves each of them: give --link several times")
+        return EitherLink([open_link(one, can=can) for one in several])
     name, colon, rest = address.strip().partition(":")
     scheme = SCHEMES.get(name.lower())
     if scheme is None or not colon:
@@ -62,6 +69,9 @@ def open_link(address: str, *, serve: bool = False, can: CanSettings | None = No
     except ConfigError as error:
         raise ConfigError(f"link {address!r}: {error}; write it like `{scheme.example}`") from error
 
+
+_SEVERAL = re.compile(r",(?=[a-z][a-z-]*:)")
+"""Between two addresses; ports of one address are separated by commas, too."""
 
 _HOST_AND_PORT = re.compile(r"(?:\[(?P<ipv6>[^\[\]]+)\]|(?P<host>[^:\[\]]+)):(?P<port>[0-9]{1,5})")
 

@@ -64,6 +64,7 @@ class Master:
         random: random_module.Random | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
         stop_file: Path | None = None,
+        is_shared: bool = False,
         library: Library | None = None,
     ) -> None:
         """Put a master together; it serves once `run` is awaited.
@@ -76,6 +77,7 @@ class Master:
             random: generates leases and identities; the system's source if absent.
             epoch_ns: wall clock for time synchronisation, nanoseconds since 1970.
             stop_file: where STOP is stored in addition to the database, to survive a restart; None: nowhere else.
+            is_shared: whether another master may take the robot over: STOP must then be in the database.
             library: the part types; without it, boards are not told what is wired to them.
 
         Raises:
@@ -108,7 +110,7 @@ class Master:
         self._board_faults: dict[str, list[str]] = {}
         """Slot of a board -> what is wrong with what is wired to it."""
         self._stop_listeners: list[Callable[[StopStatus], object]] = []
-        self._keeper = StopKeeper(store, stop_file)
+        self._keeper = StopKeeper(store, stop_file, is_shared=is_shared)
         self._stop = EmergencyStop(self._keeper.load())
         self._kept = self._stop.record
         """The latest record of STOP that was handed over for storing."""

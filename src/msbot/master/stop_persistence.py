@@ -3,7 +3,8 @@
 Both always get the latest record, and at the start of a master the newer one counts. So STOP still holds after `kill
 -9`, after a restore of an older backup (the file is newer) and after a change of computer (the database comes along).
 The file is written, synchronised and renamed in a thread of its own: neither a slow disk nor a database that does not
-answer delays the STOP itself. Only when the file cannot be written does the database have to confirm.
+answer delays the STOP itself. Only when the file cannot be written, or other masters share the robot, does the database
+have to confirm.
 """
 
 from __future__ import annotations
@@ -51,9 +52,12 @@ class StopKeeper:
     Args:
         store: the robot's database, or memory.
         path: the file; None: there is no file, and the store treats STOP like everything else.
+        is_shared: whether another master, perhaps on another computer, may take over the robot: then STOP counts as
+            stored only when the database has it.
     """
 
-    def __init__(self, store: PartStore, path: Path | None = None) -> None:
+    def __init__(self, store: PartStore, path: Path | None = None, *, is_shared: bool = False) -> None:
+        self._is_shared = is_shared
         self._store = store
         self._path = path
         self._changed = Condition()
@@ -132,6 +136,8 @@ class StopKeeper:
             if self._store.is_kept(DATABASE_S):
                 return ""
             return f"{words} is not stored: {self._path} cannot be written ({error.strerror}), nor can the database"
+        if self._is_shared and not self._store.is_kept(DATABASE_S):
+            return f"{words} is stored on this computer only: a master that takes over does not know of it"
         return ""
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         ValueRecord,
     )
     from msbot.registry.registry import Registry, open_registry
+    from msbot.registry.running.master_lease import LeaseLost, MasterLease
     from msbot.registry.running.node_ids import StoredNodeIds
     from msbot.registry.running.robot_store import RobotStore
 
@@ -47,6 +48,10 @@ _NAMES = {
         "Registry",
         "open_registry",
     ),
+    "msbot.registry.running.master_lease": (
+        "LeaseLost",
+        "MasterLease",
+    ),
     "msbot.registry.running.node_ids": ("StoredNodeIds",),
     "msbot.registry.running.robot_store": ("RobotStore",),
 }
@@ -69,6 +74,8 @@ __all__ = [
     "EditRecord",
     "JournalEntry",
     "KeyRecord",
+    "LeaseLost",
+    "MasterLease",
     "PartRecord",
     "ProgramRecord",
     "ProgramVersion",

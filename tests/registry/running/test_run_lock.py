@@ -13,6 +13,7 @@ from msbot.errors import RegistryError
 from msbot.pnp import PartState
 from msbot.registry import Registry, open_registry
 from msbot.registry.database.engine import parse_address
+from msbot.registry.running.master_lease import _LOOK
 from msbot.registry.running.run_lock import RunLock
 from tests.registry.events import changed
 
@@ -96,12 +97,16 @@ class _Server:
         self.said.append(str(options))
         return self
 
-    def execute(self, statement: object, values: dict[str, int] | None = None) -> None:
+    def execute(self, statement: object, values: dict[str, int] | None = None) -> "_Server":
         self.said.append(f"{statement} {values}")
         if self._sqlstate and "pg_advisory_lock" in str(statement):
             error = Exception("canceling statement due to lock timeout")
             error.sqlstate = self._sqlstate  # type: ignore[attr-defined]  # as psycopg's errors have it
             raise OperationalError("SELECT", None, error)
+        return self
+
+    def one_or_none(self) -> None:
+        """No master holds a lease."""
 
     def invalidate(self) -> None:
         self.said.append("invalidate")
@@ -119,10 +124,11 @@ def test_on_a_server_it_is_an_advisory_lock(registry: Registry, blueprint: Bluep
         "{'isolation_level': 'AUTOCOMMIT'}",
         "SET lock_timeout = 2000 None",
         "SELECT pg_advisory_lock(:kind, :robot) {'kind': 1299399252, 'robot': 1}",
+        f"{_LOOK} {{'robot': 1}}",
     ]
     lock.release()
     lock.release()
-    assert server.said[3:] == ["invalidate", "close"]
+    assert server.said[4:] == ["invalidate", "close"]
 
 
 @pytest.mark.parametrize(

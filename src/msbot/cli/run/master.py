@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import importlib
 import logging
 from collections.abc import Coroutine, Sequence
 from dataclasses import replace
@@ -34,7 +35,7 @@ from msbot.link.can import CanSettings, Codec
 from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.pnp import PartEvent
-from msbot.registry import Registry, RobotStore, open_registry
+from msbot.registry import LeaseLost, MasterLease, Registry, RobotStore, open_registry
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.ros.description import read_description
 from msbot.ros.robot_in_ros import RobotInRos
@@ -46,6 +47,8 @@ if TYPE_CHECKING:
     from msbot.web.assembly import WebRoom
 
 CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
+LOOK_S = 0.1
+"""How often a master that shares its robot looks whether it may go on."""
 
 
 @click.command("master")
@@ -56,11 +59,13 @@ CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 @space_option
 @db_option
 @rec_option
+@click.option("--standby", is_flag=True, help="Share the robot with a master on another computer: wait while that one "
+              "serves it, take over when it ends; needs --db postgresql://...")  # fmt: skip
 @click.option("-v", "--verbose", is_flag=True, help="Say more.")
 @page_options
 def command(
     blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
-    rec: RecordingWish, verbose: bool, port: int | None, host: str, no_page: bool,
+    rec: RecordingWish, standby: bool, verbose: bool, port: int | None, host: str, no_page: bool,
     certificate: Path | None, certificate_key: Path | None,
     page_names: tuple[str, ...],
 ) -> None:  # fmt: skip
@@ -81,8 +86,10 @@ def command(
     description = read_description(robot)
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
+    where = db or database_beside(blueprint)
     with contextlib.suppress(KeyboardInterrupt):
-        _with_database(robot, library, addresses, space, db or database_beside(blueprint), page, rec, description)
+        while _with_database(robot, library, addresses, space, where, page, rec, description, standby=standby):
+            pass  # it has lost the robot to another master, and waits again
 
 
 def _with_database(  # noqa: PLR0917 - what the command was given
@@ -94,31 +101,83 @@ def _with_database(  # noqa: PLR0917 - what the command was given
     page: PageWishes,
     rec: RecordingWish,
     description: str,
-) -> None:
-    """Opening and closing a database may be slow: no event loop runs during that time, and Ctrl-C ends it."""
+    *,
+    standby: bool,
+) -> bool:
+    """Opening and closing a database may be slow: no event loop runs during that time, and Ctrl-C ends it.
+
+    Returns True when another master may have taken over the robot in the meantime.
+    """
     profile = profile_of(blueprint)
     kept = held.bring_back_held(db)
     if kept is not None:
         click.echo(f"the backup that was handed in is in force; what the database had is kept in {kept}")
     with open_registry(db) as registry:
+        lease = _wait_for_turn(registry, blueprint, library, page) if standby else None
         robot = registry.robots.apply_blueprint(blueprint, library)
         store = registry.runs.begin(robot)
         can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.runs.node_ids, robot))
         links = [open_link(address, serve=True, can=can) for address in addresses]
-        asyncio.run(_main(blueprint, library, links, where, (registry, store, db), page, rec, description))
+        try:
+            asyncio.run(_main(blueprint, library, links, where, (registry, store, db), page, rec, description, lease))
+        except LeaseLost as error:
+            click.echo(str(error))
+            return True
+        finally:
+            if lease is not None:
+                lease.silent()
+        return False
+
+
+def _wait_for_turn(registry: Registry, blueprint: Blueprint, library: Library, page: PageWishes) -> MasterLease:
+    """Wait until no other master serves the robot; whatever takes time to load is loaded before."""
+    if not page.off:
+        with made_to_stay():
+            importlib.import_module("msbot.web.assembly")
+    robot = registry.robots.find(blueprint) or registry.robots.apply_blueprint(blueprint, library)
+    return registry.runs.wait_for_lease(robot, click.echo)
+
+
+async def _until_lost(lease: MasterLease) -> None:
+    """Ends everything beside it when this master may not serve any more.
+
+    Raises:
+        LeaseLost: that is so.
+    """
+    while True:
+        left_s = lease.left_s()
+        if left_s == 0:
+            raise lease.why_lost()
+        await asyncio.sleep(min(left_s, LOOK_S))
+
+
+async def _serve(master: Master, lease: MasterLease | None) -> None:
+    """Serve; when this ends, nothing speaks to parts any more."""
+    try:
+        await master.run()
+    finally:
+        if lease is not None:
+            lease.silent()
 
 
 async def _main(  # noqa: PLR0917
     blueprint: Blueprint, library: Library, links: Sequence[Link], where: SpaceAddress,
     database: tuple[Registry, RobotStore, str], page: PageWishes, rec: RecordingWish,
-    description: str,
+    description: str, lease: MasterLease | None,
 ) -> None:  # fmt: skip
     registry, store, db = database
     robot, profile = store.robot, profile_of(blueprint)
     with robot_space(where, blueprint, library) as space:
         file = stop_file(profile.name, profile.serial_number, database_identity(db))
         recording = RobotRecording(rec, ring_folder(profile.name, database_identity(db)), library)
-        master = Master(blueprint, store, space=recording.space(space), stop_file=file, library=library)
+        master = Master(
+            blueprint,
+            store,
+            space=recording.space(space),
+            stop_file=file,
+            is_shared=lease is not None,
+            library=library,
+        )
         operations = RunningOperations(master, registry, robot, library=library)
         master.inventory.on_event(_say)
         for link in links:
@@ -134,7 +193,7 @@ async def _main(  # noqa: PLR0917
             if master.stop.stopped:
                 click.echo(f"STOP holds since before, said by {master.stop.by}: `msbot go` ends it")
 
-        beside: list[Coroutine[object, object, None]] = []
+        beside: list[Coroutine[object, object, None]] = [] if lease is None else [_until_lost(lease)]
         if isinstance(space, SharedSpace):
             beside.append(RobotInRos(master, operations, space, description=description).run())
         room: WebRoom | None = None
@@ -165,7 +224,7 @@ async def _main(  # noqa: PLR0917
         )
         stop = StopSocket(master, lambda: details_of(master, db, page=page_address()))
         await run_until_signal(
-            master.run(),
+            _serve(master, lease),
             beside=[stop.run(), status.run(), *recording.beside(master, operations), *beside],
             ready=master.ready,
             say=greet,

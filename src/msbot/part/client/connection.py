@@ -313,8 +313,9 @@ class Connection:
         if self._lost_at is not None and now >= self._lost_at:
             self._lost_at = None
             self._set_state(ConnectionState.LOST, f"no agent answers on {self.link.info.name}")
-        if self._gone is not None and self.state is ConnectionState.CONNECTED:
-            self.lose(self._gone, now)
+        gone, self._gone = self._gone, None  # what was lost before there was a session says nothing of the next one
+        if gone is not None and self.state is ConnectionState.CONNECTED:
+            self.lose(gone, now)
         match self._watch.step(now):
             case WatchStep.PING:
                 self._send_ping(now)

@@ -272,3 +272,12 @@ program_texts = Table(
     Column("text", Text, nullable=False, comment="the program as it was then"),
     Column("saved_ns", BigInteger, nullable=False, comment="when it was kept"),
 )
+
+master_leases = Table(
+    "master_leases",
+    metadata,
+    Column("robot_id", ForeignKey("robots.id", ondelete="CASCADE"), primary_key=True, comment="the robot"),
+    Column("epoch", BigInteger, nullable=False, comment="how often a master has taken it over"),
+    Column("holder", Text, nullable=False, comment="the master that serves it, in words"),
+    Column("until_ns", BigInteger, nullable=False, comment="until when, by the server's clock; 0: nobody"),
+)

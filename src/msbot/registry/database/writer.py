@@ -80,6 +80,7 @@ class Writer:
         self._capacity = capacity
         self._first_retry_s = first_retry_s
         self._check = check
+        self._fence: Note = lambda _: None
         self._changed = Condition()
         self._waiting: deque[Note | PendingChange[object]] = deque()
         self._in_hand: Sequence[Note] = ()
@@ -136,6 +137,10 @@ class Writer:
         with self._changed:
             self._watch, self._follow = look, follow
             self._changed.notify_all()
+
+    def use_fence(self, fence: Note) -> None:
+        """Begin every transaction with this call, which raises `RegistryError` when this process may write no more."""
+        self._fence = fence
 
     def put(self, note: Note) -> None:
         """Hand over one note; never blocks and never raises."""
@@ -277,6 +282,7 @@ class Writer:
                 self._check()
                 engine = self._engine.execution_options(**{WAIT_S: job.wait_s})
                 with engine.connect() as connection, connection.begin():
+                    self._fence(connection)
                     made = job.change(connection)
                     then = self._follow(connection)
                     with self._changed:
@@ -327,6 +333,7 @@ class Writer:
         try:
             self._check()
             with self._engine.connect() as connection, connection.begin():
+                self._fence(connection)
                 for note in notes:
                     note(connection)
         except Exception as error:

@@ -19,9 +19,7 @@ from msbot.registry.database.database_errors import told_as_registry_error
 from msbot.registry.database.engine import Address, make_private
 from msbot.registry.quick_look import lock_file
 from msbot.registry.records import RobotRecord
-
-_SERVER_CLASS = 0x4D734254
-"""First of the two numbers of the advisory lock; the second is the robot's."""
+from msbot.registry.running.master_lease import LOCK_CLASS, is_leased
 
 _LOCK_NOT_AVAILABLE = "55P03"
 """PostgreSQL's SQLSTATE when lock_timeout has passed."""
@@ -91,10 +89,13 @@ def _lock_on_server(engine: Engine, robot: RobotRecord, timeout_s: float) -> Cal
 
     try:
         connection.execute(text(f"SET lock_timeout = {max(1, round(timeout_s * 1000))}"))
-        connection.execute(text("SELECT pg_advisory_lock(:kind, :robot)"), {"kind": _SERVER_CLASS, "robot": robot.id})
+        connection.execute(text("SELECT pg_advisory_lock(:kind, :robot)"), {"kind": LOCK_CLASS, "robot": robot.id})
     except OperationalError as error:
         end_session()
         if getattr(error.orig, "sqlstate", "") == _LOCK_NOT_AVAILABLE:
             return None
         raise
+    if is_leased(connection, robot.id):
+        end_session()
+        return None
     return end_session

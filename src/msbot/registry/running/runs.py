@@ -12,6 +12,7 @@ from msbot.registry.database import statements as store
 from msbot.registry.database.storage import Storage
 from msbot.registry.records import RobotRecord
 from msbot.registry.running import run_lock
+from msbot.registry.running.master_lease import MasterLease, wait_for_lease
 from msbot.registry.running.node_ids import StoredNodeIds
 from msbot.registry.running.robot_memory import RobotMemory, read_memory, read_newest_edit
 from msbot.registry.running.robot_store import JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS, RobotStore
@@ -22,9 +23,25 @@ class Runs:
 
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
-        self._locks: dict[int, run_lock.RunLock] = {}
+        self._locks: dict[int, run_lock.RunLock | MasterLease] = {}
         """Robots that this process is running, by number."""
         self._stores: dict[int, RobotStore] = {}
+
+    def wait_for_lease(self, robot: RobotRecord, say: Callable[[str], object]) -> MasterLease:
+        """Share this robot with other masters: wait until none of them serves it; see `msbot.registry.MasterLease`.
+
+        Args:
+            robot: which robot.
+            say: called with what it waits for, whenever that changes.
+
+        Raises:
+            ConfigError: the database is a file, or this system cannot do that.
+            RegistryError: the database cannot be used.
+        """
+        lease = wait_for_lease(self._storage.address, robot, say)
+        self._locks[robot.id] = lease
+        self._storage.writer.use_fence(lease.fence)
+        return lease
 
     def begin(self, robot: RobotRecord) -> RobotStore:
         """The `PartStore` for a run of this robot; parts that were active when the last run ended are lost now.
@@ -37,7 +54,11 @@ class Runs:
         if robot.id not in self._locks:
             self._locks[robot.id] = run_lock.RunLock(storage.engine, storage.address, robot, storage.busy_timeout_s)
 
+        lock = self._locks[robot.id]
+
         def begin(connection: Connection) -> RobotMemory:
+            if isinstance(lock, MasterLease):
+                lock.fence(connection)
             store.prune(connection, robot.id, JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS)
             store.end_run(connection, robot.id, "the master was restarted", storage.epoch_ns())
             return read_memory(connection, robot.id)

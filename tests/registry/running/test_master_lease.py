@@ -1,0 +1,164 @@
+"""Several masters of one robot on a server: one has the lease, the others wait, and a former holder writes nothing."""
+
+from __future__ import annotations
+
+import queue
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Engine, text
+from sqlalchemy.exc import DBAPIError
+
+from msbot.config import Blueprint, Library
+from msbot.errors import ConfigError, RegistryError
+from msbot.pnp import PartState
+from msbot.registry import LeaseLost, MasterLease, Registry, open_registry
+from msbot.registry.database.engine import parse_address
+from msbot.registry.running import master_lease
+from tests.registry.events import changed
+
+PATIENCE_S = 30.0
+
+
+@pytest.fixture(autouse=True)
+def alarms(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The times after which the system would have ended this process."""
+    found: list[float] = []
+    monkeypatch.setattr(signal, "setitimer", lambda _, left_s: found.append(left_s))
+    return found
+
+
+@pytest.fixture
+def opened(clean_server_database: str) -> Iterator[Callable[[], Registry]]:
+    """Opens the same database as another master would."""
+    with ExitStack() as stack:
+        yield lambda: stack.enter_context(open_registry(clean_server_database))
+
+
+def nobody_waits(words: str) -> None:
+    raise AssertionError(f"it waits: {words}")
+
+
+def expire(sweeper: Engine) -> None:
+    """Let the time of every lease be over."""
+    with sweeper.connect() as connection:
+        connection.execute(text("UPDATE master_leases SET until_ns = 0"))
+
+
+class Waiting:
+    """A master that waits, in a thread of its own."""
+
+    def __init__(self, registry: Registry, blueprint: Blueprint) -> None:
+        self.said: queue.Queue[str] = queue.Queue()
+        self.lease: MasterLease | None = None
+        self._thread = threading.Thread(target=self._wait, args=(registry, blueprint), daemon=True)
+        self._thread.start()
+
+    def _wait(self, registry: Registry, blueprint: Blueprint) -> None:
+        robot = registry.robots.find(blueprint)
+        assert robot is not None
+        self.lease = registry.runs.wait_for_lease(robot, self.said.put)
+
+    def has_it(self) -> MasterLease:
+        self._thread.join(PATIENCE_S)
+        assert self.lease is not None
+        return self.lease
+
+
+def test_one_master_serves_and_the_next_has_its_turn_when_it_ends(
+    opened: Callable[[], Registry], blueprint: Blueprint, library: Library, alarms: list[float]
+) -> None:
+    first, second = opened(), opened()
+    robot = first.robots.apply_blueprint(blueprint, library)
+    lease = first.runs.wait_for_lease(robot, nobody_waits)
+    assert lease.left_s() > 0
+    assert max(alarms) < master_lease.TTL_S
+    waiting = Waiting(second, blueprint)
+    words = waiting.said.get(timeout=PATIENCE_S)
+    assert words.startswith("standby: MSBOT_MASTER is served by ")
+    assert "process" in words
+    first.close()
+    later = waiting.has_it()
+    assert later.epoch == lease.epoch + 1
+
+
+def test_what_a_former_holder_wants_to_write_is_refused(
+    opened: Callable[[], Registry], blueprint: Blueprint, library: Library, sweeper: Engine
+) -> None:
+    first, second = opened(), opened()
+    robot = first.robots.apply_blueprint(blueprint, library)
+    lease = first.runs.wait_for_lease(robot, nobody_waits)
+    store = first.runs.begin(robot)
+    lease.silent()  # it stands still: nothing renews the lease
+    expire(sweeper)
+    later = second.runs.wait_for_lease(robot, nobody_waits)
+    second.runs.begin(robot).journal(changed(PartState.ACTIVE))
+    assert second.storage.flush()
+
+    store.journal(changed(PartState.LOST))
+    assert not first.storage.flush()
+    with pytest.raises(RegistryError, match=r"takes nothing from this master any more: another one serves MSBOT"):
+        first.robots.apply_blueprint(blueprint, library)
+    assert lease.left_s() == 0
+    assert isinstance(lease.why_lost(), LeaseLost)
+    assert str(lease.why_lost()) == "another master serves MSBOT_MASTER now: this one has stopped"
+    assert later.left_s() > 0
+    assert [part.state for part in second.robots.parts()] == ["active"]
+
+
+def test_a_renewed_lease_lasts(opened: Callable[[], Registry], blueprint: Blueprint, library: Library) -> None:
+    registry = opened()
+    lease = registry.runs.wait_for_lease(registry.robots.apply_blueprint(blueprint, library), nobody_waits)
+    ended = threading.Event()
+    until = lease._valid_until
+    while lease._valid_until == until:
+        assert lease.left_s() > 0
+        assert not ended.wait(0.05)
+
+
+def test_a_master_without_standby_is_refused_while_one_with_it_serves_and_the_other_way_round(
+    opened: Callable[[], Registry], blueprint: Blueprint, library: Library
+) -> None:
+    first, second = opened(), opened()
+    robot = first.robots.apply_blueprint(blueprint, library)
+    lease = first.runs.wait_for_lease(robot, nobody_waits)
+    assert second.runs.is_run(robot)
+    with pytest.raises(RegistryError, match="is being run by another msbot master"):
+        second.runs.begin(robot)
+    lease.release()
+    assert not second.runs.is_run(robot)
+    second.runs.begin(robot)
+    third = opened()
+    waiting = Waiting(third, blueprint)
+    words = waiting.said.get(timeout=PATIENCE_S)
+    assert words == (
+        "standby: MSBOT_MASTER is served by a master without --standby; this one takes over when that ends"
+    )
+    second.close()
+    assert waiting.has_it().left_s() > 0
+
+
+def test_a_frozen_holder_keeps_nobody_from_taking_over(
+    opened: Callable[[], Registry], blueprint: Blueprint, library: Library, sweeper: Engine
+) -> None:
+    first, second = opened(), opened()
+    robot = first.robots.apply_blueprint(blueprint, library)
+    lease = first.runs.wait_for_lease(robot, nobody_waits)
+    lease.silent()
+    with first.storage.engine.connect() as connection:
+        transaction = connection.begin()
+        lease.fence(connection)  # and here it is frozen, in the middle of a transaction
+        expire(sweeper)
+        assert Waiting(second, blueprint).has_it().epoch == lease.epoch + 1
+        with pytest.raises(DBAPIError):  # the server has ended that
+            connection.execute(text("SELECT 1"))
+        transaction.rollback()
+
+
+def test_a_file_cannot_be_shared(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"robot.db is a file: give both the same --db postgresql://user@host/name"):
+        master_lease.check_shareable(parse_address(tmp_path / "robot.db"))
