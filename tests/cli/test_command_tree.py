@@ -18,7 +18,7 @@ NO_FACTS = {
     **dict.fromkeys(("master", "part", "bus serve", *(f"agent {transport}" for transport in (
         "udp4", "udp6", "tcp4", "tcp6", "serial", "multiserial", "pseudoterminal", "can", "canfd", "can-legacy",
     ))), RUNS),
-    **dict.fromkeys(("board run", "board shell", "play"), RUNS),
+    **dict.fromkeys(("board run", "board shell", "play", "relay"), RUNS),
     **dict.fromkeys(("init", "export", "completion", "idl to-python", "idl to-idl", "idl to-c"), WRITES),
     **dict.fromkeys(("rec save", "log filter", "log export"), WRITES),
     **dict.fromkeys((

@@ -136,9 +136,10 @@ class Node:
     def start(self, *, elsewhere: bool) -> None:
         """A new process begins, at the same address or another one."""
         if elsewhere:
-            faults = self.link
+            was = self.link.disturbance
             self.link = self._plug_in()
-            self.link.drop, self.link.duplicate, self.link.reorder = faults.drop, faults.duplicate, faults.reorder
+            new = self.link.disturbance
+            new.drop, new.duplicate, new.reorder = was.drop, was.duplicate, was.reorder
         self.client, self.task = self._start()
 
 
@@ -170,7 +171,7 @@ class NetworkMachine(RuleBasedStateMachine):
         reorder=st.sampled_from([0.0, 0.3]),
     )
     def network_changes(self, node: int, drop: float, duplicate: float, reorder: float) -> None:
-        link = self.nodes[node].link
+        link = self.nodes[node].link.disturbance
         link.drop, link.duplicate, link.reorder = drop, duplicate, reorder
 
     @rule(seconds=st.sampled_from([0.001, 0.02, 0.3, 1.0, 3.0, 9.0]))
@@ -274,7 +275,8 @@ class NetworkMachine(RuleBasedStateMachine):
 
     async def _heal(self) -> None:
         for node in self.nodes:
-            node.link.drop = node.link.duplicate = node.link.reorder = 0.0
+            disturbance = node.link.disturbance
+            disturbance.drop = disturbance.duplicate = disturbance.reorder = 0.0
         await self._bar(set())
         await asyncio.sleep(HEALED_S)
         for node in self.nodes:

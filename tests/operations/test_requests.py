@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from msbot.config import PartType
+from msbot.lab.faults.fault_lab import FaultLab
 from msbot.operations.dispatch import perform
 from msbot.operations.table import OPERATIONS
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
@@ -50,6 +51,7 @@ class Tape:
 def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         stage.operations.recording.use(Tape())
+        FaultLab(stage.operations)
         done = {
             "swap": await ask(stage, "swap", slot="BB", to="DD"),
             "release": await ask(stage, "release", slot="CC"),
@@ -77,6 +79,9 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "objects": await ask(stage, "objects"),
             "stored": await ask(stage, "stored"),
             "go": await ask(stage, "go"),
+            "plant_fault": await ask(stage, "plant_fault", kind="loss", at="AA"),
+            "faults": await ask(stage, "faults"),
+            "clear_fault": await ask(stage, "clear_fault", fault=1),
             "ignore": await ask(stage, "ignore", part="DD"),
             "simulate": await ask(stage, "simulate", slot="CC"),
             "identify": await ask(stage, "identify", part="AA"),

@@ -74,7 +74,7 @@ def test_after_any_trouble_all_parts_are_active_and_hear_each_other(seed: int) -
         tasks = [loop.create_task(part.run_async(link)) for part, link in zip(parts, spoiled, strict=True)]
         await trouble(master, links, random)
         for link in spoiled:
-            link.drop = 0.0
+            link.disturbance.drop = 0.0
         await asyncio.sleep(12.0)
         assert [part.state for part in parts] == [JoinState.ACTIVE] * 4
         heard = [part.counters.messages_in for part in parts]

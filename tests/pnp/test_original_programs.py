@@ -151,10 +151,10 @@ def test_a_program_with_an_unknown_part_number_is_neither_answered_nor_heard() -
 def test_a_program_that_falls_silent_is_delisted_and_heard_no_more_until_it_asks_again() -> None:
     async def scene(robot: Robot, aa: Program, bb: Program) -> None:
         await asyncio.sleep(3.5)
-        aa.silent, aa.wire.drop = True, 1.0
+        aa.silent, aa.wire.disturbance.drop = True, 1.0
         await asyncio.sleep(7.0)
         assert robot.state(0xAAAAAAAA) is PartState.LOST
-        aa.wire.drop = 0.0
+        aa.wire.disturbance.drop = 0.0
         before = len(bb.heard)
         await asyncio.sleep(3.0)
         assert len(bb.heard) == before
@@ -189,7 +189,7 @@ def test_a_program_that_samples_keep_from_asking_stays_active_without_a_flicker(
         await asyncio.sleep(30.0)
         assert changes == []
         assert len(bb.heard) > 30
-        bb.wire.drop = 1.0
+        bb.wire.disturbance.drop = 1.0
         await asyncio.sleep(8.0)
         assert changes == [PartState.LATE, PartState.LOST]
 

@@ -150,7 +150,7 @@ def test_nor_do_they_where_parts_have_keys() -> None:
 def taken_over(story: Story) -> Awaitable[None]:
     async def play() -> None:
         first = story.holder()
-        story.aa.wire.drop = 1.0
+        story.aa.wire.disturbance.drop = 1.0
         crashed_at = story.now
         again = Device(story.robot, story.key, "AA again")
         story.start(again.run)
@@ -191,11 +191,11 @@ def test_a_twin_that_walks_through_both_steps_is_a_duplicate_while_the_part_live
 def test_without_the_key_nobody_takes_the_place_of_a_part_that_is_held_up() -> None:
     async def story(scene: Story) -> None:
         first = scene.holder()
-        scene.aa.wire.drop = 1.0
+        scene.aa.wire.disturbance.drop = 1.0
         thief = Device(scene.robot, OTHER_KEY, "thief")
         scene.start(thief.run)
         await asyncio.sleep(1.0)
-        scene.aa.wire.drop = 0.0
+        scene.aa.wire.disturbance.drop = 0.0
         await asyncio.sleep(5.0)
         assert scene.holder() == first
         assert thief.joined_at == []

@@ -59,7 +59,7 @@ class Spy(LossyLink):
         self._numbers[up] += 1
         if up:
             assert self.remote is not None
-            self._link.send(packet, self.remote)
+            self.inner.send(packet, self.remote)
         else:
             assert self._packet_handler is not None
             self._packet_handler(packet, self.remote, asyncio.get_running_loop().time())
@@ -187,7 +187,7 @@ def test_beats_in_the_name_of_a_silent_part_do_not_keep_it_alive() -> None:
         wire = scene.wires[0]
         beats = [payload for object_id, payload in wire.recorded(up=True) if object_id == 0x0017 and len(payload) == 14]
         assert beats
-        wire.drop = 1.0
+        wire.disturbance.drop = 1.0
         for _ in range(16):
             wire.spoof(0x0017, beats[-1], up=True)
             wire.spoof(0x0017, beats[-1][:4], up=True)
@@ -246,9 +246,9 @@ def test_a_part_that_comes_back_has_other_seals() -> None:
     async def story(scene: Story) -> None:
         wire = scene.wires[1]
         old = [(object_id, payload) for object_id, payload in wire.recorded(up=False) if object_id & 0xF == 6][-1]
-        wire.drop = 1.0
+        wire.disturbance.drop = 1.0
         await asyncio.sleep(10.0)
-        wire.drop = 0.0
+        wire.disturbance.drop = 0.0
         await asyncio.sleep(12.0)
         assert scene.bb.state is JoinState.ACTIVE
         heard = len(scene.heard)

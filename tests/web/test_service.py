@@ -57,7 +57,7 @@ LEAST = {
     "stop_report": Role.VIEWER, "identify": Role.STUDENT, "why": Role.VIEWER, "publish": Role.STUDENT,
     "let_go": Role.STUDENT, "stored": Role.VIEWER, "add_slot": Role.TEACHER, "remove_slot": Role.TEACHER,
     "record": Role.TEACHER, "end_record": Role.TEACHER, "recording": Role.VIEWER,
-    "forget_type": Role.TEACHER,
+    "forget_type": Role.TEACHER, "plant_fault": Role.TEACHER, "clear_fault": Role.TEACHER, "faults": Role.TEACHER,
     "simulate": Role.TEACHER, "objects": Role.VIEWER,
 }  # fmt: skip
 """Who may do each operation of the table at least; said twice on purpose."""

@@ -10,9 +10,10 @@ if TYPE_CHECKING:
     from msbot.agent.agent_settings import AgentSettings
     from msbot.agent.discovery import DiscoveryResponder, host_ipv6_addresses
     from msbot.agent.gate import ClientInfo, Gate, OpenGate
+    from msbot.agent.logins import client_key_in
     from msbot.agent.pending_requests import client_key_of
     from msbot.agent.server import Agent, AgentSignalHandler
-    from msbot.agent.statistics import ClientView, ObjectView, StreamView
+    from msbot.agent.statistics import ClientView, ObjectView, SessionWear, StreamView
     from msbot.agent.status_reader import AgentStatus, LinkView, RunningProcess, read_statuses, running_processes
     from msbot.agent.status_server import Control, StatusServer
 
@@ -27,6 +28,7 @@ _NAMES = {
         "OpenGate",
     ),
     "msbot.agent.agent_settings": ("AgentSettings",),
+    "msbot.agent.logins": ("client_key_in",),
     "msbot.agent.pending_requests": ("client_key_of",),
     "msbot.agent.server": (
         "Agent",
@@ -35,6 +37,7 @@ _NAMES = {
     "msbot.agent.statistics": (
         "ClientView",
         "ObjectView",
+        "SessionWear",
         "StreamView",
     ),
     "msbot.agent.status_reader": (
@@ -66,8 +69,10 @@ __all__ = [
     "ObjectView",
     "OpenGate",
     "RunningProcess",
+    "SessionWear",
     "StatusServer",
     "StreamView",
+    "client_key_in",
     "client_key_of",
     "host_ipv6_addresses",
     "read_statuses",

@@ -17,7 +17,7 @@ from msbot.agent.object_tree import ObjectBudget, ObjectTree
 from msbot.agent.pending_requests import client_key_of, make_guid
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.sample_filters import NoEchoShape
-from msbot.agent.statistics import ClientView, ObjectView, StreamView, TopicTable, TopicTraffic
+from msbot.agent.statistics import PUSHED_OUT, ClientView, ObjectView, SessionWear, StreamView, TopicTable, TopicTraffic
 from msbot.agent.topic_attachment import ReadSide, Shape
 from msbot.errors import RemoteProtocolError
 from msbot.link import Peer
@@ -228,8 +228,7 @@ class Proxy:
 
         The caller knows that the link has room, so this works even while `is_blocked`.
         """
-        sides = [side for endpoint in self._endpoints.values() if (side := endpoint.incoming) and side.is_waiting]
-        if not sides:
+        if not (sides := [one for end in self._endpoints.values() if (one := end.incoming) and one.is_waiting]):
             return 0
         blocked, self.is_blocked = self.is_blocked, False
         self._turn += 1
@@ -257,6 +256,12 @@ class Proxy:
     def troubles(self) -> tuple[str, ...]:
         """Why its endpoints do not match others in the space, each sentence once."""
         return tuple(dict.fromkeys(trouble for _, entity in self._tree.items() for trouble in entity.troubles))
+
+    def wear(self) -> SessionWear:
+        """See `Agent.wear`."""
+        readers = (side.reader for end in self._endpoints.values() if (side := end.incoming) is not None)
+        unread = self.dropped.get(PUSHED_OUT, 0) + sum(one.lost for one in readers if one is not None)
+        return SessionWear(self.session.counters.repeated, self.session.counters.resent, unread)
 
     def view(self, now: float) -> ClientView:
         """A view of the client, for people."""
@@ -389,8 +394,7 @@ class Proxy:
         if endpoint is None or endpoint.incoming is None:
             self.session.send_status(event.request_id, event.object_id, Status.ERR_UNKNOWN_REFERENCE, STREAM_RELIABLE)
             return
-        read = event.read
-        endpoint.incoming.start(event.request_id, read.stream_id, read.delivery)
+        endpoint.incoming.start(event.request_id, event.read.stream_id, event.read.delivery)
 
     def _is_own(self, writer: Guid) -> bool:
         return writer[:8] == self._surroundings.agent_id and client_key_of(writer) == self.info.key

@@ -26,14 +26,15 @@ from msbot.agent.relays import Relays
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.rivals import Rivals
 from msbot.agent.session_eviction import SessionBudget
-from msbot.agent.statistics import ClientView, TopicTable
+from msbot.agent.session_settings import session_settings
+from msbot.agent.statistics import ClientView, SessionWear, TopicTable
 from msbot.errors import BusTaken, LinkDown
 from msbot.link import Link, Peer, Signal, Tap
 from msbot.link.relay import MARK, RelayGreeting
 from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 from msbot.space import Space
-from msbot.xrce import AgentSession, AgentSessionSettings, References
+from msbot.xrce import AgentSession, References
 from msbot.xrce.messages import CreateClient
 from msbot.xrce.sessions import Memory
 
@@ -74,15 +75,9 @@ class Agent:
         )
         self._relays = Relays(self.add_link, relay_greeting or RelayGreeting(), self._settings.max_outside_per_s)
         self._handshake = Handshake(
-            self._clients,
-            self._gate,
-            self._settings,
-            budget=self._budget,
-            rivals=self._rivals,
-            queue=self._queue,
-            open_session=self._open_session,
-            end_session=self._end_session,
-        )
+            self._clients, self._gate, self._settings, budget=self._budget, rivals=self._rivals, queue=self._queue,
+            open_session=self._open_session, end_session=self._end_session,
+        )  # fmt: skip
         self._share = FairShare[Proxy](
             self._settings.max_packets_per_s,
             self._settings.max_packets_in_all_per_s,
@@ -101,7 +96,7 @@ class Agent:
             topics=TopicTable(self._settings.max_topics),
             budget=ObjectBudget(self._settings.max_objects_in_all),
         )
-        self._session_settings = {is_bus: _session_settings(self._settings, is_bus=is_bus) for is_bus in (False, True)}
+        self._session_settings = {is_bus: session_settings(self._settings, is_bus=is_bus) for is_bus in (False, True)}
         self._held = Memory(self._settings.max_held_in_all)
         self._unacked = Memory(self._settings.max_unacked_in_all)
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -120,14 +115,24 @@ class Agent:
         port = ServedLink(link, batch=None if link.info.bits_per_second is None else 1)
         self._ports.append(port)
         link.tap = self._tap
-        link.attach(
+        self._attach(port)
+        if self._group is not None:
+            self._tasks[port] = self._group.create_task(self._serve(port))
+
+    def exchange_link(self, present: Link, other: Link) -> None:
+        """Serve a link's clients through another one that carries its packets from now on; its own `run` goes on."""
+        for port in self._ports:
+            if port.link is present:
+                port.link = other
+                self._attach(port)
+
+    def _attach(self, port: ServedLink) -> None:
+        port.link.attach(
             packet=partial(self._packet_received, port),
             signal=partial(self._signal_received, port),
             room=partial(self._room_gained, port),
             burst_end=self._flusher.flush,
         )
-        if self._group is not None:
-            self._tasks[port] = self._group.create_task(self._serve(port))
 
     async def run(self) -> None:
         """Serve all links until cancelled.
@@ -192,6 +197,19 @@ class Agent:
         """Which endpoints should match that client's writers and readers now and cannot, one sentence each."""
         proxy = self._clients.by_key(client_key)
         return () if proxy is None else proxy.troubles()
+
+    def place_of(self, client_key: int) -> tuple[Link, Peer] | None:
+        """The link and the address of that client; None: it has no session, or its peer has gone."""
+        proxy = self._clients.by_key(client_key)
+        if proxy is None or proxy.place is None:
+            return None
+        port, peer = proxy.place
+        return port.link, peer
+
+    def wear(self, client_key: int) -> SessionWear | None:
+        """What went wrong between agent and client in its present session; None: it has none."""
+        proxy = self._clients.by_key(client_key)
+        return None if proxy is None else proxy.wear()
 
     @property
     def links(self) -> list[Link]:
@@ -310,15 +328,10 @@ class Agent:
 
     def _open_session(self, info: ClientInfo, port: ServedLink, request: CreateClient, now: float) -> Proxy:
         open_session = partial(
-            AgentSession,
-            request.client_key,
-            request.session_id,
-            min(request.mtu, port.link.info.mtu),
-            settings=self._session_settings[port.link.info.shared_bus],
-            epoch_ns=self._epoch_ns,
-            memory=self._held,
+            AgentSession, request.client_key, request.session_id, min(request.mtu, port.link.info.mtu),
+            settings=self._session_settings[port.link.info.shared_bus], epoch_ns=self._epoch_ns, memory=self._held,
             unacked=self._unacked,
-        )
+        )  # fmt: skip
         silence_s = dead_after_s(request, self._settings.dead_after_s)
         proxy = Proxy(info, open_session, self._surroundings, now, dead_after_s=silence_s, echo=wants_echo(request))
         self._flusher.watch_life(proxy, now + proxy.dead_after_s)
@@ -384,14 +397,3 @@ class Agent:
         if not self._tasks or (failure is not None and (isinstance(failure, BusTaken) or not port.opened)):
             self._failure = failure
             self._ended.set()
-
-
-def _session_settings(settings: AgentSettings, *, is_bus: bool) -> AgentSessionSettings:
-    return AgentSessionSettings(
-        window=settings.window,
-        heartbeat_s=settings.heartbeat_s,
-        # On a bus, silence means that others go first, hardly ever a loss; asking more often would make it worse.
-        heartbeat_min_s=settings.heartbeat_s if is_bus else settings.heartbeat_min_s,
-        max_message=settings.max_message,
-        queue_limit=settings.max_burst,
-    )

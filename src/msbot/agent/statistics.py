@@ -106,3 +106,19 @@ class ClientView:
     """What was not done for this client, by reason in words."""
     refused: dict[str, int] = field(default_factory=dict)
     """Samples the client wrote but the gate kept out, by topic."""
+
+
+PUSHED_OUT = "sample pushed out before the client read it"
+"""A client that reads more slowly than others write loses the oldest of what waits for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class SessionWear:
+    """What went wrong between agent and client since its session was opened."""
+
+    repeated: int = 0
+    """Messages of the client that came twice, or too late."""
+    resent: int = 0
+    """Messages that were sent to the client again."""
+    unread: int = 0
+    """Samples that were thrown away because the client did not take them in time."""

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from msbot.agent.delivery_control import NEVER, ReadTask
 from msbot.agent.reply_routing import ReplyExchange
-from msbot.agent.statistics import TopicTraffic
+from msbot.agent.statistics import PUSHED_OUT, TopicTraffic
 from msbot.runtime.tally import Tally
 from msbot.space import Deliver, Guid, Owner, Qos, Reader, Sample, Space, Topic, Writer
 from msbot.xrce.messages import DeliveryControl
@@ -223,7 +223,7 @@ class ReadSide:
         # Left in the space's history, samples for others would push out those for this client.
         if len(self._on_hand) >= self._qos.depth:
             self._on_hand.popleft()
-            self._host.dropped.count("sample pushed out before the client read it")
+            self._host.dropped.count(PUSHED_OUT)
         self._on_hand.append(sample)
 
     def _offer(self, sample: Sample) -> bool:

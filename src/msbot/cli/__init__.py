@@ -56,6 +56,7 @@ COMMANDS = {
     "log": ("record.log", "Look into recordings: show, cut, compare, export them."),
     "play": ("record.play", "Replay what a part said in a recording, in its place in a running robot."),
     "plot": ("record.plot", "Draw curves of a robot or a recording, or one CAN frame as levels."),
+    "fault": ("lab.fault", "Let something go wrong on purpose, for a while: a lost part, noise, a stuck sensor."),
     "idl": ("idl", "Turn message definitions (OMG IDL, ROS 2) into Python, C or IDL."),
     "bus": ("bus.bus", "Tools for a CAN bus: watch it, send, decode, count bits, load, simulate."),
     "agent": ("agent.agent", "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint."),

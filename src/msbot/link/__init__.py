@@ -12,12 +12,15 @@ from msbot.link.contract import (
     SignalHandler,
     Tap,
 )
+from msbot.link.disturbed import Disturbance, DisturbedLink, Treatment
 from msbot.link.in_process import InprocEnd, InprocHub, inproc_pair
 from msbot.link.link_schemes import open_link, parse_host_and_port
 from msbot.link.lossy import LossyLink
 
 __all__ = [
     "BaseLink",
+    "Disturbance",
+    "DisturbedLink",
     "InprocEnd",
     "InprocHub",
     "Link",
@@ -30,6 +33,7 @@ __all__ = [
     "Signal",
     "SignalHandler",
     "Tap",
+    "Treatment",
     "inproc_pair",
     "open_link",
     "parse_host_and_port",

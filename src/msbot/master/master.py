@@ -24,7 +24,7 @@ from msbot.link.relay import RelayGreeting
 from msbot.master.board_configuration import with_documents
 from msbot.master.stop_persistence import StopKeeper
 from msbot.part import Client
-from msbot.pnp import Access, Configuration, Inventory, Keys, LifeTiming, PartStore, Profile
+from msbot.pnp import Access, Configuration, Inventory, Keys, LifeTiming, PartInfo, PartStore, Profile
 from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
 from msbot.pnp.services import InventoryService, MasterService
 from msbot.runtime.sentence import said
@@ -109,6 +109,7 @@ class Master:
         self.inventory.watch.use_agent(last_heard=self.agent.last_heard, probe=self.agent.probe)
         self._board_faults: dict[str, list[str]] = {}
         """Slot of a board -> what is wrong with what is wired to it."""
+        self._witnesses: list[Callable[[PartInfo], Sequence[str]]] = []
         self._stop_listeners: list[Callable[[StopStatus], object]] = []
         self._keeper = StopKeeper(store, stop_file, is_shared=is_shared)
         self._stop = EmergencyStop(self._keeper.load())
@@ -162,7 +163,34 @@ class Master:
         """Endpoints that should match a part's topics now and cannot, one sentence each, naming the DDS policy."""
         found = self.inventory.find(part, self._clock())
         of_boards = [fault for info in found for fault in self._board_faults.get(info.slot or "", ())]
-        return [*of_boards, *(trouble for info in found for trouble in self.agent.troubles(info.client_key))]
+        worn = [words for info in found for words in self._wear(info)]
+        told = [words for info in found for witness in self._witnesses for words in witness(info)]
+        return [
+            *of_boards,
+            *(trouble for info in found for trouble in self.agent.troubles(info.client_key)),
+            *worn,
+            *told,
+        ]
+
+    def on_why(self, witness: Callable[[PartInfo], Sequence[str]]) -> None:
+        """Ask the witness, too, what there is to say about a part."""
+        self._witnesses.append(witness)
+
+    def _wear(self, info: PartInfo) -> Sequence[str]:
+        """What went wrong between the agent and a part in its present session."""
+        wear = self.agent.wear(info.client_key) if info.state.is_registered else None
+        if wear is None:
+            return ()
+        sentences = []
+        if wear.repeated:
+            sentences.append(said("{count} of its messages came twice or too late", count=wear.repeated))
+        if wear.resent:
+            sentences.append(said("{count} messages were sent to it again", count=wear.resent))
+        if wear.unread:
+            sentences.append(
+                said("{count} samples for it were thrown away: it takes them too slowly", count=wear.unread)
+            )
+        return sentences
 
     def _complete(self, configuration: Configuration) -> Configuration:
         """The configuration of a board with what it needs to know of the parts that are wired to it."""

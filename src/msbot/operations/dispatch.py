@@ -20,6 +20,7 @@ from msbot.operations.blocking import Blocking, StoredBlocking
 from msbot.operations.bus_objects import BusObjects
 from msbot.operations.by_hand import ByHand
 from msbot.operations.described_parts import DescribedParts
+from msbot.operations.faults import Faults
 from msbot.operations.outcome import Outcome
 from msbot.operations.placement import Placement
 from msbot.operations.recording import Recording
@@ -164,10 +165,11 @@ class RunningOperations(Operations):
         self.showing = Showing(running)
         self.by_hand = ByHand(running)
         self.recording = Recording()
+        self.faults = Faults(running)
         super().__init__(
             SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
-            self.applying, self.by_hand, self.recording, Blocking(running), Wires(running), described, self.stand_ins,
-            BusObjects(running),
+            self.applying, self.by_hand, self.recording, self.faults, Blocking(running), Wires(running), described,
+            self.stand_ins, BusObjects(running),
         )  # fmt: skip
 
     def on_library(self, listener: Callable[[Library], object]) -> None:

@@ -84,6 +84,7 @@ class EditKind(Enum):
     HAND = "hand"
     LIBRARY = "library"
     RESTORE = "restore"
+    FAULT = "fault"
 
 
 UNDOABLE = frozenset(

@@ -2,14 +2,17 @@
 
 from msbot.config import Control, ControlKind
 from msbot.sim.message_classes import message_class
-from msbot.sim.model_part import ModelPart
+from msbot.sim.model_part import Distortion, ModelPart
 from msbot.sim.simulated_part import SimulatedPart, make_simulator
+from msbot.sim.simulated_world import fit
 
 __all__ = [
     "Control",
     "ControlKind",
+    "Distortion",
     "ModelPart",
     "SimulatedPart",
+    "fit",
     "make_simulator",
     "message_class",
 ]

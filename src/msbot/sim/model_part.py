@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 from random import Random
+from typing import Protocol
 
 from msbot.config import Direction, Operand, PartType, Port, Scalar, Simulator
 from msbot.part import ExpectedRobot, JoinState, Message, Part
@@ -21,6 +22,13 @@ LONGEST_TICK_S = 0.1
 """Longest period of checks for something to say or move; a part that speaks often checks more often."""
 CHANGE_TICK_S = 0.05
 """Longest time until a change is published."""
+
+
+class Distortion(Protocol):
+    """What a part says in place of what its sensor shows: for faults on purpose."""
+
+    def __call__(self, port: str, fields: Mapping[str, Scalar], now: float) -> Mapping[str, Scalar]:
+        """The fields of a message that the port publishes now."""
 
 
 class ModelPart:
@@ -57,6 +65,8 @@ class ModelPart:
         self._now: float | None = None
         self._unsaid: tuple[str, ...] = ()
         """Ports that stay silent because nothing is known about them."""
+        self.distort: Distortion | None = None
+        """Changes what is published; None: nothing does."""
         self._classes = {port.name: message_class(port.message) for port in part_type.ports if port.message is not None}
         for port in part_type.ports:
             if port.direction is Direction.SUBSCRIBE and port.name in self._classes:
@@ -112,7 +122,8 @@ class ModelPart:
         self._world.advance(now)
         for port, fields in self._world.say(now):
             if self.part.bound(port) and port not in self._unsaid:
-                self.part.publish(port, self._classes[port](**fields))
+                told = fields if self.distort is None else self.distort(port, fields, now)
+                self.part.publish(port, self._classes[port](**told))
 
     def _take_settings(self) -> None:
         """Apply the slot's settings; one that makes no sense here is the robot's mistake and changes nothing."""

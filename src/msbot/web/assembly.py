@@ -103,6 +103,7 @@ class WebRoom:
             clock=clock,
             ignored=operations.showing.is_ignored,
             by_hand=operations.by_hand.said,
+            planted=operations.faults.told,
             bus=seen.bus,
             stop=lambda: stop_state(master.stop),
         )
@@ -194,6 +195,7 @@ def _describer(master: Master, operations: RunningOperations) -> Callable[[], Ro
             trouble="",
             slots=[],
             arrivals=0,
+            faults=list(operations.faults.told("")),
         )
 
     return describe

@@ -7,7 +7,7 @@ That is shown only as far as it is known: a part that has not confirmed STOP may
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from msbot.config import Binding, Blueprint, Library, PartType, Port, Slot, scalar_text
@@ -23,6 +23,7 @@ from msbot.web.api.models import (
     StopState,
 )
 from msbot.web.api.says import Says, SaysPort, SaysSetting
+from msbot.web.api.wear import Wear
 from msbot.web.live import Live, TopicWatch
 from msbot.web.simulated.bench import Bench
 
@@ -52,7 +53,7 @@ class SlotCards:
     def __init__(
         self, *, master: Master, blueprint: Callable[[], Blueprint], library: Library, live: Live, bench: Bench,
         clock: Callable[[], float], ignored: Callable[[PartInfo], bool], stop: Callable[[], StopState],
-        by_hand: SaidByHand,
+        by_hand: SaidByHand, planted: Callable[[str], Sequence[str]] = lambda _: (),
     ) -> None:  # fmt: skip
         self.live = live
         self.library = library
@@ -63,6 +64,7 @@ class SlotCards:
         self._ignored = ignored
         self._stop = stop
         self._by_hand = by_hand
+        self._planted = planted
         self._ends_are_of: Blueprint | None = None
         self._ends: Mapping[str, list[_End]] = {}
         self._slots: Mapping[str, Slot] = {}
@@ -119,7 +121,14 @@ class SlotCards:
             spares=list(look.spares.get(slot.part_number, ())),
             simulated=is_here,
             plugged=self.bench.is_plugged(slot.name) if is_here else None,
+            faults=list(self._planted(slot.name)),
+            wear=self._wear(info),
         )
+
+    def _wear(self, info: PartInfo | None) -> Wear | None:
+        """What went wrong between agent and part in its session."""
+        wear = None if info is None or not info.state.is_registered else self._master.agent.wear(info.client_key)
+        return None if wear is None else Wear(repeated=wear.repeated, resent=wear.resent, unread=wear.unread)
 
     def _port(self, end: _End, slot: Slot, part_type: PartType | None, look: _Look) -> PortLine:
         binding, now = end.binding, look.now

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from msbot.config import Blueprint, Direction, Library
 from msbot.errors import NotThere
@@ -67,12 +67,14 @@ class Views:
         bus: the figures of its CAN bus.
         stop: STOP as it stands.
         by_hand: what people say to the ports that they drive by hand.
+        planted: the faults planted at a slot, or with an empty text at the robot, as far as they may be told.
     """
 
     def __init__(
         self, master: Master, *, blueprint: Callable[[], Blueprint], library: Library, live: Live, frames: FrameRing,
         timeline: Timeline, bench: Bench, clock: Callable[[], float], ignored: Callable[[PartInfo], bool],
         bus: BusMeter | None = None, stop: Callable[[], StopState] = StopState, by_hand: SaidByHand = dict,
+        planted: Callable[[str], Sequence[str]] = lambda _: (),
     ) -> None:  # fmt: skip
         self.live = live
         self.frames = frames
@@ -86,7 +88,7 @@ class Views:
         self._bus = bus or BusMeter()
         self._cards = SlotCards(
             master=master, blueprint=blueprint, library=library, live=live, bench=bench, clock=clock, ignored=ignored,
-            stop=stop, by_hand=by_hand,
+            stop=stop, by_hand=by_hand, planted=planted,
         )  # fmt: skip
         self._rate: tuple[float, int, float] = (clock(), 0, 0.0)
 

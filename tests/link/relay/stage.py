@@ -39,11 +39,11 @@ class Stage:
 
     def cut(self) -> None:
         """Cut the cable between relay and master."""
-        self.cable.drop = 1.0
+        self.cable.disturbance.drop = 1.0
 
     def heal(self) -> None:
         """Mend it."""
-        self.cable.drop = 0.0
+        self.cable.disturbance.drop = 0.0
 
     def states(self) -> dict[str, str]:
         """Part number -> state, as the master has it."""

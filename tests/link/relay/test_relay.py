@@ -85,7 +85,7 @@ def test_stop_of_the_master_is_a_stop_frame_on_the_bus_before_anything_else() ->
 @pytest.mark.parametrize("lossy", [0.0, 0.3])
 def test_stop_on_the_bus_reaches_the_master_and_holds_once(lossy: float) -> None:
     async def scene(stage: Stage) -> None:
-        stage.cable.drop = lossy
+        stage.cable.disturbance.drop = lossy
         stage.bus.send_stop(1)  # a node on the bus says it; its own controller hears it like any other
         stage.relay.forwarder.stop_heard("STOP was pressed", asyncio.get_running_loop().time())
         await asyncio.sleep(3)

@@ -29,6 +29,7 @@ from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wish
 from msbot.cli.run.recording import RobotRecording, rec_option, ring_folder
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.config import Blueprint, Library, open_blueprint
+from msbot.lab.faults.fault_lab import FaultLab
 from msbot.lab.recorder.wish import RecordingWish
 from msbot.link import Link, open_link
 from msbot.link.can import CanSettings, Codec
@@ -194,6 +195,7 @@ async def _main(  # noqa: PLR0917
                 click.echo(f"STOP holds since before, said by {master.stop.by}: `msbot go` ends it")
 
         beside: list[Coroutine[object, object, None]] = [] if lease is None else [_until_lost(lease)]
+        beside.append(FaultLab(operations).run())
         if isinstance(space, SharedSpace):
             beside.append(RobotInRos(master, operations, space, description=description).run())
         room: WebRoom | None = None

@@ -21,7 +21,7 @@ from msbot.link import Link
 from msbot.link.can import CanEnd
 from msbot.link.can.protocol import Frame
 from msbot.master import Master
-from msbot.operations.dispatch import Deed, Operations
+from msbot.operations.dispatch import Deed, Operations, RunningOperations
 from msbot.part import HelloWorld, Message
 from msbot.part.join.plug import ProfileMessage
 from msbot.pnp import Configuration, PartEvent, PartState
@@ -97,6 +97,8 @@ class Recorder:
         master.inventory.on_event(self._part_changed)
         master.on_stop(self._stopped)
         operations.on_done(self._done)
+        if isinstance(operations, RunningOperations):
+            operations.faults.on_change(self._fault_changed)
         self._say_all(master)
         for link in master.links:
             if isinstance(link, CanEnd) and link not in self._tapped:
@@ -169,6 +171,7 @@ class Recorder:
             "/msbot/acts",
             "/msbot/stop",
             "/msbot/recorder",
+            "/msbot/faults",
             MEASURED,
         ):
             self._json_channel(topic)
@@ -214,6 +217,9 @@ class Recorder:
             for info in self._master.inventory.view(self.clock()):
                 if info.state.is_registered:
                     self._slot(self._master.inventory.configuration_of(info.client_key), info.part_number)
+
+    def _fault_changed(self, change: Mapping[str, object]) -> None:
+        self.put(Kind.OBJECT, self._json_channel("/msbot/faults"), self.clock(), encode_object(change))
 
     def _frame_tap(self, link: str, bitrate: int | None) -> Callable[[float, str, Frame], None]:
         metadata = () if bitrate is None else ((BITRATE, str(bitrate)),)

@@ -26,6 +26,9 @@ def line_of(message: RecordedMessage, decoder: Decoder) -> str | None:
     if topic == f"{OWN}acts":
         given = ", ".join(f"{name}={value}" for name, value in _object(fields.get("arguments")).items())
         return f"{fields.get('who')}: {fields.get('operation')}({given}): {fields.get('words')}"
+    if topic == f"{OWN}faults":
+        end = "begins" if fields.get("begins") else f"is over ({fields.get('reason')})"
+        return f"fault {fields.get('number')} of {fields.get('who')} {end}: {fields.get('words')}"
     if topic == f"{OWN}stop":
         return f"STOP by {fields.get('by')}" if fields.get("stopped") else "no STOP"
     return f"{_who(message)}{', '.join(f'{name} {_short(value)}' for name, value in fields.items())}"

@@ -16,6 +16,7 @@ from msbot.registry.database.database_file import DatabaseFile
 from msbot.registry.database.engine import WAIT_S, WRITE, Address
 from msbot.registry.database.writer import Writer
 from msbot.runtime.daemon_threads import DaemonThreads
+from msbot.runtime.sentence import said
 
 SLOWEST_S = 5.0
 """How long a person waits for a change at a running robot, in addition to the database's wait for another program."""
@@ -31,6 +32,9 @@ READERS = 4
 """How many readers are served at the same time."""
 MOST_WAITING = 64
 """How many more readers may wait; further ones are turned away."""
+
+_BROKEN_OFF = said("cannot be reached")
+"""What a cable that was pulled out would say."""
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -72,8 +76,8 @@ class Storage:
         self.runs_a_robot = False
         """Whether parts and people depend on this process."""
         self._file = None if read_only or address.path is None else DatabaseFile(engine, address.path)
-        check = (lambda: None) if self._file is None else self._file.check
-        self._writer = None if read_only else Writer(engine, address.words, check=check)
+        self._is_broken_off = False
+        self._writer = None if read_only else Writer(engine, address.words, check=self._check)
         self._threads = DaemonThreads(READERS, "msbot registry reader")
         self._asking: dict[int, float] = {}
         """When each reader that is being served or waiting made its request."""
@@ -118,8 +122,24 @@ class Storage:
         Raises:
             RegistryError: it cannot be read.
         """
+        if self._is_broken_off:
+            raise RegistryError(said("the database {database} {fault}", database=self.words, fault=_BROKEN_OFF))
         with told_as_registry_error(self.words), self.engine.connect() as connection:
             return read(connection)
+
+    def break_off(self, *, broken: bool) -> None:
+        """Behave as if the database were gone, or end that: for faults on purpose.
+
+        Nothing is lost: notes wait in memory, as when the database is really gone.
+        """
+        self._is_broken_off = broken
+
+    def _check(self) -> None:
+        """Called before each transaction of the writer."""
+        if self._is_broken_off:
+            raise RegistryError(_BROKEN_OFF)
+        if self._file is not None:
+            self._file.check()
 
     @property
     def patience_s(self) -> float:

@@ -1,7 +1,6 @@
-"""What the API and the pages say of a robot: one model per thing, with meaning and unit of every field.
+"""What API (`/openapi.json`) and pages say of a robot: one model per thing, with meaning and unit of every field.
 
-They are the schemas of `/openapi.json`; the pages read the same objects. Ages and rates are worked out at the moment
-of asking, so nobody has to share a clock.
+Ages and rates are worked out at the moment of asking, so nobody has to share a clock.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ from pydantic import Field
 from msbot.web.api.model import Model as Model  # noqa: PLC0414 - others look for it here
 from msbot.web.api.said import Said
 from msbot.web.api.says import Offer, Says
+from msbot.web.api.wear import Wear
 
 Scalar = bool | int | float | str
 
@@ -132,6 +132,8 @@ class SlotCard(Model):
     """Whether the part runs in this process and can be operated here."""
     plugged: bool | None
     """For a simulated part: whether it is on the wire."""
+    faults: list[Said] = Field(default_factory=list, description="What may be told of planted faults.")
+    wear: Wear | None = None
 
     @property
     def shown_number(self) -> str:
@@ -210,6 +212,8 @@ class Robot(Model):
     slots: list[SlotCard]
     arrivals: int
     """Parts that wait in the arrivals tray."""
+    faults: list[Said] = Field(default_factory=list)
+    """Faults of the robot as a whole."""
 
 
 class BusFigures(Model):

@@ -1,6 +1,6 @@
 """The simulated CAN bus: exact to the bit, in one process or between programs."""
 
-from msbot.link.can.sim.driver import SimBusDriver
+from msbot.link.can.sim.driver import SimBusDriver, SimCanBus
 from msbot.link.can.sim.model.bus import SimBus
 from msbot.link.can.sim.names import DEFAULT_NAME, check_free, rates_words
 from msbot.link.can.sim.server import SimBusServer
@@ -11,6 +11,7 @@ __all__ = [
     "SimBus",
     "SimBusDriver",
     "SimBusServer",
+    "SimCanBus",
     "check_free",
     "open_sim_bus",
     "rates_words",

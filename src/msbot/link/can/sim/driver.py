@@ -132,6 +132,11 @@ class SimBusDriver:
         self.bus.repair(self.now())
         self.arm()
 
+    def break_sender(self, name: str, *, broken: bool) -> None:
+        """Let a node send broken frames; no effect if there is none of that name."""
+        if name in self._by_name:
+            self.bus.break_sender(self._by_name[name].node, broken=broken)
+
     def now(self) -> float:
         """The logical time inside a handler, else the clock of the loop."""
         return asyncio.get_running_loop().time() if self._logical is None else self._logical
@@ -231,9 +236,17 @@ class SimCanBus:
 
     def send(self, frame: Frame) -> None:
         """See `CanBus`."""
+        self.send_at(frame, self._driver.now())
+
+    def send_at(self, frame: Frame, at: float) -> None:
+        """As `send`, but the frame takes part in arbitration only from that time on, exact to the bit.
+
+        Raises:
+            LinkDown, LinkFull: see `send`.
+        """
         if not self.is_attached:
             raise LinkDown(f"the controller {self.name!r} was removed from the simulated bus")
-        self._driver.bus.submit(self.node, frame, self._driver.now())
+        self._driver.bus.submit(self.node, frame, at)
         self._driver.arm()
 
     def restart(self) -> None:

@@ -77,6 +77,8 @@ class SimBus:
         self._rates = Rates(1 / bitrate, 1 / (data_bitrate or bitrate))
         self._bit_error_rate = 0.0
         self._flips: deque[int] = deque()
+        self._broken: set[int] = set()
+        """Nodes whose frames are broken."""
         self._flipped = False
         self._shorted = False
         self._time = float("-inf")
@@ -99,6 +101,7 @@ class SimBus:
         """Remove a controller and its unsent frames."""
         self.unplug(node, now)
         it = self._nodes.pop(node)
+        self._broken.discard(node)
         if it in self._recovering:
             self._recovering.remove(it)
 
@@ -209,12 +212,17 @@ class SimBus:
 
     # Faults
 
-    def set_bit_error_rate(self, probability: float) -> None:
+    def set_bit_error_rate(self, probability: float, random: Random | None = None) -> None:
         """From the next frame on, invert each bit with this probability, for all nodes.
 
+        Args:
+            probability: from 0 to below 1.
+            random: the source of bit errors from now on; None: the one that the bus has.
+
         Raises:
-            LocalProtocolError: not from 0 to below 1, or no `random` was given.
+            LocalProtocolError: another probability, or no `random` was given.
         """
+        self._random = random or self._random
         if not 0 <= probability < 1 or (probability and self._random is None):
             raise LocalProtocolError(f"bit error rate {probability}: it is from 0 to below 1 and needs a `random`")
         self._bit_error_rate = probability
@@ -224,6 +232,10 @@ class SimBus:
         self._flips.append(index)
         if self._is_open(now):
             self._plan()
+
+    def break_sender(self, node: int, *, broken: bool) -> None:
+        """From the next frame on, invert a bit of each frame that the node sends, as a broken transmitter does."""
+        (self._broken.add if broken else self._broken.discard)(node)
 
     def deafen(self, node: int, *, frames: int = 0, probability: float = 0.0) -> None:
         """Let a node miss the next frames, or each with a probability, as a full receive buffer does.
@@ -277,7 +289,9 @@ class SimBus:
         if self._shorted:  # nobody sees a dominant bit, so that everybody goes on
             self._attempt = plan_shorted(start, rivals, self._rates)
             return
-        self._attempt = plan_attempt(start, winners, self._listeners(start, winners), self._rates, self._noise)
+        broken = self._broken and any(it.node_id in self._broken for it in winners)
+        noise = _in_the_middle if broken else self._noise
+        self._attempt = plan_attempt(start, winners, self._listeners(start, winners), self._rates, noise)
 
     def _listeners(self, start: float, senders: list[SimNode]) -> list[SimNode]:
         if self._hearing is None:
@@ -379,3 +393,8 @@ class SimBus:
             it.counters = ErrorCounters()
             self._hearing = None
             events.append(StateChanged(at, it.node_id, BusState.ACTIVE))
+
+
+def _in_the_middle(bits: int) -> int:
+    """Where a broken sender's frame goes wrong: behind the identifier, so that arbitration is fair."""
+    return bits // 2

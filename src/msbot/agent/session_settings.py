@@ -1,0 +1,18 @@
+"""What the agent's settings mean for one session."""
+
+from __future__ import annotations
+
+from msbot.agent.agent_settings import AgentSettings
+from msbot.xrce import AgentSessionSettings
+
+
+def session_settings(settings: AgentSettings, *, is_bus: bool) -> AgentSessionSettings:
+    """The settings of sessions on a bus, or on other links."""
+    return AgentSessionSettings(
+        window=settings.window,
+        heartbeat_s=settings.heartbeat_s,
+        # On a bus, silence means that others go first, hardly ever a loss; asking more often would make it worse.
+        heartbeat_min_s=settings.heartbeat_s if is_bus else settings.heartbeat_min_s,
+        max_message=settings.max_message,
+        queue_limit=settings.max_burst,
+    )

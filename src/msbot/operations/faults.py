@@ -1,0 +1,97 @@
+"""Faults on purpose, as people plant and clear them; the fault lab, if this robot has one, carries them out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from msbot.errors import ConfigError
+from msbot.operations.outcome import Outcome
+from msbot.operations.running_robot import RunningRobot
+from msbot.registry import EditKind
+from msbot.runtime.sentence import said
+
+
+@dataclass(frozen=True, slots=True)
+class FaultWish:
+    """What a person wants to go wrong; what is None is left to the kind."""
+
+    kind: str
+    at: str = ""
+    amount: float | None = None
+    jitter_ms: float | None = None
+    port: str = ""
+    number: str = ""
+    after_s: float = 0.0
+    for_s: float | None = None
+    when: str = ""
+    chance: float | None = None
+    seed: int | None = None
+    hidden: bool = False
+
+
+class FaultControl(Protocol):
+    """The fault lab of this robot."""
+
+    def plant(self, wish: FaultWish, who: str) -> str:
+        """Plant a fault; says what will happen."""
+
+    def clear(self, number: int | None, who: str) -> str:
+        """End one fault, or all; says what was ended."""
+
+    def as_json(self) -> Mapping[str, object]:
+        """What is planted."""
+
+    def told(self, slot: str) -> Sequence[str]:
+        """What may be told to everybody of the faults at a slot, or, for an empty slot, of those of the robot."""
+
+
+class Faults:
+    """The operations of a robot's fault lab."""
+
+    def __init__(self, running: RunningRobot) -> None:
+        self.running = running
+        self._lab: FaultControl | None = None
+        self._listeners: list[Callable[[Mapping[str, object]], object]] = []
+
+    def use(self, lab: FaultControl) -> None:
+        """Say who carries faults out."""
+        self._lab = lab
+
+    def on_change(self, listener: Callable[[Mapping[str, object]], object]) -> None:
+        """Call the listener with every beginning and end of a fault."""
+        self._listeners.append(listener)
+
+    def changed(self, change: Mapping[str, object], words: str, who: str) -> None:
+        """Note in the journal, and tell, that a fault has begun or ended; for the lab."""
+        self.running.note(EditKind.FAULT, words, who)
+        for listener in self._listeners:
+            listener(change)
+
+    def told(self, slot: str) -> Sequence[str]:
+        """See `FaultControl.told`; nothing without a lab."""
+        return () if self._lab is None else self._lab.told(slot)
+
+    def plant_fault(  # noqa: PLR0917 - the arguments of the table
+        self, kind: str, at: str, amount: float | None, jitter_ms: float | None, port: str, number: str,
+        after_s: float, for_s: float | None, when: str, chance: float | None, seed: int | None,
+        hidden: bool,
+        who: str,
+    ) -> Outcome:  # fmt: skip
+        """Plant a fault."""
+        wish = FaultWish(kind, at, amount, jitter_ms, port, number, after_s, for_s, when, chance, seed, hidden=hidden)
+        return Outcome(self._the_lab().plant(wish, who))
+
+    def clear_fault(self, fault: int | None, who: str) -> Outcome:
+        """End one fault, or all."""
+        return Outcome(self._the_lab().clear(fault, who))
+
+    def faults(self, who: str) -> Outcome:  # noqa: ARG002 - what every operation is given
+        """What is planted, also what is hidden from the class."""
+        return Outcome(answer=dict(self._the_lab().as_json()))
+
+    def _the_lab(self) -> FaultControl:
+        if self._lab is None:
+            raise ConfigError(said("this robot runs without a fault lab"))
+        return self._lab
