@@ -14,8 +14,8 @@ from pathlib import Path
 
 import httpx
 
-from msbot.cli.options import database_identity
 from msbot.registry import open_registry
+from msbot.registry.database_identity import database_identity
 from msbot.registry.edits import users
 from msbot.runtime.stop_datagram import ask_masters
 from msbot.web.access.sessions import digest_of

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,10 +12,12 @@ from starlette.requests import HTTPConnection
 
 import msbot
 import msbot.web
-from msbot.config import load_library
+from msbot.config import SAMPLES, differences, load_library, parse_blueprint
+from msbot.errors import ConfigError, RegistryError
 from msbot.operations.rights import Right, Role
 from msbot.part.join.plug import Refusal
 from msbot.pnp import PartState
+from msbot.registry.maintenance.backup_check import check_backup
 from msbot.runtime.sentence import counted, said
 from msbot.web.language import COOKIE, language_of, languages
 
@@ -164,3 +167,37 @@ def test_a_number_of_things_has_its_own_form(number: int, words: str) -> None:
 def test_numbers_are_written_the_german_way(value: float, form: str, words: str) -> None:
     assert languages()["de"].number(value, form) == words
     assert languages()["en"].number(value, form) == format(value, form)
+
+
+def test_mistakes_in_a_blueprint_and_differences_are_told_in_german_too() -> None:
+    german, library = languages()["de"], load_library()
+    with pytest.raises(ConfigError) as caught:
+        parse_blueprint('[robot]\nname = "R"\nlife = 3\n[[slot]]\nname = "A"\npart = "KY-O37"\n', library)
+    assert german.say(str(caught.value)) == (
+        "2 Fehler wurden gefunden:\n"
+        '  robot.toml, Zeile 3, robot.life: diesen Schlüssel gibt es hier nicht; bekannt: "manufacturer", "name", '
+        '"released", "serial_number", "version"\n'
+        '  robot.toml, Zeile 6, slot[0].part: die Bibliothek hat keine Teilenummer "KY-O37"; '
+        'meinten Sie "KY-037" oder "KY-032" oder "KY-023"?'
+    )
+    before = parse_blueprint(SAMPLES["rover"], library)
+    knob, *others = before.slots
+    after = replace(before, slots=(replace(knob, part_number="KY-040"), *others))
+    told = [german.say(str(one)) for one in differences(before, after)]
+    assert "~ Platz knob, Teil: POT-10K -> KY-040 (ein Teil darin, das nicht mehr passt, wird ausgetragen)" in told, (
+        told
+    )
+    with pytest.raises(ConfigError) as caught:
+        parse_blueprint("[robot]\nname = AA\n", library)
+    assert german.say(str(caught.value)).startswith(
+        "robot.toml, Zeile 2: Spalte 8: das ist kein Wert; Text braucht Anführungszeichen"
+    )
+
+
+def test_what_a_process_with_limits_says_of_a_backup_is_told_in_german_too(tmp_path: Path) -> None:
+    path = tmp_path / "backup.db"
+    path.write_bytes(b"no backup")
+    with pytest.raises(RegistryError) as caught:
+        check_backup(path, needs_administrator=True)
+    said_in_german = languages()["de"].say(str(caught.value))
+    assert said_in_german == "diese Sicherung wird nicht benutzt: sie ist keine Datenbank"

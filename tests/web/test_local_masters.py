@@ -10,6 +10,8 @@ from msbot.web.local_masters import LocalMaster, LocalMasters
 from msbot.web.pages.classroom import _for_visitor
 from msbot.web.service import with_neighbours
 
+OWN = "/home/ann/robot.db"
+
 
 def tile(name: str, *, running: bool = False, here: bool = False) -> RobotTile:
     return RobotTile(
@@ -19,21 +21,34 @@ def tile(name: str, *, running: bool = False, here: bool = False) -> RobotTile:
 
 
 def master(robot: str, *, stopped: bool = False) -> LocalMaster:
-    return LocalMaster(robot, "1", f"http://127.0.0.1:{len(robot)}", 5, 4, stopped)
+    return LocalMaster(robot, "1", f"http://127.0.0.1:{len(robot)}", 5, 4, stopped, OWN)
 
 
 def test_a_robot_of_the_database_gets_what_its_master_says() -> None:
-    (one,) = with_neighbours([tile("ROVER", running=True, here=True)], [master("ROVER", stopped=True)])
+    (one,) = with_neighbours(
+        [tile("ROVER", running=True, here=True)], [master("ROVER", stopped=True)], "/home/ann/robot.db"
+    )
     assert (one.here, one.address, one.slots, one.active, one.stopped, one.reachable) == (
         True, "http://127.0.0.1:5", 5, 4, True, True,
     )  # fmt: skip
 
 
 def test_a_robot_of_another_database_is_there_too_and_one_elsewhere_is_not_reachable() -> None:
-    tiles = {one.name: one for one in with_neighbours([tile("FAR", running=True)], [master("NEAR")])}
+    tiles = {one.name: one for one in with_neighbours([tile("FAR", running=True)], [master("NEAR")], OWN)}
     assert tiles["NEAR"].running
     assert tiles["NEAR"].reachable
     assert not tiles["FAR"].reachable
+
+
+def test_two_robots_of_the_same_names_are_two_when_their_databases_are() -> None:
+    own, other = (
+        master("ROVER"),
+        LocalMaster("ROVER", "1", "http://127.0.0.1:9", 7, 1, stopped=True, database="/bob.db"),
+    )
+    for order in ([own, other], [other, own]):
+        here, there = with_neighbours([tile("ROVER", running=True, here=True)], order, OWN)
+        assert (here.here, here.address, here.slots, here.stopped) == (True, "http://127.0.0.1:5", 5, False)
+        assert (there.here, there.address, there.slots, there.stopped) == (False, "http://127.0.0.1:9", 7, True)
 
 
 def test_one_stop_for_all_says_how_many_it_did_not_reach() -> None:

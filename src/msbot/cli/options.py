@@ -91,16 +91,6 @@ def database_beside(blueprint: Path) -> str:
     return str(blueprint.with_suffix(".db"))
 
 
-def database_identity(db: str) -> str:
-    """A unique spelling for each database: the full path of a file; a server's address without user and password."""
-    scheme, separator, rest = db.partition("://")
-    if not separator:
-        return str(Path(db).absolute())
-    if scheme == "sqlite":
-        return str(Path(rest.removeprefix("/")).absolute())
-    return f"{scheme.partition('+')[0]}://{rest.rpartition('@')[2]}"
-
-
 def existing_database(db: str | None) -> str:
     """The database to read.
 

@@ -7,6 +7,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from msbot.errors import ConfigError
+from msbot.runtime.sentence import said
 
 if TYPE_CHECKING:
     from msbot.config import ParameterKind, Scalar
@@ -154,7 +155,7 @@ class ValueRecord:
         value = _scalar(parameter.kind, text)
         fault = parameter.fault(value)
         if fault is not None:
-            raise ConfigError(f"{self.name}: {fault}")
+            raise ConfigError(said("{name}: {fault}", name=self.name, fault=fault))
         return value
 
 

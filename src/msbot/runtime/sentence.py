@@ -6,7 +6,7 @@ form in a catalogue and puts the same values into it, so no translation ever has
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Final
 
 JsonSentence = str | dict[str, object]
@@ -52,6 +52,13 @@ def said(form: str, /, **values: object) -> Sentence:
 def counted(count: int, one: str, many: str, /, **values: object) -> Sentence:
     """A sentence about a number of things: `one` for a single thing, else `many`; both may hold `{count}`."""
     return Sentence(one if count == 1 else many, {"count": count, **values})
+
+
+def joined(joint: str, texts: Iterable[str]) -> str:
+    """Texts one after the other with a joint between them; each may be a sentence, and so may the joint."""
+    values: dict[str, object] = {f"text{number}": text for number, text in enumerate(texts)}
+    form = "{joint}".join(f"{{{name}}}" for name in values)
+    return Sentence(form, {**values, "joint": joint}) if values else ""
 
 
 def without(text: str, names: Collection[str], instead: str) -> str:

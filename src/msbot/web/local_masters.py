@@ -28,6 +28,8 @@ class LocalMaster:
     active: int
     """Parts that are in."""
     stopped: bool
+    database: str = ""
+    """Which database it uses, see `database_identity`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,5 +78,5 @@ def _neighbour(answer: Mapping[str, object]) -> LocalMaster:
 
     return LocalMaster(
         text("robot"), text("serial_number"), text("page"), count("slots"), count("active"),
-        answer.get("stopped") is True,
+        answer.get("stopped") is True, text("database"),
     )  # fmt: skip

@@ -19,6 +19,7 @@ from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Role, role_named
 from msbot.pnp import PartState
 from msbot.registry import EditKind, EditRecord, JournalEntry, PartRecord, Registry, RobotRecord, UserRecord
+from msbot.registry.database_identity import database_identity
 from msbot.registry.edits import users as people
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
@@ -86,6 +87,8 @@ class Records:
     people_edits: Callable[[int], Awaitable[Sequence[EditRecord]]]
     """What was changed about people and keys, newest first."""
     trouble: Callable[[], str]
+    database: str = ""
+    """Which database it is, see `database_identity`; empty: none."""
 
 
 class RegistryUsers:
@@ -179,6 +182,7 @@ def registry_records(
         restore=restore,
         people_edits=people_edits,
         trouble=lambda: registry.storage.health.trouble or "",
+        database=database_identity(address),
     )
 
 

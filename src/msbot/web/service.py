@@ -158,7 +158,8 @@ class Service:
         """
         async with self._looking_around:
             if self._seen_robots is None or self._clock() - self._seen_robots[0] >= CLASS_S:
-                tiles = with_neighbours(await self._records.robots(), await self._neighbours.look())
+                found = await self._neighbours.look()
+                tiles = with_neighbours(await self._records.robots(), found, self._records.database)
                 self._seen_robots = (self._clock(), tiles)
             return self._seen_robots[1]
 
@@ -348,18 +349,25 @@ def _user_line(user: User) -> UserLine:
     return UserLine(name=user.name, role=user.role.word, tokens=[purpose for purpose, _ in user.tokens])
 
 
-def with_neighbours(tiles: Sequence[RobotTile], found: Iterable[LocalMaster]) -> list[RobotTile]:
+def with_neighbours(tiles: Sequence[RobotTile], found: Iterable[LocalMaster], database: str) -> list[RobotTile]:
     """The robots of the database, with what their masters say of themselves; and robots of other databases.
 
-    A robot is known by its name and serial number.
+    In one database a robot is known by its name and serial number. Those of two databases are two robots, whatever
+    they are called: whoever does not change the sample has the same names as everybody.
+
+    Args:
+        tiles: the robots of the database.
+        found: the masters of this computer.
+        database: which database that is; empty: none, and a robot is known by its names alone.
     """
-    known = {(tile.name, tile.serial_number): tile for tile in tiles}
+    known = {(database, tile.name, tile.serial_number): tile for tile in tiles}
     for one in found:
-        tile = known.get((one.robot, one.serial_number)) or RobotTile(
+        key = (one.database if database else "", one.robot, one.serial_number)
+        tile = known.get(key) or RobotTile(
             name=one.robot, serial_number=one.serial_number, running=True, here=False, owner="", slots=one.slots,
             active=one.active, last_event="", last_event_age_s=None,
         )  # fmt: skip
-        known[one.robot, one.serial_number] = tile.model_copy(
+        known[key] = tile.model_copy(
             update={"running": True, "address": one.page, "active": one.active, "slots": one.slots,
                     "stopped": one.stopped, "reachable": True}
         )  # fmt: skip

@@ -61,3 +61,18 @@ def test_the_library_of_ones_own_comes_back(registry: Registry, tmp_path: Path) 
     blueprint, library = open_blueprint(path)
     robot = registry.robots.apply_blueprint(blueprint, library)
     assert registry.robots.blueprint(robot) == replace(blueprint, source=None)
+
+
+def test_a_library_that_no_slot_needs_and_one_of_another_folder_come_back_as_written(
+    registry: Registry, tmp_path: Path
+) -> None:
+    own = 'number = "{0}"\nname = "x"\n[[port]]\nname = "light"\ndirection = "publish"\ntype = "Light"\n'
+    for folder, number in (("kit", "LUX-1"), ("spare", "LUX-2"), ("given", "LUX-3")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "lux.toml").write_text(own.format(number))
+    path = tmp_path / "robot.toml"
+    slots = "".join(f'[[slot]]\nname = "{number}"\npart = "{number}"\n' for number in ("LUX-1", "LUX-3"))
+    path.write_text(f'library = ["kit", "spare"]\n[robot]\nname = "R"\n{slots}')
+    blueprint, library = open_blueprint(path, tmp_path / "given")
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    assert registry.robots.blueprint(robot).library == ("kit", "spare", str(tmp_path / "given"))

@@ -14,12 +14,12 @@ from msbot.agent import RunningProcess, running_processes
 from msbot.cli.options import (
     DEFAULT_BLUEPRINT,
     database_beside,
-    database_identity,
     existing_database,
     user_name,
     wants_json,
 )
 from msbot.errors import ConfigError
+from msbot.registry.database_identity import database_identity
 from msbot.runtime.terminal_log import TerminalHandler
 
 if TYPE_CHECKING:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, database_identity, user_name
+from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, user_name
 from msbot.errors import ConfigError
+from msbot.registry.database_identity import database_identity
 from msbot.runtime.stop_datagram import IS_THERE, ask_masters
 
 Answer = dict[str, object]

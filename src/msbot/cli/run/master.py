@@ -20,7 +20,6 @@ from msbot.cli.options import (
     DEFAULT_BLUEPRINT,
     DEFAULT_LINK,
     database_beside,
-    database_identity,
     db_option,
     library_option,
     space_option,
@@ -37,6 +36,7 @@ from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.pnp import PartEvent
 from msbot.registry import LeaseLost, MasterLease, Registry, RobotStore, open_registry
+from msbot.registry.database_identity import database_identity
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.ros.description import read_description
 from msbot.ros.robot_in_ros import RobotInRos

@@ -15,6 +15,7 @@ from msbot.config.library.library import Direction, Library, PartType, Port, sca
 from msbot.config.toml.problems import MOST_LISTED, quoted, suggestion
 from msbot.config.toml.table import Table
 from msbot.errors import ConfigError
+from msbot.runtime.sentence import said
 
 RESERVED_TOPICS = (
     "msbot_masterTopic",
@@ -58,10 +59,16 @@ def check_timing(table: Table, timing: Timing) -> None:
     shortest = (timing.life - 1) * timing.tick_period_s
     if shortest < _LATE_AFTER_BEATS * timing.beat_period_s:
         table.problem(
-            f"a part that beats every {timing.beat_period_s:g} s could be delisted {shortest:g} s after a beat "
-            f"(life {timing.life}, tick {timing.tick_period_s:g} s); use a tick_period_s of at least "
-            f"{_LATE_AFTER_BEATS * timing.beat_period_s / (timing.life - 1):g}, a higher life, or a shorter "
-            "beat_period_s"
+            said(
+                "a part that beats every {beat_period_s:g} s could be delisted {shortest:g} s after a beat "
+                "(life {life}, tick {tick_period_s:g} s); use a tick_period_s of at least {value:g}, a higher "
+                "life, or a shorter beat_period_s",
+                beat_period_s=timing.beat_period_s,
+                shortest=shortest,
+                life=timing.life,
+                tick_period_s=timing.tick_period_s,
+                value=_LATE_AFTER_BEATS * timing.beat_period_s / (timing.life - 1),
+            )
         )
 
 
@@ -69,20 +76,25 @@ def check_free_topics(table: Table, topics: Sequence[str]) -> None:
     """Check that plug-and-play's own topics are not declared free for all."""
     for position, topic in enumerate(topics):
         if topic in RESERVED_TOPICS:
-            table.problem(f'"{topic}" belongs to plug-and-play itself; remove it', "free_topics", position)
+            table.problem(
+                said('"{topic}" belongs to plug-and-play itself; remove it', topic=topic), "free_topics", position
+            )
 
 
 def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], library: Library) -> None:
     """Check that each slot has a unique name, a part type of the library, and settings that the type knows."""
     if not slots and "slot" not in root:
-        root.problem('a robot needs at least one slot; add [[slot]] with name = "AA" and part = "ABCD"', "slot")
+        root.problem(said('a robot needs at least one slot; add [[slot]] with name = "AA" and part = "ABCD"'), "slot")
     first_of: dict[str, Table] = {}
     for table, slot in zip(tables, slots, strict=True):
         first = first_of.setdefault(slot.name, table)
         if slot.name and first is not table:
             table.problem(
-                f'there is a slot "{slot.name}" already on line {first.place("name").line}; '
-                "give each slot a name of its own",
+                said(
+                    'there is a slot "{name}" already on line {line}; give each slot a name of its own',
+                    name=slot.name,
+                    line=first.place("name").line,
+                ),
                 "name",
             )
         part_type = library.get(slot.part_number)
@@ -90,7 +102,12 @@ def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], lib
             _check_settings(table, slot, part_type, library)
         elif slot.part_number:
             table.problem(
-                f'the library has no part number "{slot.part_number}"; {library.suggest(slot.part_number)}', "part"
+                said(
+                    'the library has no part number "{part_number}"; {right}',
+                    part_number=slot.part_number,
+                    right=library.suggest(slot.part_number),
+                ),
+                "part",
             )
 
 
@@ -99,11 +116,19 @@ def _check_settings(table: Table, slot: Slot, part_type: PartType, library: Libr
         parameter = part_type.parameter(name)
         if parameter is None:
             known = [parameter.name for parameter in part_type.parameters]
-            right = suggestion(name, known, none_known="it has none: remove the line")
-            table.problem(f'part {part_type.number} has no parameter "{name}"; {right}', "settings", name)
+            right = suggestion(name, known, none_known=said("it has none: remove the line"))
+            table.problem(
+                said(
+                    'part {number} has no parameter "{name}"; {right}', number=part_type.number, name=name, right=right
+                ),
+                "settings",
+                name,
+            )
         elif fault := parameter.fault(value):
             example = f"{name} = {scalar_text(parameter.default)}"
-            table.problem(f"{fault}; the library's default is {example}", "settings", name)
+            table.problem(
+                said("{fault}; the library's default is {example}", fault=fault, example=example), "settings", name
+            )
     _check_wired(table, slot, part_type, library)
 
 
@@ -132,7 +157,7 @@ def check_bindings(
         seen: set[SlotPort] = set()
         for position, target in enumerate(binding.targets):
             if target in seen:
-                table.problem(f'"{target}" is there twice; keep one', "to", position)
+                table.problem(said('"{target}" is there twice; keep one', target=target), "to", position)
             else:
                 ports.check(table, binding, target, Direction.SUBSCRIBE, "to", position)
             seen.add(target)
@@ -140,28 +165,45 @@ def check_bindings(
 
 def _check_topic(table: Complaints, binding: Binding, topics: dict[str, Binding]) -> None:
     if binding.topic in RESERVED_TOPICS:
-        table.problem(f'"{binding.topic}" belongs to plug-and-play itself; choose another name', "topic")
+        table.problem(
+            said('"{topic}" belongs to plug-and-play itself; choose another name', topic=binding.topic), "topic"
+        )
     earlier = topics.setdefault(binding.topic, binding)
     if earlier is binding or not binding.topic:
         return
     if earlier.source == binding.source:
         table.problem(
-            f'"{binding.source}" is bound to "{binding.topic}" already; put all receivers into one list `to`', "topic"
+            said(
+                '"{source}" is bound to "{topic}" already; put all receivers into one list `to`',
+                source=binding.source,
+                topic=binding.topic,
+            ),
+            "topic",
         )
     if earlier.type_name != binding.type_name and binding.type_name:
         table.problem(
-            f'topic "{binding.topic}" carries "{earlier.type_name}" in another binding and "{binding.type_name}" '
-            "here; a topic has one type",
+            said(
+                'topic "{topic}" carries "{type_name}" in another binding and "{other}" here; a topic has one type',
+                topic=binding.topic,
+                type_name=earlier.type_name,
+                other=binding.type_name,
+            ),
             "type",
         )
     if earlier.in_dds != binding.in_dds:
         table.problem(
-            f'topic "{binding.topic}" is in DDS in another way in another binding; say the same in both', "topic"
+            said(
+                'topic "{topic}" is in DDS in another way in another binding; say the same in both', topic=binding.topic
+            ),
+            "topic",
         )
     if earlier.reliable != binding.reliable:
         table.problem(
-            f'topic "{binding.topic}" has reliable = {scalar_text(earlier.reliable)} in another binding; '
-            "say the same in both",
+            said(
+                'topic "{topic}" has reliable = {value} in another binding; say the same in both',
+                topic=binding.topic,
+                value=scalar_text(earlier.reliable),
+            ),
             "reliable",
         )
 
@@ -183,10 +225,25 @@ class _Ports:
         slot = self._slots.get(endpoint.slot)
         if not endpoint.port:
             example = f"{endpoint.slot if slot else 'AA'}.{self._example(slot, direction)}"
-            table.problem(f'"{endpoint}" names no port; write slot, dot, port, for example "{example}"', *steps)
+            table.problem(
+                said(
+                    '"{endpoint}" names no port; write slot, dot, port, for example "{example}"',
+                    endpoint=endpoint,
+                    example=example,
+                ),
+                *steps,
+            )
         elif slot is None:
-            right = suggestion(endpoint.slot, list(self._slots), none_known="add the slot first")
-            table.problem(f'"{endpoint}": there is no slot "{endpoint.slot}"; {right}', *steps)
+            right = suggestion(endpoint.slot, list(self._slots), none_known=said("add the slot first"))
+            table.problem(
+                said(
+                    '"{endpoint}": there is no slot "{slot}"; {right}',
+                    endpoint=endpoint,
+                    slot=endpoint.slot,
+                    right=right,
+                ),
+                *steps,
+            )
         elif (part_type := self._library.get(slot.part_number)) and _check_port(
             table, binding, endpoint, part_type, direction, *steps
         ):
@@ -197,10 +254,18 @@ class _Ports:
     ) -> None:
         earlier = self._topics.setdefault(endpoint, binding.topic)
         if earlier != binding.topic and earlier and binding.topic:
-            remedy = "let all senders publish that topic"
+            remedy = said("let all senders publish that topic")
             if direction is Direction.PUBLISH:
-                remedy = "list all receivers in one binding"
-            table.problem(f'"{endpoint}" is bound to "{earlier}" already and carries one topic; {remedy}', *steps)
+                remedy = said("list all receivers in one binding")
+            table.problem(
+                said(
+                    '"{endpoint}" is bound to "{earlier}" already and carries one topic; {remedy}',
+                    endpoint=endpoint,
+                    earlier=earlier,
+                    remedy=remedy,
+                ),
+                *steps,
+            )
 
     def _example(self, slot: Slot | None, direction: Direction) -> str:
         part_type = self._library.get(slot.part_number) if slot else None
@@ -218,17 +283,39 @@ def _check_port(
 ) -> bool:
     """Whether the port exists and has that direction and the binding's type; otherwise a problem is noted."""
     port = part_type.port(endpoint.port)
-    what = f"part {part_type.number} ({part_type.name})"
+    what = said("part {number} ({name})", number=part_type.number, name=part_type.name)
     if port is None:
         known = [port.name for port in part_type.ports if port.direction is direction]
-        right = suggestion(endpoint.port, known, none_known=f"it has none that can {direction.value}")
-        table.problem(f'"{endpoint}": {what} has no port "{endpoint.port}"; {right}', *steps)
+        right = suggestion(endpoint.port, known, none_known=said("it has none that can {value}", value=direction.value))
+        table.problem(
+            said(
+                '"{endpoint}": {what} has no port "{port}"; {right}',
+                endpoint=endpoint,
+                what=what,
+                port=endpoint.port,
+                right=right,
+            ),
+            *steps,
+        )
     elif port.direction is not direction:
-        table.problem(f'"{endpoint}": this port can only {port.direction.value}; {_fitting(part_type, port)}', *steps)
+        table.problem(
+            said(
+                '"{endpoint}": this port can only {value}; {right}',
+                endpoint=endpoint,
+                value=port.direction.value,
+                right=_fitting(part_type, port),
+            ),
+            *steps,
+        )
     elif binding.type_name and port.type_name != binding.type_name:
         table.problem(
-            f'"{endpoint}" carries messages of type "{port.type_name}", the binding says "{binding.type_name}"; '
-            f'write type = "{port.type_name}" or bind another port',
+            said(
+                '"{endpoint}" carries messages of type "{type_name}", the binding says "{other}"; '
+                'write type = "{type_name}" or bind another port',
+                endpoint=endpoint,
+                type_name=port.type_name,
+                other=binding.type_name,
+            ),
             *steps,
         )
     else:
@@ -239,5 +326,5 @@ def _check_port(
 def _fitting(part_type: PartType, wrong: Port) -> str:
     fitting = [port.name for port in part_type.ports if port.direction is not wrong.direction]
     if not fitting:
-        return f"part {part_type.number} has no port of the other direction: choose another slot"
-    return f"use {quoted(fitting[:MOST_LISTED], ' or ')}"
+        return said("part {number} has no port of the other direction: choose another slot", number=part_type.number)
+    return said("use {words}", words=quoted(fitting[:MOST_LISTED], " or "))

@@ -8,8 +8,9 @@ from dataclasses import dataclass, fields
 from msbot.config.blueprint.model import Blueprint, InDds, Options, RobotProfile, RosOptions, Slot, Timing
 from msbot.config.library.library import scalar_text
 from msbot.config.toml.table import Scalar
+from msbot.runtime.sentence import joined, said
 
-LATER = "holds from the master's next start on"
+LATER = said("holds from the master's next start on")
 """What follows from a change of profile, timing or options."""
 
 
@@ -32,12 +33,12 @@ class Difference:
         """For example `~ slot AA, part: ABCD -> EFGH (a part that does not fit any more is delisted)`."""
         match self.change:
             case "added":
-                line = f"+ {self.where}: {self.after}"
+                line = said("+ {where}: {after}", where=self.where, after=self.after)
             case "removed":
-                line = f"- {self.where}: {self.before}"
+                line = said("- {where}: {before}", where=self.where, before=self.before)
             case _:
-                line = f"~ {self.where}: {self.before} -> {self.after}"
-        return f"{line} ({self.consequence})" if self.consequence else line
+                line = said("~ {where}: {before} -> {after}", where=self.where, before=self.before, after=self.after)
+        return said("{line} ({consequence})", line=line, consequence=self.consequence) if self.consequence else line
 
 
 def differences(old: Blueprint, new: Blueprint) -> tuple[Difference, ...]:
@@ -66,35 +67,35 @@ def _slots(old: Blueprint, new: Blueprint) -> Iterator[Difference]:
     before, after = ({slot.name: slot for slot in blueprint.slots} for blueprint in (old, new))
     for name, slot in before.items():
         if name not in after:
-            consequence = "a part in it is delisted; settings and memory are kept in case it comes back"
-            yield Difference("removed", f"slot {name}", _slot_words(slot), "", consequence)
+            consequence = said("a part in it is delisted; settings and memory are kept in case it comes back")
+            yield Difference("removed", said("slot {name}", name=name), _slot_words(slot), "", consequence)
     for name, slot in after.items():
         if name not in before:
-            yield Difference("added", f"slot {name}", "", _slot_words(slot))
+            yield Difference("added", said("slot {name}", name=name), "", _slot_words(slot))
         else:
             yield from _slot(before[name], slot)
 
 
 def _slot(old: Slot, new: Slot) -> Iterator[Difference]:
-    where = f"slot {new.name}"
+    where = said("slot {name}", name=new.name)
     if old.part_number != new.part_number:
-        consequence = "a part in it that does not fit any more is delisted"
-        yield Difference("changed", f"{where}, part", old.part_number, new.part_number, consequence)
+        consequence = said("a part in it that does not fit any more is delisted")
+        yield Difference("changed", said("{where}, part", where=where), old.part_number, new.part_number, consequence)
     for name, before, after in (
         ("local_name", old.local_name, new.local_name),
         ("description", old.description, new.description),
     ):
         if before != after:
-            yield Difference("changed", f"{where}, {name}", _words(before), _words(after))
+            yield Difference("changed", joined(", ", (where, name)), _words(before), _words(after))
     for name in dict.fromkeys((*old.settings, *new.settings)):
-        yield from _setting(f"{where}, {name}", old.settings.get(name), new.settings.get(name))
+        yield from _setting(joined(", ", (where, name)), old.settings.get(name), new.settings.get(name))
 
 
 def _setting(where: str, old: Scalar | None, new: Scalar | None) -> Iterator[Difference]:
     if old is None and new is not None:
         yield Difference("added", where, "", _words(new))
     elif new is None and old is not None:
-        yield Difference("removed", where, _words(old), "", "the library's value holds again")
+        yield Difference("removed", where, _words(old), "", said("the library's value holds again"))
     elif old is not None and new is not None and (old != new or isinstance(old, bool) != isinstance(new, bool)):
         yield Difference("changed", where, _words(old), _words(new))
 
@@ -108,26 +109,29 @@ class _Topic:
     in_dds: InDds
 
     def __str__(self) -> str:
-        kind = self.type_name if self.reliable else f"{self.type_name}, best effort"
-        kind += ", exported" if self.in_dds.export else ""
+        kind = [self.type_name]
+        if not self.reliable:
+            kind.append(said("best effort"))
+        if self.in_dds.export:
+            kind.append(said("exported"))
         if self.in_dds.ros:
             fields = ", ".join(f"{ours} = {theirs}" for ours, theirs in self.in_dds.ros_fields)
-            kind += " ".join(
-                filter(None, (", in ROS 2", self.in_dds.ros_type and f"as {self.in_dds.ros_type}", fields))
-            )
-        return f"{', '.join(self.sources) or 'nobody'} -> {', '.join(self.targets) or 'nobody'} [{kind}]"
+            named = self.in_dds.ros_type and said("as {type}", type=self.in_dds.ros_type)
+            kind.append(joined(" ", filter(None, (said("in ROS 2"), named, fields))))
+        sources, targets = (", ".join(ends) or said("nobody") for ends in (self.sources, self.targets))
+        return said("{sources} -> {targets} [{kind}]", sources=sources, targets=targets, kind=joined(", ", kind))
 
 
 def _topics(old: Blueprint, new: Blueprint) -> Iterator[Difference]:
     before, after = _by_topic(old), _by_topic(new)
     for name, topic in before.items():
         if name not in after:
-            yield Difference("removed", f"topic {name}", str(topic), "")
+            yield Difference("removed", said("topic {name}", name=name), str(topic), "")
     for name, topic in after.items():
         if name not in before:
-            yield Difference("added", f"topic {name}", "", str(topic))
+            yield Difference("added", said("topic {name}", name=name), "", str(topic))
         elif _unordered(before[name]) != _unordered(topic):
-            yield Difference("changed", f"topic {name}", str(before[name]), str(topic))
+            yield Difference("changed", said("topic {name}", name=name), str(before[name]), str(topic))
 
 
 def _by_topic(blueprint: Blueprint) -> Mapping[str, _Topic]:
@@ -145,8 +149,8 @@ def _unordered(topic: _Topic) -> tuple[object, ...]:
 
 
 def _slot_words(slot: Slot) -> str:
-    words = [f"part {slot.part_number}", *(f"{name} = {_words(value)}" for name, value in slot.settings.items())]
-    return ", ".join(words)
+    part = said("part {number}", number=slot.part_number)
+    return joined(", ", (part, *(f"{name} = {_words(value)}" for name, value in slot.settings.items())))
 
 
 def _words(value: Scalar | tuple[str, ...]) -> str:

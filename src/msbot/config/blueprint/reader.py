@@ -24,6 +24,7 @@ from msbot.config.library.library import Library, load_library
 from msbot.config.toml.document import Document, parse_document, read_document
 from msbot.config.toml.problems import Problems
 from msbot.config.toml.table import Table
+from msbot.runtime.sentence import said
 
 ADOPTED = "adopted"
 """The folder beside a blueprint where the robot keeps the part types that it has adopted; it is read by itself."""
@@ -87,7 +88,9 @@ def _adopted(path: Path) -> tuple[Path, ...]:
 
 
 def _open(path: Path, problems: Problems) -> Document:
-    document = read_document(path, problems, if_missing=f"`msbot init {path}` writes a sample robot there")
+    document = read_document(
+        path, problems, if_missing=said("`msbot init {path}` writes a sample robot there", path=str(path))
+    )
     problems.raise_if_any()
     assert document is not None
     return document
@@ -196,7 +199,7 @@ def _read_binding(table: Table) -> Binding:
     )
     table.finish()
     if table.scalar("from") == "" and table.is_empty("to"):
-        table.problem('joins no port: name who publishes, for example from = "AA.out", or who subscribes', "from")
+        table.problem(said('joins no port: name who publishes, for example from = "AA.out", or who subscribes'), "from")
     return binding
 
 
@@ -212,7 +215,7 @@ def _in_dds(table: Table) -> InDds:
     if not found.ros:
         for key in ("ros_type", "ros_fields"):
             if key in table:
-                table.problem("says how ROS 2 sees the topic: add ros = true", key)
+                table.problem(said("says how ROS 2 sees the topic: add ros = true"), key)
     return found
 
 

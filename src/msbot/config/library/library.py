@@ -30,8 +30,9 @@ from msbot.config.library.reader import LibraryFile, add_message_types, open_lib
 from msbot.config.library.search import PartSearch
 from msbot.config.library.versions import split_number
 from msbot.config.toml.document import Document, parse_document, read_document
-from msbot.config.toml.problems import MOST_LISTED, Problems, TextPlace, nearest, quoted
+from msbot.config.toml.problems import MOST_LISTED, Problems, TextPlace, did_you_mean, nearest, quoted
 from msbot.errors import ConfigError
+from msbot.runtime.sentence import said
 
 __all__ = [
     "BusKind",
@@ -130,14 +131,15 @@ class Library:
     def suggest(self, number: str) -> str:
         """What to write instead of an unknown number: similar numbers, or what it may mean."""
         if near := self.nearest(number):
-            return f"did you mean {quoted(near, ' or ')}?"
+            return did_you_mean([f'"{one}"' for one in near])
         self._search = self._search or PartSearch(self)
         if found := self._search.find(number, limit=3):
-            words = " or ".join(f'"{entry.number}" ({entry.name})' for entry in found)
-            return f"did you mean {words}?"
+            return did_you_mean(
+                [said('"{number}" ({name})', number=entry.number, name=said(entry.name)) for entry in found]
+            )
         if 0 < len(self) <= MOST_LISTED:
-            return f"known: {quoted(self.numbers())}"
-        return "`msbot library list` shows what there is" if len(self) else "the library is empty"
+            return said("known: {listed}", listed=quoted(self.numbers()))
+        return said("`msbot library list` shows what there is") if len(self) else said("the library is empty")
 
 
 def load_library(*extra: Path) -> Library:

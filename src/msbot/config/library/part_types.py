@@ -55,7 +55,8 @@ class ParameterKind(Enum):
     @property
     def words(self) -> str:
         """The kind in a sentence: "must be ..."."""
-        return {"bool": "true or false", "int": "a whole number", "float": "a number"}.get(self.value, "text in quotes")
+        words = {"bool": said("true or false"), "int": said("a whole number"), "float": said("a number")}
+        return words.get(self.value, said("text in quotes"))
 
     def takes(self, value: Scalar) -> bool:
         """Whether a TOML value is of this kind; a whole number is a number too."""
@@ -117,15 +118,18 @@ class Parameter:
     def fault(self, value: Scalar) -> str | None:
         """Why this value cannot be set, with what would be right; None when it can."""
         if not self.kind.takes(value):
-            return f"must be {self.kind.words}, for example {scalar_text(self.default)!r}; it is {kind_words(value)}"
+            return said(
+                "must be {wanted}, for example {example!r}; it is {kind}",
+                wanted=self.kind.words, example=scalar_text(self.default), kind=kind_words(value),
+            )  # fmt: skip
         if isinstance(value, bool | str):
             return None
         unit = f" {self.unit}" if self.unit else ""
         # Written so that a NaN is out of range too.
         if (self.least is not None and not value >= self.least) or (self.most is not None and not value <= self.most):
-            low = "any" if self.least is None else f"{self.least:g}"
-            high = "any" if self.most is None else f"{self.most:g}"
-            return f"is {value}; it must be {low} to {high}{unit}"
+            low = said("any") if self.least is None else f"{self.least:g}"
+            high = said("any") if self.most is None else f"{self.most:g}"
+            return said("is {value}; it must be {low} to {high}{unit}", value=value, low=low, high=high, unit=unit)
         return None
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from msbot.config.toml.limits import MOST_BYTES, too_much
 from msbot.config.toml.line_numbers import key_lines
 from msbot.config.toml.problems import KeyPath, Problems, TextPlace
+from msbot.runtime.sentence import said
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,9 @@ def parse_document(text: str, file: str, problems: Problems) -> Document | None:
         place, sentence, excerpt = _syntax_problem(text, file, str(error))
         problems.add(place, sentence, excerpt)
     except ValueError as error:
-        problems.add(TextPlace(file), f"a number in it cannot be read ({error}); write it shorter")
+        problems.add(
+            TextPlace(file), said("a number in it cannot be read ({error}); write it shorter", error=str(error))
+        )
     else:
         return Document(file, values, lines)
     return None
@@ -66,7 +69,8 @@ def _read(path: Path, problems: Problems, if_missing: str) -> bytes | None:
         return None
     if len(octets) > MOST_BYTES:
         problems.add(
-            TextPlace(str(path)), f"is larger than {MOST_BYTES:,} bytes; no file of this kind is: name another"
+            TextPlace(str(path)),
+            said("is larger than {most_bytes:,} bytes; no file of this kind is: name another", most_bytes=MOST_BYTES),
         )
         return None
     return octets
@@ -75,15 +79,15 @@ def _read(path: Path, problems: Problems, if_missing: str) -> bytes | None:
 def _unreadable(path: Path, error: OSError | ValueError, if_missing: str) -> str:
     match error:
         case FileNotFoundError():
-            return f"there is no such file; {if_missing}"
+            return said("there is no such file; {if_missing}", if_missing=if_missing)
         case IsADirectoryError():
-            return f"is a directory; name a file in it, for example {path / 'robot.toml'}"
+            return said("is a directory; name a file in it, for example {value}", value=path / "robot.toml")
         case PermissionError():
-            return f"no permission to read it; try `chmod u+r {path}`"
+            return said("no permission to read it; try `chmod u+r {path}`", path=path)
         case OSError():
-            return f"cannot be read ({error.strerror}); name another file"
+            return said("cannot be read ({strerror}); name another file", strerror=error.strerror)
         case _:
-            return f"cannot be read ({error}); name another file"
+            return said("cannot be read ({error}); name another file", error=str(error))
 
 
 def _decode(octets: bytes, file: str, problems: Problems) -> str | None:
@@ -91,35 +95,43 @@ def _decode(octets: bytes, file: str, problems: Problems) -> str | None:
         return octets.decode("utf-8-sig")  # some editors put a byte order mark in front
     except UnicodeDecodeError as error:
         line = octets.count(b"\n", 0, error.start) + 1
-        sentence = f"byte 0x{octets[error.start]:02X} is not UTF-8; save the file as UTF-8 in your editor"
+        sentence = said(
+            "byte 0x{octets:02X} is not UTF-8; save the file as UTF-8 in your editor", octets=octets[error.start]
+        )
         problems.add(TextPlace(file, line), sentence)
         return None
 
 
 _SYNTAX_WORDS = (
-    ("Expected '=' after a key", 'a key needs an equals sign and a value after it, as in name = "AA"'),
-    ("Invalid value", 'this is not a value; text needs quotes, as in name = "AA"'),
-    ("Expected newline or end of document", "something is left behind the value; one key = value on each line"),
-    ("Cannot overwrite a value", "this key is there twice in one table; keep one of them"),
-    ("Duplicate inline table key", "this key is there twice in one table; keep one of them"),
-    ("twice", "this table is there twice; for several of a kind write [[slot]] with two brackets"),
-    ("Cannot mutate immutable namespace", "this table was completed before; put all of it in one place"),
-    ("Cannot redefine namespace", "this table was completed before; put all of it in one place"),
-    ("Expected ']", "a bracket ] is missing behind the table's name"),
-    ("Unclosed array", "a list is not closed; put a comma between its items and ] at its end"),
-    ("Unclosed inline table", "a table in braces is not closed; put a comma between its keys and } at its end"),
-    ("Unterminated string", "a text is not closed; put a quote at its end"),
-    ("Unescaped '\\' in a string", "a backslash in a text must be doubled, or use 'single quotes' around the text"),
-    ('Expected \'"""\'', "a text over several lines is not closed; put three quotes at its end"),
-    ("Expected \"'", "a text is not closed; put a quote at its end"),
-    ("character '\\n'", "a text is not closed on its line; put a quote at its end"),
-    ("Found invalid character", "this character is not allowed here; remove it"),
+    ("Expected '=' after a key", said('a key needs an equals sign and a value after it, as in name = "AA"')),
+    ("Invalid value", said('this is not a value; text needs quotes, as in name = "AA"')),
+    ("Expected newline or end of document", said("something is left behind the value; one key = value on each line")),
+    ("Cannot overwrite a value", said("this key is there twice in one table; keep one of them")),
+    ("Duplicate inline table key", said("this key is there twice in one table; keep one of them")),
+    ("twice", said("this table is there twice; for several of a kind write [[slot]] with two brackets")),
+    ("Cannot mutate immutable namespace", said("this table was completed before; put all of it in one place")),
+    ("Cannot redefine namespace", said("this table was completed before; put all of it in one place")),
+    ("Expected ']", said("a bracket ] is missing behind the table's name")),
+    ("Unclosed array", said("a list is not closed; put a comma between its items and ] at its end")),
+    ("Unclosed inline table", said("a table in braces is not closed; put a comma between its keys and } at its end")),
+    ("Unterminated string", said("a text is not closed; put a quote at its end")),
+    (
+        "Unescaped '\\' in a string",
+        said("a backslash in a text must be doubled, or use 'single quotes' around the text"),
+    ),
+    ('Expected \'"""\'', said("a text over several lines is not closed; put three quotes at its end")),
+    ("Expected \"'", said("a text is not closed; put a quote at its end")),
+    ("character '\\n'", said("a text is not closed on its line; put a quote at its end")),
+    ("Found invalid character", said("this character is not allowed here; remove it")),
     (
         "Invalid initial character for a key",
-        "a key is missing or has no plain letters; put it in quotes if it is meant",
+        said("a key is missing or has no plain letters; put it in quotes if it is meant"),
     ),
-    ("Invalid statement", "this line is neither key = value nor [table]; put # before a comment"),
-    ("Invalid date or datetime", 'this is not a date; put quotes around it if it is text, as in released = "8-4-2021"'),
+    ("Invalid statement", said("this line is neither key = value nor [table]; put # before a comment")),
+    (
+        "Invalid date or datetime",
+        said('this is not a date; put quotes around it if it is text, as in released = "8-4-2021"'),
+    ),
 )
 """Phrases in the parser's messages, and what to tell a person instead."""
 
@@ -131,11 +143,11 @@ def _syntax_problem(text: str, file: str, message: str) -> tuple[TextPlace, str,
     position = _POSITION.search(message)
     words = next((ours for theirs, ours in _SYNTAX_WORDS if theirs in message), None)
     if words is None:
-        words = f"this is not TOML ({_POSITION.sub('', message).strip()}); see https://toml.io"
+        words = said("this is not TOML ({right}); see https://toml.io", right=_POSITION.sub("", message).strip())
     lines = text.split("\n")
     if position is None or position[1] is None:
-        return TextPlace(file, len(lines)), f"at the end of the file: {words}", ""
+        return TextPlace(file, len(lines)), said("at the end of the file: {words}", words=words), ""
     line = int(position[1])
     excerpt = lines[line - 1].strip()
     shown = f"{line} | {excerpt[:100]}" if excerpt else ""
-    return TextPlace(file, line), f"column {position[2]}: {words}", shown
+    return TextPlace(file, line), said("column {column}: {words}", column=position[2], words=words), shown

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 
+from msbot.runtime.sentence import said
+
 MOST_BYTES = 256_000
 """Largest text that is read; a blueprint has a few thousand bytes, one of a thousand slots about a hundred thousand."""
 MOST_LINES = 20_000
@@ -25,9 +27,13 @@ def too_much(text: str) -> tuple[int | None, str] | None:
     A text that is not TOML may pass: the parser then says so.
     """
     if len(text) > MOST_BYTES or len(text.encode("utf-8", "replace")) > MOST_BYTES:
-        return None, f"is larger than {MOST_BYTES:,} bytes; no file of this kind is: name another"
+        return None, said(
+            "is larger than {most_bytes:,} bytes; no file of this kind is: name another", most_bytes=MOST_BYTES
+        )
     if text.count("\n") >= MOST_LINES:
-        return None, f"has more than {MOST_LINES:,} lines; no file of this kind has: divide it"
+        return None, said(
+            "has more than {most_lines:,} lines; no file of this kind has: divide it", most_lines=MOST_LINES
+        )
     return _Walk(text).fault()
 
 
@@ -61,11 +67,16 @@ class _Walk:
                 case _:
                     self._structure(mark)
             if self._dots >= DEEPEST or self._depth > DEEPEST:
-                return self._line, f"lists, tables or keys are nested deeper than {DEEPEST} levels; a few are enough"
+                return self._line, said(
+                    "lists, tables or keys are nested deeper than {deepest} levels; a few are enough", deepest=DEEPEST
+                )
             if self._entries > MOST_ENTRIES:
                 return (
                     self._line,
-                    f"there are more than {MOST_ENTRIES:,} keys and list items up to here; divide the file",
+                    said(
+                        "there are more than {most_entries:,} keys and list items up to here; divide the file",
+                        most_entries=MOST_ENTRIES,
+                    ),
                 )
         return None
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 from msbot.errors import ConfigError
+from msbot.runtime.sentence import joined, said
 
 MOST_TOLD = 50
 """Most mistakes that are reported; reading ends there."""
@@ -40,10 +41,10 @@ class TextPlace:
         """For example `robot.toml, line 12, slot[1].part`."""
         parts = [self.file]
         if self.line is not None:
-            parts.append(f"line {self.line}")
+            parts.append(said("line {number}", number=self.line))
         if self.path:
             parts.append(path_words(self.path))
-        return ", ".join(parts)
+        return joined(", ", parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,7 @@ class Problem:
 
     def __str__(self) -> str:
         """`place: sentence`."""
-        return f"{self.place}: {self.sentence}"
+        return said("{place}: {sentence}", place=str(self.place), sentence=self.sentence)
 
 
 class FoundProblems(ConfigError):
@@ -93,7 +94,9 @@ class Problems:
         """
         shown = _harmless(sentence)
         shown = shown if len(shown) <= LONGEST_SENTENCE else f"{shown[:LONGEST_SENTENCE]} ..."
-        self.found.append(Problem(place, f"{shown}\n    {_harmless(excerpt)}" if excerpt else shown))
+        if excerpt:
+            shown = said("{sentence}\n    {excerpt}", sentence=shown, excerpt=_harmless(excerpt))
+        self.found.append(Problem(place, shown))
         if len(self.found) >= MOST_TOLD:
             self.raise_if_any()
 
@@ -108,9 +111,11 @@ class Problems:
         ordered = sorted(self.found, key=lambda problem: (problem.place.file, problem.place.line or 0))
         if len(ordered) == 1:
             raise FoundProblems(str(ordered[0]), ordered)
-        more = "" if len(ordered) < MOST_TOLD else ", and perhaps more behind them"
-        lines = [f"{len(ordered)} problems were found{more}:", *(f"  {problem}" for problem in ordered)]
-        raise FoundProblems("\n".join(lines), ordered)
+        more = "" if len(ordered) < MOST_TOLD else said(", and perhaps more behind them")
+        lines = joined("\n  ", [str(problem) for problem in ordered])
+        raise FoundProblems(
+            said("{count} problems were found{more}:\n  {lines}", count=len(ordered), more=more, lines=lines), ordered
+        )
 
 
 def problems_json(found: FoundProblems) -> list[dict[str, str | int | None]]:
@@ -171,6 +176,11 @@ def suggestion(word: str, known: Sequence[str], *, none_known: str) -> str:
     if not known:
         return none_known
     if near := nearest(word, known):
-        return f"did you mean {quoted(near, ' or ')}?"
-    listed = quoted(known[:MOST_LISTED])
-    return f"known: {listed}" + (", ..." if len(known) > MOST_LISTED else "")
+        return did_you_mean([f'"{word}"' for word in near])
+    listed = quoted(known[:MOST_LISTED]) + (", ..." if len(known) > MOST_LISTED else "")
+    return said("known: {listed}", listed=listed)
+
+
+def did_you_mean(near: Sequence[str]) -> str:
+    """The question about one or several similar words, which are quoted already."""
+    return said("did you mean {words}?", words=joined(said(" or "), near))

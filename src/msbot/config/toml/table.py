@@ -12,6 +12,7 @@ from datetime import date, datetime, time
 
 from msbot.config.toml.document import Document
 from msbot.config.toml.problems import KeyPath, Problems, TextPlace, path_words, quoted, suggestion
+from msbot.runtime.sentence import said
 
 MOST_OCTETS = 254
 """Longest text in octets of UTF-8: the thesis stores every string in 255 characters, including the closing NUL
@@ -64,9 +65,19 @@ class Table:
         if value is None or (value == default and key not in self):
             return value or ""
         if not value.strip():
-            self.problem(f'must not be empty; write for example {key} = "{example}"', key)
+            self.problem(
+                said('must not be empty; write for example {key} = "{example}"', key=key, example=example), key
+            )
         elif value != value.strip():
-            self.problem(f'"{value}" has blanks at its ends; write {key} = "{value.strip()}"', key)
+            self.problem(
+                said(
+                    '"{value}" has blanks at its ends; write {key} = "{right}"',
+                    value=value,
+                    key=key,
+                    right=value.strip(),
+                ),
+                key,
+            )
         else:
             self._check_characters(key, value, forbidden)
         return value
@@ -83,7 +94,15 @@ class Table:
         if value is None:
             return choices[0]
         if value not in choices:
-            self.problem(f'"{value}" is none of {quoted(choices)}; {suggestion(value, choices, none_known="")}', key)
+            self.problem(
+                said(
+                    '"{value}" is none of {words}; {right}',
+                    value=value,
+                    words=quoted(choices),
+                    right=suggestion(value, choices, none_known=""),
+                ),
+                key,
+            )
             return choices[0]
         return value
 
@@ -95,13 +114,30 @@ class Table:
         if value is None:
             return default
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self.problem(f"must be a number, for example {key} = {default:g}; it is {kind_words(value)}", key)
+            self.problem(
+                said(
+                    "must be a number, for example {key} = {default:g}; it is {kind}",
+                    key=key,
+                    default=default,
+                    kind=kind_words(value),
+                ),
+                key,
+            )
             return default
         in_range = math.isfinite(value) and (least < value if above else least <= value) and value <= most
         if not in_range:
-            low = f"more than {least:g}" if above else f"{least:g}"
+            low = said("more than {least:g}", least=least) if above else f"{least:g}"
             of_unit = f" {unit}" if unit else ""
-            self.problem(f"is {value}; it must be {low} to {most:g}{of_unit}", key)
+            self.problem(
+                said(
+                    "is {value}; it must be {low} to {most:g}{of_unit}",
+                    value=value,
+                    low=low,
+                    most=most,
+                    of_unit=of_unit,
+                ),
+                key,
+            )
             return default
         return float(value)
 
@@ -111,10 +147,18 @@ class Table:
         if value is None:
             return default
         if isinstance(value, bool) or not isinstance(value, int):
-            self.problem(f"must be a whole number, for example {key} = {default}; it is {kind_words(value)}", key)
+            self.problem(
+                said(
+                    "must be a whole number, for example {key} = {default}; it is {kind}",
+                    key=key,
+                    default=default,
+                    kind=kind_words(value),
+                ),
+                key,
+            )
             return default
         if not least <= value <= most:
-            self.problem(f"is {value}; it must be {least} to {most}", key)
+            self.problem(said("is {value}; it must be {least} to {most}", value=value, least=least, most=most), key)
             return default
         return value
 
@@ -124,13 +168,23 @@ class Table:
         if value is None:
             return []
         if not isinstance(value, list):
-            self.problem(f"must be a list, for example {key} = [{least}]; it is {kind_words(value)}", key)
+            self.problem(
+                said(
+                    "must be a list, for example {key} = [{least}]; it is {kind}",
+                    key=key,
+                    least=least,
+                    kind=kind_words(value),
+                ),
+                key,
+            )
             return []
         for position, item in enumerate(value):
             if isinstance(item, bool) or not isinstance(item, int):
-                self.problem(f"must be a whole number; it is {kind_words(item)}", key, position)
+                self.problem(said("must be a whole number; it is {kind}", kind=kind_words(item)), key, position)
             elif not least <= item <= most:
-                self.problem(f"is {item}; it must be {least} to {most}", key, position)
+                self.problem(
+                    said("is {item}; it must be {least} to {most}", item=item, least=least, most=most), key, position
+                )
         return [item for item in value if isinstance(item, int)]
 
     def flag(self, key: str, *, default: bool) -> bool:
@@ -138,7 +192,7 @@ class Table:
         value = self._get(key)
         if value is None or isinstance(value, bool):
             return default if value is None else value
-        self.problem(f"must be true or false, without quotes; it is {kind_words(value)}", key)
+        self.problem(said("must be true or false, without quotes; it is {kind}", kind=kind_words(value)), key)
         return default
 
     def names(self, key: str, example: str, *, required: bool = False) -> list[str]:
@@ -149,7 +203,15 @@ class Table:
         if value is None:
             return []
         if not isinstance(value, list):
-            self.problem(f'must be a list, for example {key} = ["{example}"]; it is {kind_words(value)}', key)
+            self.problem(
+                said(
+                    'must be a list, for example {key} = ["{example}"]; it is {kind}',
+                    key=key,
+                    example=example,
+                    kind=kind_words(value),
+                ),
+                key,
+            )
             return []
         return [self._item(key, position, item, example) for position, item in enumerate(value)]
 
@@ -158,7 +220,7 @@ class Table:
         value = self._get(key)
         if value is None or isinstance(value, bool | int | float | str):
             return value
-        self.problem(f"must be a number, true, false or a text; it is {kind_words(value)}", key)
+        self.problem(said("must be a number, true, false or a text; it is {kind}", kind=kind_words(value)), key)
         return None
 
     def scalars(self, key: str) -> dict[str, Scalar]:
@@ -178,10 +240,14 @@ class Table:
     def table(self, key: str, *, required: bool = False) -> Table:
         """The table under `key`; an empty one when it is absent or something else."""
         if required and key not in self:
-            self.problem(f"is missing; add a table that begins with [{path_words((*self.path, key))}]", key)
+            self.problem(
+                said("is missing; add a table that begins with [{path}]", path=path_words((*self.path, key))), key
+            )
         value = self._get(key)
         if value is not None and not isinstance(value, dict):
-            self.problem(f"must be a table that begins with [{key}]; it is {kind_words(value)}", key)
+            self.problem(
+                said("must be a table that begins with [{key}]; it is {kind}", key=key, kind=kind_words(value)), key
+            )
         values = value if isinstance(value, dict) else None
         return Table(self._document, self._problems, values, (*self.path, key))
 
@@ -191,29 +257,40 @@ class Table:
         if value is None:
             return []
         if not isinstance(value, list):
-            self.problem(f"must begin with two brackets, [[{key}]], once for each; it is {kind_words(value)}", key)
+            self.problem(
+                said(
+                    "must begin with two brackets, [[{key}]], once for each; it is {kind}",
+                    key=key,
+                    kind=kind_words(value),
+                ),
+                key,
+            )
             return []
         found = []
         for position, item in enumerate(value):
             if isinstance(item, dict):
                 found.append(Table(self._document, self._problems, item, (*self.path, key, position)))
             else:
-                self.problem(f"must be a table that begins with [[{key}]]; it is {kind_words(item)}", key, position)
+                self.problem(
+                    said("must be a table that begins with [[{key}]]; it is {kind}", key=key, kind=kind_words(item)),
+                    key,
+                    position,
+                )
         return found
 
     def finish(self) -> None:
         """Note every key that was not read, with the most similar one that exists."""
         for key in self._values:
             if key not in self._asked:
-                right = suggestion(key, sorted(set(self._asked)), none_known="remove it")
-                self.problem(f"there is no such key here; {right}", key)
+                right = suggestion(key, sorted(set(self._asked)), none_known=said("remove it"))
+                self.problem(said("there is no such key here; {right}", right=right), key)
 
     def _get(self, key: str) -> object:
         self._asked.append(key)
         return self._values.get(key)
 
     def _missing(self, key: str, example: str) -> None:
-        self.problem(f"is missing; add a line such as {key} = {example}", key)
+        self.problem(said("is missing; add a line such as {key} = {example}", key=key, example=example), key)
 
     def _text(self, key: str, example: str, default: str | None) -> str | None:
         """The text, the default when absent; None after a problem."""
@@ -223,7 +300,15 @@ class Table:
                 self._missing(key, f'"{example}"')
             return default
         if not isinstance(value, str):
-            self.problem(f'must be text in quotes, for example {key} = "{example}"; it is {kind_words(value)}', key)
+            self.problem(
+                said(
+                    'must be text in quotes, for example {key} = "{example}"; it is {kind}',
+                    key=key,
+                    example=example,
+                    kind=kind_words(value),
+                ),
+                key,
+            )
             return None
         return value
 
@@ -231,36 +316,56 @@ class Table:
         if isinstance(item, str) and item.strip():
             self._check_length(key, item, position)
             return item
-        words = "an empty text" if isinstance(item, str) else kind_words(item)
-        self.problem(f'must be text in quotes, for example "{example}"; it is {words}', key, position)
+        words = said("an empty text") if isinstance(item, str) else kind_words(item)
+        self.problem(
+            said('must be text in quotes, for example "{example}"; it is {words}', example=example, words=words),
+            key,
+            position,
+        )
         return ""
 
     def _check_length(self, key: str, value: str, *steps: int) -> None:
         octets = len(value.encode())
         if octets > MOST_OCTETS:
-            self.problem(f'"{value[:20]}..." is {octets} octets long; shorten it to {MOST_OCTETS}', key, *steps)
+            self.problem(
+                said(
+                    '"{value}..." is {octets} octets long; shorten it to {most_octets}',
+                    value=value[:20],
+                    octets=octets,
+                    most_octets=MOST_OCTETS,
+                ),
+                key,
+                *steps,
+            )
 
     def _check_characters(self, key: str, value: str, forbidden: str) -> None:
         self._check_length(key, value)
         if not value.isprintable():
-            self.problem(f"{value!r} contains a character that cannot be printed; remove it", key)
+            self.problem(said("{value!r} contains a character that cannot be printed; remove it", value=value), key)
         for character in forbidden:
             if character in value:
-                self.problem(f'"{value}" must not contain "{character}"; use for example "_" in its place', key)
+                self.problem(
+                    said(
+                        '"{value}" must not contain "{character}"; use for example "_" in its place',
+                        value=value,
+                        character=character,
+                    ),
+                    key,
+                )
 
 
 def kind_words(value: object) -> str:
     """What a TOML value is, in words, for example `the number 5`."""
     match value:
         case bool():
-            return f"the truth value {str(value).lower()}"
+            return said("the truth value {lower}", lower=str(value).lower())
         case int() | float():
-            return f"the number {value}"
+            return said("the number {value}", value=value)
         case str():
-            return f'the text "{value[:40]}"'
+            return said('the text "{value}"', value=value[:40])
         case list():
-            return "a list"
+            return said("a list")
         case datetime() | date() | time():
-            return f"the date or time {value} without quotes"
+            return said("the date or time {value} without quotes", value=value)
         case _:
-            return "a table"
+            return said("a table")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from msbot.config import (
     preset_of,
 )
 from msbot.errors import RegistryError
-from msbot.registry.database.tables import ROBOT, bindings, library, robots, settings, slots
+from msbot.registry.database.tables import ROBOT, WRITTEN_LIBRARY, bindings, library, robots, settings, slots
 from msbot.registry.running.configurations import ORIGINS
 
 """(slot, parameter) or (topic, "") -> who set it by hand."""
@@ -52,14 +52,14 @@ def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
         _in_dds(_bindings(connection, robot_id, by_hand=by_hand), row.in_dds),
         timing,
         Options(row.explain, tuple(row.free_topics), row.authentication),
-        _own_library(connection, robot_id),
+        _own_library(connection, robot_id, row.in_dds.get(WRITTEN_LIBRARY, ())),
         ros=RosOptions(**row.in_dds.get(ROBOT, {})),
     )
 
 
-def _own_library(connection: Connection, robot_id: int) -> tuple[str, ...]:
-    """Where part types of the robot's slots come from that are not MsBOT's own: folders, or files beside the
-    blueprint."""
+def _own_library(connection: Connection, robot_id: int, written: Sequence[str]) -> tuple[str, ...]:
+    """Where part types come from that are not MsBOT's own: what the blueprint names (`written`), then other folders,
+    or files beside it, from which its slots have their types."""
     query = (
         select(library.c.source)
         .join(slots, slots.c.part_number == library.c.number)
@@ -68,7 +68,11 @@ def _own_library(connection: Connection, robot_id: int) -> tuple[str, ...]:
         .distinct()
     )
     places = [Path(source) for source in connection.execute(query).scalars()]
-    return tuple(sorted({str(place.parent if place.parent.name else place) for place in places}))
+    found = sorted({str(place.parent if place.parent.name else place) for place in places})
+    # A folder that the blueprint names is found by its path from where the command ran.
+    ends = [Path(one).parts for one in written]
+    others = [one for one in found if not any(Path(one).parts[-len(end) :] == end for end in ends if end)]
+    return (*written, *others)
 
 
 def _in_dds(found: tuple[Binding, ...], by_topic: Mapping[str, dict[str, Any]]) -> tuple[Binding, ...]:

@@ -11,18 +11,32 @@ from sqlalchemy.exc import DBAPIError, NoSuchModuleError, SQLAlchemyError
 from msbot.errors import RegistryError
 from msbot.runtime.sentence import said
 
-ELSE = "or choose another --db"
+ELSE = said("or choose another --db")
 
 _SQLITE_WORDS = {
-    "SQLITE_BUSY": f"is locked by another program: close the other msbot or database tool that writes to it, {ELSE}",
-    "SQLITE_LOCKED": f"is locked by another program: close the other msbot or database tool that writes to it, {ELSE}",
-    "SQLITE_READONLY": f"is read-only: allow writing to the file and its folder (`chmod u+w`), {ELSE}",
-    "SQLITE_PERM": f"may not be used: allow reading and writing the file and its folder (`chmod u+rw`), {ELSE}",
-    "SQLITE_CANTOPEN": f"cannot be opened: look at the permissions of the file and its folder, {ELSE}",
-    "SQLITE_FULL": "has no room: the disk is full; delete something",
-    "SQLITE_IOERR": "cannot be read or written: the disk answers with an error; look at the disk and its cable",
-    "SQLITE_CORRUPT": f"is damaged: move the file away and put a backup in its place, {ELSE}",
-    "SQLITE_NOTADB": f"is not a database: some other file has this name; move it away, {ELSE}",
+    "SQLITE_BUSY": said(
+        "is locked by another program: close the other msbot or database tool that writes to it, {otherwise}",
+        otherwise=ELSE,
+    ),
+    "SQLITE_LOCKED": said(
+        "is locked by another program: close the other msbot or database tool that writes to it, {otherwise}",
+        otherwise=ELSE,
+    ),
+    "SQLITE_READONLY": said(
+        "is read-only: allow writing to the file and its folder (`chmod u+w`), {otherwise}", otherwise=ELSE
+    ),
+    "SQLITE_PERM": said(
+        "may not be used: allow reading and writing the file and its folder (`chmod u+rw`), {otherwise}", otherwise=ELSE
+    ),
+    "SQLITE_CANTOPEN": said(
+        "cannot be opened: look at the permissions of the file and its folder, {otherwise}", otherwise=ELSE
+    ),
+    "SQLITE_FULL": said("has no room: the disk is full; delete something"),
+    "SQLITE_IOERR": said("cannot be read or written: the disk answers with an error; look at the disk and its cable"),
+    "SQLITE_CORRUPT": said("is damaged: move the file away and put a backup in its place, {otherwise}", otherwise=ELSE),
+    "SQLITE_NOTADB": said(
+        "is not a database: some other file has this name; move it away, {otherwise}", otherwise=ELSE
+    ),
 }
 """Sentences by the beginning of SQLite's error name."""
 
@@ -39,8 +53,8 @@ def fault_words(error: BaseException) -> str:
             if name.startswith(beginning):
                 return words
     if isinstance(error, DBAPIError) and error.connection_invalidated:
-        return f"does not answer any more: is the server running? Start it, {ELSE}"
-    return f"cannot be used ({_first_line(error)}): mend that, {ELSE}"
+        return said("does not answer any more: is the server running? Start it, {otherwise}", otherwise=ELSE)
+    return said("cannot be used ({why}): mend that, {otherwise}", why=_first_line(error), otherwise=ELSE)
 
 
 def is_about_the_database(error: BaseException) -> bool:
@@ -61,10 +75,16 @@ def told_as_registry_error(database: str) -> Iterator[None]:
         yield
     except NoSuchModuleError as error:
         raise RegistryError(
-            f"the database {database} cannot be used ({error}); name a file or postgresql://..."
+            said(
+                "the database {database} cannot be used ({error}); name a file or postgresql://...",
+                database=database,
+                error=str(error),
+            )
         ) from None
     except (SQLAlchemyError, sqlite3.Error) as error:
-        raise RegistryError(f"the database {database} {fault_words(error)}") from error
+        raise RegistryError(
+            said("the database {database} {fault}", database=database, fault=fault_words(error))
+        ) from error
 
 
 def refusal(error: RegistryError, *, is_being_stored: bool) -> RegistryError:

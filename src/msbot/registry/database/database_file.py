@@ -18,6 +18,7 @@ from sqlalchemy import Engine
 
 from msbot.errors import RegistryError
 from msbot.registry.database.engine import MAGIC, identity_of, in_use, make_private, sqlite_address
+from msbot.runtime.sentence import said
 
 _log = logging.getLogger(__name__)
 
@@ -49,13 +50,17 @@ class DatabaseFile:
             os.lseek(self._descriptor, 0, os.SEEK_SET)
             if os.read(self._descriptor, len(MAGIC)) != MAGIC:
                 raise RegistryError(
-                    "was overwritten by something else while the robot ran: stop the master, and put a backup in its "
-                    "place"
+                    said(
+                        "was overwritten by something else while the robot ran: stop the master, and put "
+                        "a backup in its place"
+                    )
                 )
         except FileNotFoundError:
             self._put_back()
         except OSError as error:
-            raise RegistryError(f"cannot be reached ({error.strerror}): look at the disk and its folder") from None
+            raise RegistryError(
+                said("cannot be reached ({strerror}): look at the disk and its folder", strerror=error.strerror)
+            ) from None
 
     def close(self) -> None:
         """Release the file, after all other connections are closed. A second call does nothing."""
@@ -87,7 +92,10 @@ class DatabaseFile:
         except (OSError, sqlite3.Error) as error:
             part.unlink(missing_ok=True)
             raise RegistryError(
-                f"was deleted while the robot ran, and cannot be restored ({error}): look at its folder"
+                said(
+                    "was deleted while the robot ran, and cannot be restored ({error}): look at its folder",
+                    error=str(error),
+                )
             ) from None
         self._anchor.close()
         self._engine.dispose()

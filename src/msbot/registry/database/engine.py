@@ -17,6 +17,7 @@ from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 
 from msbot.errors import RegistryError
 from msbot.registry.database.database_errors import ELSE, told_as_registry_error
+from msbot.runtime.sentence import said
 
 WRITE = "msbot_write"
 """Execution option of connections that take SQLite's write lock at once, so that two of them cannot deadlock."""
@@ -49,21 +50,33 @@ def parse_address(text: str | Path) -> Address:
     """
     if isinstance(text, Path) or "://" not in text:
         if not str(text) or str(text) == ":memory:":
-            raise RegistryError("a database in memory would forget everything: name a file, for example --db robot.db")
+            raise RegistryError(
+                said("a database in memory would forget everything: name a file, for example --db robot.db")
+            )
         return _file_address(Path(text))
     try:
         url = make_url(text)
     except (ArgumentError, ValueError):
         hidden = re.sub(r":[^:@/]*@", ":***@", text)
-        raise RegistryError(f"the database address {hidden!r} cannot be read; {_EXAMPLES}") from None
+        raise RegistryError(
+            said("the database address {hidden!r} cannot be read; {examples}", hidden=hidden, examples=_EXAMPLES)
+        ) from None
     backend = url.get_backend_name()
     if backend == "sqlite":
         if not url.database or url.database == ":memory:":
-            raise RegistryError("a database in memory would forget everything: name a file, as in sqlite:///robot.db")
+            raise RegistryError(
+                said("a database in memory would forget everything: name a file, as in sqlite:///robot.db")
+            )
         return _file_address(Path(url.database))
     if backend == "postgresql":
         return Address(url.set(drivername="postgresql+psycopg"), url.render_as_string(hide_password=True), None)
-    raise RegistryError(f"the database {url.render_as_string(hide_password=True)!r} is of an unknown kind; {_EXAMPLES}")
+    raise RegistryError(
+        said(
+            "the database {address!r} is of an unknown kind; {examples}",
+            address=url.render_as_string(hide_password=True),
+            examples=_EXAMPLES,
+        )
+    )
 
 
 def without_password(text: str) -> str:
@@ -75,7 +88,7 @@ def without_password(text: str) -> str:
     return parse_address(text).words
 
 
-_EXAMPLES = "write a file name, sqlite:///robot.db or postgresql://user@host/name"
+_EXAMPLES = said("write a file name, sqlite:///robot.db or postgresql://user@host/name")
 
 
 def _file_address(path: Path) -> Address:
@@ -94,19 +107,46 @@ def check_file(address: Address, *, create: bool, read_only: bool) -> None:
     folder = path.parent
     if not folder.is_dir():
         raise RegistryError(
-            f"the folder {folder} of the database does not exist: create it (`mkdir -p {folder}`), {ELSE}"
+            said(
+                "the folder {folder} of the database does not exist: create it (`mkdir -p {folder}`), {otherwise}",
+                folder=folder,
+                otherwise=ELSE,
+            )
         )
     if path.is_dir():
-        raise RegistryError(f"the database {path} is a folder: name a file in it, for example {path / 'robot.db'}")
+        raise RegistryError(
+            said(
+                "the database {path} is a folder: name a file in it, for example {value}",
+                path=path,
+                value=path / "robot.db",
+            )
+        )
     if not path.exists():
         if not create:
-            raise RegistryError(f"there is no database {path}: `msbot master` makes one when it runs, {ELSE}")
+            raise RegistryError(
+                said(
+                    "there is no database {path}: `msbot master` makes one when it runs, {otherwise}",
+                    path=path,
+                    otherwise=ELSE,
+                )
+            )
         if not os.access(folder, os.W_OK):
-            raise RegistryError(f"the database {path} cannot be made: allow writing to {folder} (`chmod u+w`), {ELSE}")
+            raise RegistryError(
+                said(
+                    "the database {path} cannot be made: allow writing to {folder} (`chmod u+w`), {otherwise}",
+                    path=path,
+                    folder=folder,
+                    otherwise=ELSE,
+                )
+            )
         return
     if not read_only and not (os.access(path, os.W_OK) and os.access(folder, os.W_OK)):
         raise RegistryError(
-            f"the database {path} is read-only: allow writing to the file and its folder (`chmod u+w`), {ELSE}"
+            said(
+                "the database {path} is read-only: allow writing to the file and its folder (`chmod u+w`), {otherwise}",
+                path=path,
+                otherwise=ELSE,
+            )
         )
     _check_magic(path)
 
@@ -137,9 +177,22 @@ def _check_magic(path: Path) -> None:
         with path.open("rb") as stream:
             beginning = stream.read(len(MAGIC))
     except OSError as error:
-        raise RegistryError(f"the database {path} cannot be read ({error.strerror}): mend that, {ELSE}") from None
+        raise RegistryError(
+            said(
+                "the database {path} cannot be read ({strerror}): mend that, {otherwise}",
+                path=path,
+                strerror=error.strerror,
+                otherwise=ELSE,
+            )
+        ) from None
     if beginning and beginning != MAGIC:
-        raise RegistryError(f"{path} is not a database: some other file has this name; move it away, {ELSE}")
+        raise RegistryError(
+            said(
+                "{path} is not a database: some other file has this name; move it away, {otherwise}",
+                path=path,
+                otherwise=ELSE,
+            )
+        )
 
 
 def sqlite_address(path: Path, *, may_make: bool = False) -> str:
@@ -177,7 +230,7 @@ def make_engine(address: Address, *, busy_timeout_s: float, read_only: bool) -> 
             # A server that was restarted is noticed before a statement fails.
             return create_engine(address.url, connect_args=options, pool_pre_ping=True)
         except ImportError:
-            raise RegistryError("PostgreSQL needs a driver: pip install 'msbot[postgres]'") from None
+            raise RegistryError(said("PostgreSQL needs a driver: pip install 'msbot[postgres]'")) from None
     path, was_there = address.path, address.path.exists()
 
     def connect() -> sqlite3.Connection:

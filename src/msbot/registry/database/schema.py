@@ -17,6 +17,7 @@ from msbot.errors import RegistryError
 from msbot.registry.database.database_errors import told_as_registry_error
 from msbot.registry.database.engine import WRITE, Address, make_private
 from msbot.registry.database.tables import metadata
+from msbot.runtime.sentence import said
 
 _VERSION_TABLE = "alembic_version"
 _MIGRATION_LOCK = 0x4D734254_4D494752
@@ -107,21 +108,40 @@ def _version(connection: Connection, address: Address, newest: int) -> int:
     if _VERSION_TABLE not in tables:
         if tables:
             some = ", ".join(tables[:3])
-            raise RegistryError(f"the database {address.words} belongs to another program (it has {some}): {_OTHER}")
+            raise RegistryError(
+                said(
+                    "the database {words} belongs to another program (it has {some}): {other}",
+                    words=address.words,
+                    some=some,
+                    other=_OTHER,
+                )
+            )
         return 0
     row = connection.execute(text(f"SELECT version_num FROM {_VERSION_TABLE}")).scalar()
     if row is None or not str(row).isdecimal():
-        raise RegistryError(f"the database {address.words} belongs to another program (schema {row!r}): {_OTHER}")
+        raise RegistryError(
+            said(
+                "the database {words} belongs to another program (schema {row!r}): {other}",
+                words=address.words,
+                row=row,
+                other=_OTHER,
+            )
+        )
     version = int(row)
     if version > newest:
         raise RegistryError(
-            f"the database {address.words} was written by a newer MsBOT (schema {version}, this one knows {newest}): "
-            "update MsBOT or choose another --db"
+            said(
+                "the database {words} was written by a newer MsBOT (schema {version}, this one knows {newest}): "
+                "update MsBOT or choose another --db",
+                words=address.words,
+                version=version,
+                newest=newest,
+            )
         )
     return version
 
 
-_OTHER = "choose another --db"
+_OTHER = said("choose another --db")
 
 
 def _back_up(path: Path, version: int) -> Path:

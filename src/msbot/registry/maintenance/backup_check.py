@@ -18,6 +18,7 @@ from msbot.registry.maintenance import consistency
 from msbot.registry.records import RobotRecord
 from msbot.registry.registry import Registry, open_registry
 from msbot.registry.running.robot_memory import read_memory
+from msbot.runtime.sentence import said, without
 from msbot.runtime.worker import WorkLimits, run_limited
 
 LIMITS = WorkLimits(cpu_s=30, memory_mb=1024, wall_s=120.0)
@@ -37,16 +38,16 @@ def check_backup(path: Path, *, needs_administrator: bool) -> None:
     try:
         fault = run_limited(fault_of, LIMITS, str(path), needs_administrator)
     except ConfigError as error:
-        raise RegistryError(f"this backup is not used: {error}") from None
+        raise RegistryError(said("this backup is not used: {error}", error=str(error))) from None
     if fault:
-        raise RegistryError(f"this backup is not used: {fault}")
+        raise RegistryError(said("this backup is not used: {fault}", fault=fault))
 
 
 def fault_of(path: str, needs_administrator: bool) -> str:
     """The worst thing that is wrong with it; empty: nothing."""
     with Path(path).open("rb") as stream:
         if stream.read(len(MAGIC)) != MAGIC:
-            return "it is not a database"
+            return said("it is not a database")
     try:
         if strange := _strange(path):
             return strange
@@ -59,11 +60,11 @@ def fault_of(path: str, needs_administrator: bool) -> str:
                 return findings[0]
             administrators = [user for user in registry.users.all() if user.role == "administrator"]
             if needs_administrator and not administrators:
-                return "it has no administrator, so nobody could sign in: restore it with `msbot db restore`"
+                return said("it has no administrator, so nobody could sign in: restore it with `msbot db restore`")
     except MsbotError as error:
-        return str(error).replace(f"the database {path}", "it").replace(path, "it").partition(": ")[0]
+        return without(str(error), ("words", "path", "database"), Path(path).name)
     except Exception as error:  # whatever the file contains, nothing of it may reach the robot
-        return f"it cannot be read ({type(error).__name__}: {error})"
+        return said("it cannot be read ({kind}: {error})", kind=type(error).__name__, error=str(error))
     return ""
 
 
@@ -73,7 +74,7 @@ def _strange(path: str) -> str:
         query = "SELECT type, name, coalesce(sql, '') FROM sqlite_master"
         for kind, name, sql in connection.execute(query):
             if kind not in ("table", "index") or str(sql).upper().startswith("CREATE VIRTUAL"):
-                return f"it has a {kind} {name!r}, and MsBOT makes none of that sort"
+                return said("it has a {kind} {name!r}, and MsBOT makes none of that sort", kind=kind, name=name)
     return ""
 
 

@@ -24,6 +24,7 @@ from msbot.registry.maintenance import consistency as findings
 from msbot.registry.maintenance.backup_check import check_backup
 from msbot.registry.registry import BUSY_TIMEOUT_S, open_registry
 from msbot.registry.running import run_lock
+from msbot.runtime.sentence import said
 
 _ROWS = 1000
 """How many rows are copied at a time."""
@@ -61,7 +62,7 @@ def back_up(address: str, target: Path) -> int:
         RegistryError: it is not there or not up to date, the file exists, or cannot be written.
     """
     if target.exists():
-        raise RegistryError(f"{target} exists already and is not overwritten: name another file")
+        raise RegistryError(said("{target} exists already and is not overwritten: name another file", target=target))
     open_registry(address, read_only=True).close()
     where, engine = _open(address)
     part = target.with_name(f"{target.name}.part{os.getpid()}")
@@ -92,7 +93,9 @@ def restore(source: Path, address: str) -> Path | None:
         RegistryError: the backup or the database cannot be used, or a master is running one of its robots.
     """
     if not source.exists():
-        raise RegistryError(f"there is no backup {source}: name a file that `msbot db backup` has written")
+        raise RegistryError(
+            said("there is no backup {source}: name a file that `msbot db backup` has written", source=source)
+        )
     check_file(parse_address(source), create=False, read_only=True)
     with tempfile.TemporaryDirectory(prefix="msbot-restore-") as folder:
         copy = Path(folder) / source.name
@@ -136,7 +139,11 @@ def _keep_aside(address: str, where: Address, engine: Engine) -> Path | None:
     for robot in robots:
         if run_lock.is_run(engine, where, robot):
             raise RegistryError(
-                f"robot {robot.name} is being run with the database {where.words}: stop its master first"
+                said(
+                    "robot {name} is being run with the database {words}: stop its master first",
+                    name=robot.name,
+                    words=where.words,
+                )
             )
     if not robots:
         return None

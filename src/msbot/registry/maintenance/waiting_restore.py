@@ -14,6 +14,7 @@ from msbot.errors import RegistryError
 from msbot.registry.database.engine import make_private, parse_address
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance.backup_check import check_backup
+from msbot.runtime.sentence import said
 
 ENDING = ".restore"
 
@@ -32,7 +33,9 @@ def hold(address: str, backup: Path, *, needs_administrator: bool = True) -> Pat
     place = _place_of(address)
     if place is None:
         raise RegistryError(
-            "a backup goes into a database on a server only while no master runs: `msbot db restore FILE --db ...`"
+            said(
+                "a backup goes into a database on a server only while no master runs: `msbot db restore FILE --db ...`"
+            )
         )
     with tempfile.TemporaryDirectory(prefix="msbot-held-") as folder:
         copy = Path(folder) / "backup.db"
@@ -41,7 +44,9 @@ def hold(address: str, backup: Path, *, needs_administrator: bool = True) -> Pat
             check_backup(copy, needs_administrator=needs_administrator)
             _copy(backup, place)
         except OSError as error:
-            raise RegistryError(f"cannot keep the backup at {place}: {error.strerror}") from None
+            raise RegistryError(
+                said("cannot keep the backup at {place}: {strerror}", place=place, strerror=error.strerror)
+            ) from None
     return place
 
 

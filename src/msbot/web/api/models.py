@@ -397,4 +397,4 @@ class BlueprintText(Model):
 class BlueprintDiff(Model):
     """What applying a blueprint would change, a line each; empty: nothing."""
 
-    changes: list[str]
+    changes: list[Said]

@@ -98,6 +98,7 @@ def _tile(page: Page, tile: RobotTile, hostname: str) -> Markup:
         state=state,
         word=word,
         sign={"active": "●", "late": "◐", "lost": "■", "empty": "○"}[state],
+        place="" if tile.here else urlsplit(tile.address).netloc,
         where="/" if tile.here else _for_visitor(tile.address, hostname),
         age="" if tile.last_event_age_s is None else _age(tile.last_event_age_s),
         say=page.say,

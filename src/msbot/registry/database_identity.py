@@ -1,0 +1,15 @@
+"""One spelling for each database, so that programs can tell whether they mean the same one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def database_identity(db: str) -> str:
+    """A unique spelling for each database: the full path of a file; a server's address without user and password."""
+    scheme, separator, rest = db.partition("://")
+    if not separator:
+        return str(Path(db).absolute())
+    if scheme == "sqlite":
+        return str(Path(rest.removeprefix("/")).absolute())
+    return f"{scheme.partition('+')[0]}://{rest.rpartition('@')[2]}"
