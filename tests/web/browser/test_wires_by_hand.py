@@ -158,3 +158,35 @@ def test_on_a_phone_a_slot_is_made_and_wired_and_another_taken_out_with_its_wire
     go(page, demo.base)
     expect(page.get_by_role("button", name="Open slot headlight")).to_contain_text("active")
     expect(page.get_by_role("button", name="Open slot push_button")).to_contain_text("empty")
+
+
+def test_a_finger_that_trembles_picks_a_port_and_one_that_swipes_moves_the_drawing(
+    browser: Browser, demo: Site
+) -> None:
+    phone = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True, locale="en-GB")
+    phone.add_cookies([{"name": "msbot_tour", "value": "seen", "url": demo.base}])
+    page = phone.new_page()
+    page.goto(demo.link)
+    go(page, f"{demo.base}/wires")
+    expect(page.get_by_text("The drawing goes on to the right: swipe, or scroll.")).to_be_visible()
+    finger, scrolled = phone.new_cdp_session(page), "document.querySelector('svg.wires').parentElement.scrollLeft"
+
+    def touch(*steps: int) -> None:
+        """Put a finger on a port, move it to the left by so many pixels, and take it off."""
+        dot = port(page, "ear.loud").bounding_box()
+        assert dot is not None
+        x, y = dot["x"] + dot["width"] / 2, dot["y"] + dot["height"] / 2
+        for number, step in enumerate((0, *steps)):
+            kind = "touchMove" if number else "touchStart"
+            finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x - step, "y": y + step / 9}]})
+        finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+    port(page, "ear.loud").scroll_into_view_if_needed()
+    touch(2, 3)
+    expect(page.locator(".port.picked")).to_have_count(1)
+    page.keyboard.press("Escape")
+    page.evaluate(f"{scrolled} = 0")
+    touch(*range(10, 130, 10))
+    page.wait_for_function(f"{scrolled} > 20")
+    expect(page.locator(".port.picked, line.dragged")).to_have_count(0)
+    phone.close()

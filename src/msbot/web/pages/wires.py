@@ -55,7 +55,9 @@ class _Drawing:
                     "fit light up. Delete takes a port off its topic, the cross a slot out of the robot. The journal "
                     "undoes each change."
                 )).classes("soft")  # fmt: skip
-            self._element = ui.html("", sanitize=False).classes("w-full scroll").props("tabindex=0")
+            ui.label(page.say("The drawing goes on to the right: swipe, or scroll. On a touch screen tap one port "
+                              "after the other.")).classes("soft ms-narrow")  # fmt: skip
+            self._element = ui.html("", sanitize=False).classes("w-full scroll ms-shaded").props("tabindex=0")
             if self._may_change:
                 self._element.on("wire", self._told)
                 ui.run_javascript(

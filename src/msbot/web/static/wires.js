@@ -3,7 +3,8 @@
 function msbotWires(root, tell) {
   if (root.dataset.wired) return;
   root.dataset.wired = "1";
-  let picked = null, line = null, moved = false;
+  const STEADY_PX = 8;  // a finger that taps is never quite still
+  let picked = null, line = null, moved = false, begun = null;
   const crossAt = (target) => target && target.closest && target.closest(".take-out");
   const portAt = (target) => target && target.closest && target.closest(".port");
   const fits = (one, other) => one !== other && one.dataset.type === other.dataset.type && one.dataset.way !== other.dataset.way;
@@ -42,6 +43,7 @@ function msbotWires(root, tell) {
     event.preventDefault();
     port.focus();
     moved = false;
+    begun = [event.clientX, event.clientY];
     pick(port);
     const dot = port.querySelector("circle");
     line = document.createElementNS("http://www.w3.org/2000/svg", "line");
@@ -51,7 +53,7 @@ function msbotWires(root, tell) {
   });
   addEventListener("pointermove", (event) => {
     if (!line) return;
-    moved = true;
+    moved ||= Math.hypot(event.clientX - begun[0], event.clientY - begun[1]) > STEADY_PX;
     const at = place(event);
     line.setAttribute("x2", at.x);
     line.setAttribute("y2", at.y);
