@@ -34,6 +34,12 @@ db_option = click.option(
 )
 
 
+metrics_option = click.option(
+    "--metrics", "metrics_port", type=click.IntRange(0, 65535), metavar="PORT",
+    help="Serve figures for Prometheus at this port of this computer; 0 = any free one (extra msbot[metrics]).",
+)  # fmt: skip
+
+
 class SpaceType(click.ParamType[SpaceAddress]):
     """`memory`, `dds`, `dds:5`, `dds:5?interface=eth0`."""
 

@@ -68,6 +68,9 @@ class TerminalHandler(logging.StreamHandler[TextIO]):
         """Write the record, or only count it; the count is written when the period ends."""
         for due in self._over(record.created):
             super().emit(due)
+        if getattr(record, "msbot_always", False):  # see `log_forms.ALWAYS`
+            super().emit(record)
+            return
         text = record.getMessage()
         same = _kind(self._lines, (record.name, text), record.created + REPEAT_S)
         alike = _kind(self._places, (record.pathname, record.lineno), record.created + BURST_S)

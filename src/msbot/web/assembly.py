@@ -13,6 +13,7 @@ from msbot.config import Library
 from msbot.doctor import Patient
 from msbot.doctor.patient import PAGE_PORT
 from msbot.master import Master
+from msbot.metrics import Collecting, DatabaseFigures, Figures, Noting, PageFigures
 from msbot.operations.bus_objects import known_object
 from msbot.operations.dispatch import RunningOperations
 from msbot.part import Message
@@ -107,6 +108,12 @@ class WebRoom:
             bus=seen.bus,
             stop=lambda: stop_state(master.stop),
         )
+        self._noting = Noting(master)
+        self._is_noting = asyncio.Event()
+        self._collecting = Collecting(
+            master.agent, master=master, page=self.figures, noting=self._noting,
+            database=None if database is None else partial(_database_figures, database.registry),
+        )  # fmt: skip
         self._use_library(library)
         operations.on_library(self._use_library)
         self._users: UserStore = MemoryUsers() if database is None else RegistryUsers(database.registry, database.robot)
@@ -125,6 +132,7 @@ class WebRoom:
             views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock,
             programs=None if database is None else RegistryShelf(database.registry),
             doctor=Examining(partial(self._patient, master, database), clock),
+            figures=self._read_figures,
         )  # fmt: skip
         self.server = WebServer(self.service, settings)
         master.add_link(self.server.parts)
@@ -151,6 +159,25 @@ class WebRoom:
         message = self._views.library.messages.get(type_name)
         return None if message is None else message_class(message)
 
+    def _read_figures(self) -> Figures:
+        self._is_noting.set()  # from the first question on
+        return self._collecting()
+
+    async def _note_figures(self) -> None:
+        await self._is_noting.wait()
+        await self._noting.run()
+
+    def figures(self) -> PageFigures:
+        """How the page and its bus are, for Prometheus."""
+        bus = self._views.bus()
+        return PageFigures(
+            sessions=self._accounts.sessions.count,
+            connections=len(self.server.connections),
+            bus=bus.name,
+            bus_load=bus.load_percent / 100,
+            bus_bitrate=bus.bitrate,
+        )
+
     async def run(self) -> None:
         """Serve until cancelled."""
         self._sessions.bring_back()
@@ -158,6 +185,7 @@ class WebRoom:
             async with asyncio.TaskGroup() as tasks:
                 tasks.create_task(self._keep_looking())
                 tasks.create_task(self._keep_sessions())
+                tasks.create_task(self._note_figures())
                 tasks.create_task(self.server.run())
         finally:
             await asyncio.shield(self._sessions.keep())
@@ -174,6 +202,11 @@ class WebRoom:
         while True:
             self._views.look()
             await asyncio.sleep(LOOK_S)
+
+
+def _database_figures(registry: Registry) -> DatabaseFigures:
+    health = registry.storage.health
+    return DatabaseFigures(health.waiting, health.lost, health.is_well)
 
 
 def _describer(master: Master, operations: RunningOperations) -> Callable[[], Robot]:

@@ -31,6 +31,7 @@ from msbot.web.access.cookies import cookie_names
 from msbot.web.access.guard import ANY_ADDRESS, AccessGuard
 from msbot.web.access.sign_in_pages import make_forms
 from msbot.web.api.admin import make_admin_api
+from msbot.web.api.metrics import make_metrics
 from msbot.web.api.problems import tell_problems
 from msbot.web.api.routes import make_api
 from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
@@ -179,6 +180,7 @@ class WebServer:
         app.include_router(make_forms(service.accounts, service.robot_name, cookies))
         app.include_router(make_api(service))
         app.include_router(make_admin_api(service))
+        app.include_router(make_metrics(service))
         add_browser_files(app)
         app.router.routes.append(PartSocket(self.parts, service.accounts).route())
         tell_problems(app)

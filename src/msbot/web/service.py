@@ -11,7 +11,8 @@ from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from functools import partial
 
 from msbot.doctor import Examination, Finding
-from msbot.errors import ConfigError
+from msbot.errors import ConfigError, NotThere
+from msbot.metrics import Figures
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.outcome import Outcome
 from msbot.operations.rights import Asker, Right, role_named
@@ -63,12 +64,14 @@ class Service:
         neighbours: the masters of this computer.
         programs: where people's programs are kept; None: nowhere.
         doctor: examines robot and computer; None: nobody does.
+        figures: reads the figures for Prometheus; None: there are none.
     """
 
     def __init__(
         self, *, views: Views, operations: RunningOperations, accounts: Accounts, records: Records,
         robot: Callable[[], Robot], clock: Callable[[], float], neighbours: LocalMasters | None = None,
         programs: ProgramShelf | None = None, doctor: Examining | None = None,
+        figures: Callable[[], Figures] | None = None,
     ) -> None:  # fmt: skip
         self.views = views
         self.accounts = accounts
@@ -77,6 +80,7 @@ class Service:
         self._robot = robot
         self._clock = clock
         self._doctor = doctor
+        self._figures = figures
         self._neighbours = neighbours or LocalMasters()
         self.programs = ProgramDeeds(programs or NoShelf(), accounts)
         self._looking_around = asyncio.Lock()
@@ -183,6 +187,13 @@ class Service:
         self._need(session, Right.DESIGN)
         _check_size(toml)
         return BlueprintDiff(changes=await self._records.diff(toml))
+
+    def figures(self, session: Session) -> Figures:
+        """The figures of this moment, for Prometheus."""
+        self.accounts.require(session, Right.SEE)
+        if self._figures is None:
+            raise NotThere(said("this robot has no figures"))
+        return self._figures()
 
     # Doing
 

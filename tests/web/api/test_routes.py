@@ -88,6 +88,16 @@ def test_only_the_health_check_and_the_schema_answer_strangers(site: Site) -> No
             assert answer.status_code == (200 if path == "/api/health" else 401), (method, path)
 
 
+def test_a_program_reads_the_figures_for_prometheus_and_a_stranger_does_not(site: Site) -> None:
+    pytest.importorskip("prometheus_client", reason="pip install 'msbot[metrics]'")
+    answer = site.ask("GET", "/metrics", role="viewer")
+    assert answer.status_code == 200
+    assert answer.headers["content-type"].startswith("text/plain")
+    assert "msbot_slots 3.0" in answer.text
+    assert "msbot_database_well 1.0" in answer.text
+    assert "msbot_slots" not in site.stranger.get("/metrics").text
+
+
 CALLS = [
     ("GET", "/api/robot", None, "viewer"),
     ("POST", "/api/stop", {"reason": "test"}, "viewer"),

@@ -11,7 +11,8 @@ from pathlib import Path
 import click
 
 from msbot.cli.agent.serving import Wishes, discovery_for, serve
-from msbot.cli.options import space_option
+from msbot.cli.options import metrics_option, space_option
+from msbot.cli.run.logs import LogWishes, log_options
 from msbot.errors import ConfigError
 from msbot.link import Link, open_link
 from msbot.link.can import CanSettings, Codec
@@ -45,6 +46,8 @@ def common_options(function: Command) -> Command:
                   help="ced: any reference or XML is a topic's name. dds and rtps are taken for the sake of start "
                   "scripts; where samples are is said with --space.")  # fmt: skip
     @space_option
+    @metrics_option
+    @log_options
     @click.option("-r", "--refs", metavar="FILE", type=click.Path(path_type=Path),
                   help="Profiles (XML) for clients that create objects by reference.")  # fmt: skip
     @click.option("-v", "--verbose", type=click.IntRange(0, 6), is_flag=False, flag_value=DEFAULT_VERBOSE,
@@ -55,11 +58,12 @@ def common_options(function: Command) -> Command:
                   "clients stay, unless they ask for it themselves (uxr_hl).")  # fmt: skip
     @wraps(function)
     def wrapped(
-        *, middleware: str | None, space: SpaceAddress, refs: Path | None, verbose: int, dead_after: float | None,
+        *, middleware: str | None, space: SpaceAddress, metrics_port: int | None, log_wishes: LogWishes,
+        refs: Path | None, verbose: int, dead_after: float | None,
         **others: object,
     ) -> None:  # fmt: skip
         dead_after_s = math.inf if dead_after is None else dead_after
-        function(wishes=Wishes(verbose, middleware, refs, dead_after_s, space), **others)
+        function(wishes=Wishes(verbose, middleware, refs, dead_after_s, space, metrics_port, log_wishes), **others)
 
     return wrapped
 

@@ -16,12 +16,13 @@ import click
 
 from msbot.agent import Agent, AgentSettings, DiscoveryResponder, StatusServer, host_ipv6_addresses
 from msbot.cli.agent.packets import packet_tap
+from msbot.cli.run.logs import LogWishes
+from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.errors import ConfigError
 from msbot.link import Link, Peer, Signal
 from msbot.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
 from msbot.ros.graph import RosGraph
-from msbot.runtime.terminal_log import TerminalHandler
 from msbot.space import MEMORY, SharedSpace, Space, SpaceAddress, open_space
 from msbot.xrce import References
 
@@ -52,6 +53,8 @@ class Wishes:
     dead_after_s: float
     """Infinite: silent clients are kept."""
     space: SpaceAddress = field(default_factory=SpaceAddress)
+    metrics_port: int | None = None
+    log: LogWishes = field(default_factory=LogWishes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +77,10 @@ def serve(link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hin
         ConfigError: the profile file cannot be used.
         LinkDown: the link or the discovery port cannot be opened; the text names the remedy.
     """
-    logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])
+    wishes.log.set_up(logging.WARNING)
     logging.getLogger().setLevel(max(LEVELS[wishes.verbose], logging.WARNING))
     logging.getLogger("msbot").setLevel(LEVELS[wishes.verbose])  # the details of other libraries are of no use here
+    wishes.log.apply()
     references = None if wishes.refs is None else read_references(wishes.refs)
     if isinstance(link, TcpServerLink):
         _allow_connections()
@@ -178,6 +182,7 @@ async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
     if wishes.verbose >= SAY_PACKETS:
         agent.tap = packet_tap(link, click.echo)
     beside = [StatusServer(agent, what="agent", name=link.info.name).run()]
+    beside += metrics_beside(wishes.metrics_port, agent, click.echo)
     if discovery is not None:
         beside.append(_answer_questions(link, up, discovery))
     await run_until_signal(agent.run(), beside=beside)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
 import signal
 import sys
 import tempfile
@@ -24,7 +25,9 @@ from msbot.cli.change.robot_access import MASTER, details_of
 from msbot.cli.demo.json import as_json
 from msbot.cli.demo.key_presses import KeyPresses
 from msbot.cli.demo.script import ScriptRun, ScriptStep, ScriptType
-from msbot.cli.options import space_option
+from msbot.cli.options import metrics_option, space_option
+from msbot.cli.run.logs import LogWishes, log_event, log_options
+from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
 from msbot.cli.run.recording import RobotRecording, rec_option
 from msbot.config import SAMPLES, Blueprint, Library, load_blueprint, load_library, write_sample
@@ -65,6 +68,8 @@ class _Options:
     page: PageWishes
     space: SpaceAddress
     rec: RecordingWish
+    metrics_port: int | None
+    log_wishes: LogWishes
 
 
 @click.command("demo")
@@ -92,12 +97,15 @@ class _Options:
 @click.option("--spare", is_flag=True, help="One part more than slots, DD like BB: it takes over when BB is lost.")
 @space_option
 @rec_option
+@metrics_option
+@log_options
 @page_options
 def command(
     *, wire: str, bitrate: int, data_bitrate: int, no_compression: bool, seconds: float | None,
     script: list[ScriptStep], as_json_object: bool, log: Path | None, bus: str | None, seed: int | None,
     db: Path | None, sample: str, spare: bool, space: SpaceAddress,
-    rec: RecordingWish, port: int | None, host: str, no_page: bool, certificate: Path | None,
+    rec: RecordingWish, metrics_port: int | None, log_wishes: LogWishes,
+    port: int | None, host: str, no_page: bool, certificate: Path | None,
     certificate_key: Path | None,
     page_names: tuple[str, ...],
 ) -> None:  # fmt: skip
@@ -114,7 +122,10 @@ def command(
                     certificate=certificate, certificate_key=certificate_key, page_names=page_names),
         space,
         rec,
+        metrics_port,
+        log_wishes,
     )  # fmt: skip
+    log_wishes.set_up(logging.WARNING)
     if log is not None and options.wire is Wire.UDP:
         raise click.UsageError("--log writes the frames of a CAN bus: leave --link udp out")
     if bus is not None and options.wire is Wire.UDP:
@@ -180,6 +191,10 @@ async def _main(
             beside.append(
                 _answering(robot, operations, address, page_address, lambda: registry.storage.health.trouble).run()
             )
+            beside += metrics_beside(options.metrics_port, robot.master.agent, notes.add, master=robot.master,
+                                     registry=registry, room=lambda: room)  # fmt: skip
+            if options.log_wishes.is_json:
+                robot.master.inventory.on_event(log_event)
             stop = StopSocket(robot.master, lambda: details_of(robot.master, address, page=page_address()))
             beside.append(stop.run())
             beside.extend(recording.beside(robot.master, operations))

@@ -7,7 +7,7 @@ import contextlib
 import importlib
 import logging
 from collections.abc import Coroutine, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,8 +22,11 @@ from msbot.cli.options import (
     database_beside,
     db_option,
     library_option,
+    metrics_option,
     space_option,
 )
+from msbot.cli.run.logs import LogWishes, log_event, log_options
+from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
 from msbot.cli.run.recording import RobotRecording, rec_option, ring_folder
 from msbot.cli.run.until_ended import run_until_signal
@@ -40,7 +43,6 @@ from msbot.registry.database_identity import database_identity
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.ros.description import read_description
 from msbot.ros.robot_in_ros import RobotInRos
-from msbot.runtime.terminal_log import TerminalHandler
 from msbot.space import SharedSpace, SpaceAddress
 from msbot.xrce import compress, decompress, is_whole
 
@@ -50,6 +52,15 @@ if TYPE_CHECKING:
 CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 LOOK_S = 0.1
 """How often a master that shares its robot looks whether it may go on."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Beside:
+    """What else the user wants while the robot runs."""
+
+    rec: RecordingWish
+    metrics_port: int | None
+    log: LogWishes
 
 
 @click.command("master")
@@ -62,11 +73,14 @@ LOOK_S = 0.1
 @rec_option
 @click.option("--standby", is_flag=True, help="Share the robot with a master on another computer: wait while that one "
               "serves it, take over when it ends; needs --db postgresql://...")  # fmt: skip
+@metrics_option
+@log_options
 @click.option("-v", "--verbose", is_flag=True, help="Say more.")
 @page_options
 def command(
     blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
-    rec: RecordingWish, standby: bool, verbose: bool, port: int | None, host: str, no_page: bool,
+    rec: RecordingWish, standby: bool, metrics_port: int | None, log_wishes: LogWishes,
+    verbose: bool, port: int | None, host: str, no_page: bool,
     certificate: Path | None, certificate_key: Path | None,
     page_names: tuple[str, ...],
 ) -> None:  # fmt: skip
@@ -82,14 +96,15 @@ def command(
         certificate_key=certificate_key,
         page_names=page_names,
     )
-    logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[TerminalHandler()])
+    log_wishes.set_up(logging.INFO if verbose else logging.WARNING)
     robot, library = open_blueprint(blueprint, *folders)
     description = read_description(robot)
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
     where = db or database_beside(blueprint)
     with contextlib.suppress(KeyboardInterrupt):
-        while _with_database(robot, library, addresses, space, where, page, rec, description, standby=standby):
+        wishes = _Beside(rec, metrics_port, log_wishes)
+        while _with_database(robot, library, addresses, space, where, page, wishes, description, standby=standby):
             pass  # it has lost the robot to another master, and waits again
 
 
@@ -100,7 +115,7 @@ def _with_database(  # noqa: PLR0917 - what the command was given
     where: SpaceAddress,
     db: str,
     page: PageWishes,
-    rec: RecordingWish,
+    beside: _Beside,
     description: str,
     *,
     standby: bool,
@@ -120,7 +135,7 @@ def _with_database(  # noqa: PLR0917 - what the command was given
         can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.runs.node_ids, robot))
         links = [open_link(address, serve=True, can=can) for address in addresses]
         try:
-            asyncio.run(_main(blueprint, library, links, where, (registry, store, db), page, rec, description, lease))
+            asyncio.run(_main(blueprint, library, links, where, (registry, store, db), page, beside, description, lease))
         except LeaseLost as error:
             click.echo(str(error))
             return True
@@ -163,14 +178,14 @@ async def _serve(master: Master, lease: MasterLease | None) -> None:
 
 async def _main(  # noqa: PLR0917
     blueprint: Blueprint, library: Library, links: Sequence[Link], where: SpaceAddress,
-    database: tuple[Registry, RobotStore, str], page: PageWishes, rec: RecordingWish,
+    database: tuple[Registry, RobotStore, str], page: PageWishes, wishes: _Beside,
     description: str, lease: MasterLease | None,
 ) -> None:  # fmt: skip
     registry, store, db = database
     robot, profile = store.robot, profile_of(blueprint)
     with robot_space(where, blueprint, library) as space:
         file = stop_file(profile.name, profile.serial_number, database_identity(db))
-        recording = RobotRecording(rec, ring_folder(profile.name, database_identity(db)), library)
+        recording = RobotRecording(wishes.rec, ring_folder(profile.name, database_identity(db)), library)
         master = Master(
             blueprint,
             store,
@@ -180,7 +195,7 @@ async def _main(  # noqa: PLR0917
             library=library,
         )
         operations = RunningOperations(master, registry, robot, library=library)
-        master.inventory.on_event(_say)
+        master.inventory.on_event(log_event if wishes.log.is_json else _say)
         for link in links:
             master.add_link(link)
         links_words = ", ".join(link.info.name for link in links)
@@ -217,6 +232,8 @@ async def _main(  # noqa: PLR0917
                     settings=page.settings(),
                 )
             beside.append(serve_page(room, master.ready, page, click.echo))
+        beside += metrics_beside(wishes.metrics_port, master.agent, click.echo, master=master, registry=registry,
+                                 room=lambda: room)  # fmt: skip
         status = StatusServer(
             master.agent,
             what=MASTER,

@@ -38,6 +38,8 @@ OPEN_PATHS = (
 """What may be had without signing in: forms to do so, and files that are the same for everybody."""
 BEAT_PATH = "/beat"
 """Requested by open pages all the time, to see whether the robot is there. Answered here, at once."""
+METRICS_PATH = "/metrics"
+"""Figures for Prometheus, which shows an API token."""
 UPLOAD_PATH = "/_nicegui/client/"
 """Where NiceGUI takes files uploaded on a page; the page's number follows."""
 SOCKET_PATH = "/_nicegui_ws/"
@@ -145,7 +147,7 @@ class AccessGuard:
 
     def _session_of(self, path: str, headers: Headers) -> Session | None:
         bearer = headers.get("authorization", "")
-        if bearer and path.startswith("/api/"):
+        if bearer and (path.startswith("/api/") or path == METRICS_PATH):
             scheme, _, token = bearer.partition(" ")
             return self._accounts.by_api_token(token.strip()) if scheme.casefold() == "bearer" else None
         return self._accounts.session(_cookie_in(headers.get("cookie", ""), self._cookies.session))

@@ -81,6 +81,11 @@ class Sessions:
         self._by_key: dict[str, Session] = {}
         self._listeners: list[Callable[[Session], None]] = []
 
+    @property
+    def count(self) -> int:
+        """How many there are; some may be too old."""
+        return len(self._by_key)
+
     def on_end(self, listener: Callable[[Session], None]) -> None:
         """Call `listener` with every session that ends, or whose pages must be rebuilt because the role changed."""
         self._listeners.append(listener)

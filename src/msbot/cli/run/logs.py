@@ -1,0 +1,100 @@
+"""How a robot or agent logs: `--log-format` and `--log-level`."""
+
+from __future__ import annotations
+
+import logging
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import wraps
+from typing import TypeVar
+
+import click
+
+import msbot
+from msbot.pnp.part_events import PartEvent
+from msbot.runtime.log_forms import ALWAYS, FIELDS, JournalFormatter, JsonFormatter, goes_to_journal
+from msbot.runtime.terminal_log import TerminalHandler
+
+LEVELS = {
+    "debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR,
+}  # fmt: skip
+EVENTS = "msbot.pnp.events"
+"""The logger of what happens to parts, in JSON."""
+
+_C = TypeVar("_C", bound=Callable[..., object])
+_events = logging.getLogger(EVENTS)
+
+
+@dataclass(frozen=True, slots=True)
+class LogWishes:
+    """The user's options."""
+
+    is_json: bool = False
+    levels: tuple[tuple[str, int], ...] = ()
+    """`(room, level)`; an empty room: all of them."""
+
+    def set_up(self, level: int) -> None:
+        """Log to standard error, at that level unless the user wants another one."""
+        handler = TerminalHandler()
+        if self.is_json:
+            handler.setFormatter(JsonFormatter())
+            _events.setLevel(logging.INFO)
+        elif goes_to_journal():
+            handler.setFormatter(JournalFormatter())
+        logging.basicConfig(level=level, handlers=[handler])
+        self.apply()
+
+    def apply(self) -> None:
+        """Give each room its level."""
+        for room, level in self.levels:
+            logging.getLogger(f"msbot.{room}" if room else "msbot").setLevel(level)
+
+
+class RoomLevel(click.ParamType[tuple[str, int]]):
+    """`debug`, `agent=debug`."""
+
+    name = "[ROOM=]LEVEL"
+
+    def convert(
+        self, value: str | tuple[str, int], param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, int]:
+        """The room and its level."""
+        if isinstance(value, tuple):
+            return value
+        first, equals, last = value.partition("=")
+        room, level = (first, last) if equals else ("", first)
+        if level.lower() not in LEVELS:
+            self.fail(f"{level!r} is no level; there are {', '.join(LEVELS)}", param, ctx)
+        rooms = sorted(one.name for one in pkgutil.iter_modules(msbot.__path__) if one.ispkg)
+        if equals and room not in rooms:
+            self.fail(f"there is no room {room!r}; there are {', '.join(rooms)}", param, ctx)
+        return room, LEVELS[level.lower()]
+
+
+def log_options(function: _C) -> _C:
+    """Add the options to a command, which gets them as `log_wishes`."""
+
+    @click.option("--log-format", type=click.Choice(["text", "json"]), default="text", show_default=True,
+                  help="json: every line of the log is a JSON object, for programs.")  # fmt: skip
+    @click.option("--log-level", "log_levels", type=RoomLevel(), multiple=True,
+                  help="What is logged: debug, info, warning, error; for one room with ROOM=; repeatable.")  # fmt: skip
+    @wraps(function)
+    def wrapped(log_format: str, log_levels: tuple[tuple[str, int], ...], **others: object) -> object:
+        return function(log_wishes=LogWishes(log_format == "json", log_levels), **others)
+
+    return wrapped  # type: ignore[return-value]
+
+
+def log_event(event: PartEvent) -> None:
+    """A change of a part as a line of the log, with its values."""
+    fields = {
+        "part": event.part,
+        "slot": event.slot or "",
+        "from": event.from_state.value if event.from_state else "",
+        "to": event.to_state.value,
+        "reason": str(event.reason),
+        "uid": event.uid.hex(),
+    }
+    # What happens to parts in slots is bounded by their number; strangers may come without end.
+    _events.info("%s", event.sentences()[0], extra={FIELDS: fields, ALWAYS: bool(event.slot)})

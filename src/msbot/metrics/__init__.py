@@ -1,0 +1,17 @@
+"""Figures of a running robot or agent, for Prometheus: collected when somebody asks, in the robot's own loop."""
+
+from msbot.metrics.collecting import Collecting, Noting
+from msbot.metrics.figures import AgentFigures, Buckets, DatabaseFigures, Figures, PageFigures, RobotFigures
+from msbot.metrics.serving import MetricsServer
+
+__all__ = [
+    "AgentFigures",
+    "Buckets",
+    "Collecting",
+    "DatabaseFigures",
+    "Figures",
+    "MetricsServer",
+    "Noting",
+    "PageFigures",
+    "RobotFigures",
+]

@@ -1,0 +1,195 @@
+"""The figures for Prometheus: what is counted, how it is written, and that it is read in the robot's own loop."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
+from urllib.request import urlopen
+
+import pytest
+
+from msbot.agent import Agent
+from msbot.errors import ConfigError
+from msbot.master import Master
+from msbot.metrics import (
+    AgentFigures,
+    Buckets,
+    Collecting,
+    DatabaseFigures,
+    Figures,
+    MetricsServer,
+    Noting,
+    PageFigures,
+    RobotFigures,
+)
+from msbot.metrics.exposition import exposition
+from msbot.metrics.figures import LinkFigures
+from msbot.space import MemorySpace
+
+prometheus = pytest.importorskip("prometheus_client", reason="pip install 'msbot[metrics]'")
+
+ROOT = Path(__file__).parent.parent.parent
+FIGURES = Figures(
+    agent=AgentFigures(
+        (LinkFigures("sim", 3, 100, 90, 4000, 3000, {"a 'strange'\n\"reason\"": 4}),),
+        {"no session": 2},
+        (("light", 30, 29),),
+    ),
+    robot=RobotFigures("Rover", {"active": 2, "late": 0}, 3, stopped=True),
+    database=DatabaseFigures(1, 2, is_well=False),
+    page=PageFigures(5, 6, "sim0", 0.25, 500_000),
+    beats=77,
+    beat_intervals=Buckets((0.5, 1.0)).read(),
+    loop_delays=Buckets((0.1,)).read(),
+)
+
+
+def values(text: bytes) -> dict[tuple[str, tuple[str, ...]], float]:
+    """`(name, values of its labels) -> value`, as Prometheus reads it."""
+    from prometheus_client.parser import text_string_to_metric_families
+
+    return {
+        (sample.name, tuple(sample.labels[label] for label in sorted(sample.labels))): sample.value
+        for family in text_string_to_metric_families(text.decode())
+        for sample in family.samples
+    }
+
+
+def test_everything_is_written_as_prometheus_reads_it() -> None:
+    text, kind = exposition(lambda: FIGURES)
+    assert kind.startswith("text/plain")
+    found = values(text)
+    assert found["msbot_sessions", ("sim",)] == 3
+    assert found["msbot_link_packets_total", ("in", "sim")] == 100
+    assert found["msbot_link_octets_total", ("out", "sim")] == 3000
+    assert found["msbot_link_lost_total", ("sim", "a 'strange'\n\"reason\"")] == 4, "nothing breaks out of its line"
+    assert found["msbot_agent_lost_total", ("no session",)] == 2
+    assert found["msbot_topic_published_total", ("light",)] == 30
+    assert found["msbot_parts", ("active",)] == 2
+    assert found["msbot_stopped", ()] == 1
+    assert found["msbot_beats_total", ()] == 77
+    assert found["msbot_database_well", ()] == 0
+    assert found["msbot_bus_load_ratio", ("sim0",)] == 0.25
+
+
+def test_the_page_names_every_figure_and_no_other() -> None:
+    told = set(re.findall(r"`(msbot_\w+)`", (ROOT / "docs/howto/metrics.md").read_text()))
+    names = {name for name, _ in values(exposition(lambda: FIGURES)[0]) if name.startswith("msbot_")}
+    histograms = {re.sub("_(bucket|count|sum)$", "", name) for name in names}
+    assert histograms - {"msbot_robot_info"} == told
+
+
+def test_the_dashboard_is_what_its_tool_writes_and_asks_only_for_what_there_is() -> None:
+    pytest.importorskip("grafana_foundation_sdk", reason="it checks the form of the dashboard")
+    from grafana_foundation_sdk.models.dashboard import Dashboard
+
+    sys.path.insert(0, str(ROOT / "tools"))
+    try:
+        import grafana_dashboard  # type: ignore[import-not-found, unused-ignore]
+    finally:
+        sys.path.pop(0)
+    text = (ROOT / "examples/grafana/msbot.json").read_text()
+    assert text == grafana_dashboard.build(), "python tools/grafana_dashboard.py"
+    board = Dashboard.from_json(json.loads(text))
+    assert board.title == "MsBOT"
+    asked = set(re.findall(r"\b((?:msbot|process)_\w+)", text)) - {"msbot_"}
+    names = {name for name, _ in values(exposition(lambda: FIGURES)[0])}
+    processes = {"process_resident_memory_bytes", "process_cpu_seconds_total"}
+    assert asked - names - processes == set()
+    assert len(board.panels or []) == 17
+
+
+def test_buckets_count_what_is_at_most_their_bound() -> None:
+    buckets = Buckets((1.0, 2.0))
+    for value in (0.5, 1.0, 1.5, 7.0):
+        buckets.add(value)
+    buckets.add(2.0, times=2)
+    found = buckets.read()
+    assert found.rising == (("1.0", 2.0), ("2.0", 5.0), ("+Inf", 6.0))
+    assert found.total == 14.0
+
+
+class Inventory:
+    """Parts with their beats."""
+
+    def __init__(self) -> None:
+        self.infos: list[SimpleNamespace] = []
+
+    def view(self, _now: float) -> list[SimpleNamespace]:
+        return self.infos
+
+
+def test_intervals_between_beats_are_noted_also_when_several_came_since_the_last_look() -> None:
+    inventory = Inventory()
+    noting = Noting(cast("Master", SimpleNamespace(inventory=inventory)))
+
+    def look(now: float, beats: int, last_at: float) -> None:
+        inventory.infos = [SimpleNamespace(beat_age_s=now - last_at, beats=beats, client_key=1)]
+        noting.look(now)
+
+    look(10.0, 5, 9.5)
+    assert noting.beats == 0, "those before the first look are not ours"
+    look(11.0, 6, 10.5)
+    look(13.0, 8, 12.8)
+    assert noting.beats == 3
+    found = dict(noting.intervals.read().rising)
+    assert found["0.8"] == 0
+    assert found["1.0"] == 1
+    assert found["1.2"] == 3, "two beats in 2.3 s"
+    inventory.infos = []
+    noting.look(14.0)
+    look(15.0, 1, 14.9)
+    assert noting.beats == 3, "a part that comes anew begins anew"
+
+
+async def test_an_agent_is_read_without_looking_at_each_of_its_sessions() -> None:
+    agent = Agent(MemorySpace(clock=asyncio.get_running_loop().time))
+    figures = Collecting(agent)()
+    assert figures == Figures(agent=AgentFigures((), {}, ()))
+
+
+async def fetch(address: str) -> bytes:
+    """What a scraper gets."""
+    return await asyncio.to_thread(lambda: bytes(urlopen(address, timeout=10).read()))
+
+
+async def serving(read: Callable[[], Figures]) -> tuple[MetricsServer, asyncio.Task[None]]:
+    server = MetricsServer(read, Noting(None), 0)
+    return server, asyncio.create_task(server.run())
+
+
+async def test_figures_are_read_in_the_loop_whatever_thread_asks() -> None:
+    threads: list[str] = []
+
+    def read() -> Figures:
+        threads.append(threading.current_thread().name)
+        return FIGURES
+
+    server, task = await serving(read)
+    text = await fetch(server.address)
+    task.cancel()
+    await asyncio.wait([task])
+    assert values(text)["msbot_beats_total", ()] == 77
+    assert threads == [threading.main_thread().name]
+
+
+async def test_a_port_that_is_taken_is_one_sentence() -> None:
+    server, task = await serving(lambda: FIGURES)
+    port = int(server.address.split(":")[2].partition("/")[0])
+    with pytest.raises(ConfigError, match=f"port {port} .* choose another one with --metrics"):
+        MetricsServer(lambda: FIGURES, Noting(None), port)
+    task.cancel()
+    await asyncio.wait([task])
+
+
+def test_without_the_package_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "prometheus_client", None)
+    with pytest.raises(ConfigError, match=r"pip install 'msbot\[metrics\]'"):
+        exposition(lambda: FIGURES)
