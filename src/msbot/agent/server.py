@@ -225,8 +225,7 @@ class Agent:
         return (proxy.view(self._now()) for proxy in self._clients)
 
     def topic_at(self, node: Peer, object_id: int) -> tuple[int, str] | None:
-        """Client key and topic (for a service, the request topic) of an endpoint of the client at that node of a
-        bus."""
+        """Client key and topic (of a service: the request topic) of an endpoint of the client at a node of a bus."""
         for port in self._ports:
             proxy = port.clients.get(node) if port.link.info.shared_bus else None
             topic = None if proxy is None else proxy.topics().get(object_id)
@@ -243,11 +242,7 @@ class Agent:
 
     def sessions_by_link(self) -> dict[str, int]:
         """How many sessions came in over each link; cheaper than `clients`."""
-        found: dict[str, int] = {}
-        for port in self._ports:
-            name = port.link.info.name
-            found[name] = found.get(name, 0) + len(port.members)
-        return found
+        return {port.link.info.name: len(port.members) for port in self._ports}
 
     def topics(self) -> list[tuple[str, int, int]]:
         """`(name, published, delivered)` of every topic that clients used since the agent was made."""
