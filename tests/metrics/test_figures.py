@@ -23,8 +23,8 @@ from msbot.metrics import (
     Buckets,
     Collecting,
     DatabaseFigures,
-    Figures,
     MetricsServer,
+    MomentFigures,
     Noting,
     PageFigures,
     RobotFigures,
@@ -36,7 +36,7 @@ from msbot.space import MemorySpace
 prometheus = pytest.importorskip("prometheus_client", reason="pip install 'msbot[metrics]'")
 
 ROOT = Path(__file__).parent.parent.parent
-FIGURES = Figures(
+FIGURES = MomentFigures(
     agent=AgentFigures(
         (LinkFigures("sim", 3, 100, 90, 4000, 3000, {"a 'strange'\n\"reason\"": 4}),),
         {"no session": 2},
@@ -152,7 +152,7 @@ def test_intervals_between_beats_are_noted_also_when_several_came_since_the_last
 async def test_an_agent_is_read_without_looking_at_each_of_its_sessions() -> None:
     agent = Agent(MemorySpace(clock=asyncio.get_running_loop().time))
     figures = Collecting(agent)()
-    assert figures == Figures(agent=AgentFigures((), {}, ()))
+    assert figures == MomentFigures(agent=AgentFigures((), {}, ()))
 
 
 async def fetch(address: str) -> bytes:
@@ -160,7 +160,7 @@ async def fetch(address: str) -> bytes:
     return await asyncio.to_thread(lambda: bytes(urlopen(address, timeout=10).read()))
 
 
-async def serving(read: Callable[[], Figures]) -> tuple[MetricsServer, asyncio.Task[None]]:
+async def serving(read: Callable[[], MomentFigures]) -> tuple[MetricsServer, asyncio.Task[None]]:
     server = MetricsServer(read, Noting(None), 0)
     return server, asyncio.create_task(server.run())
 
@@ -168,7 +168,7 @@ async def serving(read: Callable[[], Figures]) -> tuple[MetricsServer, asyncio.T
 async def test_figures_are_read_in_the_loop_whatever_thread_asks() -> None:
     threads: list[str] = []
 
-    def read() -> Figures:
+    def read() -> MomentFigures:
         threads.append(threading.current_thread().name)
         return FIGURES
 

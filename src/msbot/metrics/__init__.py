@@ -1,7 +1,7 @@
-"""Figures of a running robot or agent, for Prometheus: collected when somebody asks, in the robot's own loop."""
+"""MomentFigures of a running robot or agent, for Prometheus: collected when somebody asks, in the robot's own loop."""
 
 from msbot.metrics.collecting import Collecting, Noting
-from msbot.metrics.figures import AgentFigures, Buckets, DatabaseFigures, Figures, PageFigures, RobotFigures
+from msbot.metrics.figures import AgentFigures, Buckets, DatabaseFigures, MomentFigures, PageFigures, RobotFigures
 from msbot.metrics.serving import MetricsServer
 
 __all__ = [
@@ -9,8 +9,8 @@ __all__ = [
     "Buckets",
     "Collecting",
     "DatabaseFigures",
-    "Figures",
     "MetricsServer",
+    "MomentFigures",
     "Noting",
     "PageFigures",
     "RobotFigures",

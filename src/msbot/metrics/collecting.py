@@ -17,8 +17,8 @@ from msbot.metrics.figures import (
     AgentFigures,
     Buckets,
     DatabaseFigures,
-    Figures,
     LinkFigures,
+    MomentFigures,
     PageFigures,
     RobotFigures,
 )
@@ -98,10 +98,10 @@ class Collecting:
         self._page = page
         self._noting = noting
 
-    def __call__(self) -> Figures:
+    def __call__(self) -> MomentFigures:
         """The figures of this moment."""
         noting = self._noting
-        return Figures(
+        return MomentFigures(
             agent=_of_agent(self._agent),
             robot=None if self._master is None else _of_robot(self._master),
             database=None if self._database is None else self._database(),

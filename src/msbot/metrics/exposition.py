@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, cast
 
 from msbot.errors import ConfigError
-from msbot.metrics.figures import AgentFigures, DatabaseFigures, Figures, Histogram, PageFigures, RobotFigures
+from msbot.metrics.figures import AgentFigures, DatabaseFigures, Histogram, MomentFigures, PageFigures, RobotFigures
 
 if TYPE_CHECKING:
     from prometheus_client import CollectorRegistry
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 REMEDY = "pip install 'msbot[metrics]'"
 
 
-def registry_of(read: Callable[[], Figures]) -> CollectorRegistry:
+def registry_of(read: Callable[[], MomentFigures]) -> CollectorRegistry:
     """A registry with these figures and those of the process; `read` is called for each question.
 
     Raises:
@@ -41,7 +41,7 @@ def registry_of(read: Callable[[], Figures]) -> CollectorRegistry:
     return registry
 
 
-def exposition(read: Callable[[], Figures]) -> tuple[bytes, str]:
+def exposition(read: Callable[[], MomentFigures]) -> tuple[bytes, str]:
     """The text for one question, and its content type.
 
     Raises:
@@ -53,7 +53,7 @@ def exposition(read: Callable[[], Figures]) -> tuple[bytes, str]:
     return generate_latest(registry), CONTENT_TYPE_LATEST
 
 
-def families(figures: Figures) -> Iterator[Metric]:
+def families(figures: MomentFigures) -> Iterator[Metric]:
     """All figures, grouped as Prometheus wants them."""
     yield from _agent(figures.agent)
     if figures.robot is not None:

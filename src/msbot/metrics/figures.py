@@ -103,7 +103,7 @@ class PageFigures:
 
 
 @dataclass(frozen=True, slots=True)
-class Figures:
+class MomentFigures:
     """Everything of one moment; what the process does not have is None."""
 
     agent: AgentFigures

@@ -15,7 +15,7 @@ from typing import Final
 from msbot.errors import ConfigError
 from msbot.metrics.collecting import Noting
 from msbot.metrics.exposition import registry_of
-from msbot.metrics.figures import Figures
+from msbot.metrics.figures import MomentFigures
 
 HOST: Final = "127.0.0.1"
 ANSWER_S: Final = 5.0
@@ -34,7 +34,7 @@ class MetricsServer:
         ConfigError: the port cannot be had, or a package is missing.
     """
 
-    def __init__(self, read: Callable[[], Figures], noting: Noting, port: int) -> None:
+    def __init__(self, read: Callable[[], MomentFigures], noting: Noting, port: int) -> None:
         self._read = read
         self._noting = noting
         self._loop = asyncio.get_running_loop()
@@ -66,7 +66,7 @@ class MetricsServer:
         self._server.shutdown()
         self._server.server_close()
 
-    def _ask(self) -> Figures:
+    def _ask(self) -> MomentFigures:
         """Have the figures read by the robot; called in the server's thread."""
         asked = asyncio.run_coroutine_threadsafe(self._answer(), self._loop)
         try:
@@ -75,5 +75,5 @@ class MetricsServer:
             asked.cancel()
             raise
 
-    async def _answer(self) -> Figures:
+    async def _answer(self) -> MomentFigures:
         return self._read()

@@ -13,7 +13,7 @@ from msbot.config import Library
 from msbot.doctor import Patient
 from msbot.doctor.patient import PAGE_PORT
 from msbot.master import Master
-from msbot.metrics import Collecting, DatabaseFigures, Figures, Noting, PageFigures
+from msbot.metrics import Collecting, DatabaseFigures, MomentFigures, Noting, PageFigures
 from msbot.operations.bus_objects import known_object
 from msbot.operations.dispatch import RunningOperations
 from msbot.part import Message
@@ -159,7 +159,7 @@ class WebRoom:
         message = self._views.library.messages.get(type_name)
         return None if message is None else message_class(message)
 
-    def _read_figures(self) -> Figures:
+    def _read_figures(self) -> MomentFigures:
         self._is_noting.set()  # from the first question on
         return self._collecting()
 

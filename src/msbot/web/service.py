@@ -12,7 +12,7 @@ from functools import partial
 
 from msbot.doctor import Examination, Finding
 from msbot.errors import ConfigError, NotThere
-from msbot.metrics import Figures
+from msbot.metrics import MomentFigures
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.outcome import Outcome
 from msbot.operations.rights import Asker, Right, role_named
@@ -71,7 +71,7 @@ class Service:
         self, *, views: Views, operations: RunningOperations, accounts: Accounts, records: Records,
         robot: Callable[[], Robot], clock: Callable[[], float], neighbours: LocalMasters | None = None,
         programs: ProgramShelf | None = None, doctor: Examining | None = None,
-        figures: Callable[[], Figures] | None = None,
+        figures: Callable[[], MomentFigures] | None = None,
     ) -> None:  # fmt: skip
         self.views = views
         self.accounts = accounts
@@ -188,7 +188,7 @@ class Service:
         _check_size(toml)
         return BlueprintDiff(changes=await self._records.diff(toml))
 
-    def figures(self, session: Session) -> Figures:
+    def figures(self, session: Session) -> MomentFigures:
         """The figures of this moment, for Prometheus."""
         self.accounts.require(session, Right.SEE)
         if self._figures is None:
