@@ -135,7 +135,9 @@ def _with_database(  # noqa: PLR0917 - what the command was given
         can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.runs.node_ids, robot))
         links = [open_link(address, serve=True, can=can) for address in addresses]
         try:
-            asyncio.run(_main(blueprint, library, links, where, (registry, store, db), page, beside, description, lease))
+            asyncio.run(
+                _main(blueprint, library, links, where, (registry, store, db), page, beside, description, lease)
+            )
         except LeaseLost as error:
             click.echo(str(error))
             return True
