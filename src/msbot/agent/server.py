@@ -228,8 +228,7 @@ class Agent:
         """Client key and topic (of a service: the request topic) of an endpoint of the client at a node of a bus."""
         for port in self._ports:
             proxy = port.clients.get(node) if port.link.info.shared_bus else None
-            topic = None if proxy is None else proxy.topics().get(object_id)
-            if proxy is not None and topic is not None:
+            if proxy is not None and (topic := proxy.topics().get(object_id)) is not None:
                 return proxy.info.key, topic
         return None
 
@@ -250,10 +249,9 @@ class Agent:
 
     def dropped(self) -> dict[str, int]:
         """Packets that belonged to no client, by reason in words."""
-        total = Tally()
+        total = Tally(self._relays.dropped)
         for port in self._ports:
             total.count_all(port.dropped)
-        total.count_all(self._relays.dropped)
         return total
 
     # What the links call.
