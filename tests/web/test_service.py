@@ -26,6 +26,7 @@ from tests.web.rig import PASSWORD, Rig, ToyBench, chunks, refusal, show
 Deed = Callable[[Service, Session], object]
 FINDING = doctor.Finding("x", "x", "x", "x", "x", "x", mending=doctor.Mending("unblock", {"part": "nobody"}))
 DEEDS: dict[str, tuple[Role, Deed]] = {
+    "figures": (Role.VIEWER, lambda do, who: do.figures(who)),
     "stop all": (Role.VIEWER, lambda do, who: do.stop_all(who)),
     "own token": (Role.VIEWER, lambda do, who: do.new_token(who, who.name, "x")),
     "remove own token": (Role.VIEWER, lambda do, who: do.remove_token(who, who.name, "x")),
