@@ -3,7 +3,8 @@
 The programs are those of tests/homes. Memory is what `gc.mem_alloc()` says above what the VM and its driver have before
 the first import, after a collection behind every step: the VM for browsers collects only between calls.
 
-    python bench/micropython.py          (needs node and mpy-cross)
+    python -m bench.micropython            prints the tables (needs node and mpy-cross)
+    python -m bench.micropython --write    puts them into docs/explain/micropython.md
 """
 
 from __future__ import annotations
@@ -39,6 +40,33 @@ STORIES = (
 )
 
 
+PAGE = Path(__file__).parents[1] / "docs/explain/micropython.md"
+BEGIN, END = "<!-- made by bench/micropython.py --write -->", "<!-- end of what is made -->"
+PIECES = {
+    "core": "__init__ errors running cdr message standards xrce membership part declaring configuring words "
+    "annotations keys links board",
+    "CAN": "can compact squeeze",
+    "`ws:`": "websocket",
+    "sealed samples": "seal",
+    "descriptions": "description",
+    "pins (`SimGpio`)": "gpio",
+    "generic board": "generic model trunk driver driver_adc driver_i2c driver_in driver_out",
+}
+"""What belongs together; each module is in one of them."""
+FOR_A_MOMENT = (
+    "configuring",
+    "squeeze",
+    "words",
+    "keys",
+    "description",
+    "declaring",
+    "standards",
+    "annotations",
+    "board",
+)
+"""Modules that are imported for one call and forgotten again, so that they are in no peak below."""
+
+
 class Measured(NodeEngine):
     """An engine that measures the memory in use after every request, when the garbage is gone."""
 
@@ -60,12 +88,20 @@ class Measured(NodeEngine):
 
 
 def main() -> None:
-    """Print the tables."""
-    print(
-        "\n".join(table(["file", "lines", "without blank ones and docstrings", ".py, octets", ".mpy, octets"], files()))
-    )
-    print()
-    print("\n".join(table(["program", "link", "peak, .mpy", "at the end, .mpy", "peak, .py"], memory())))
+    """Print the tables, or put them into the page."""
+    tables = [
+        table(["piece", "files", "lines", "without blank ones and docstrings", ".mpy, octets"], pieces()),
+        table(["file", "lines", "without blank ones and docstrings", ".py, octets", ".mpy, octets"], files()),
+        table(["program", "link", "peak, .mpy", "at the end, .mpy", "peak, .py"], memory()),
+        table(["imported for a moment", "memory while it is there"], for_a_moment()),
+    ]
+    made = "\n\n".join("\n".join(lines) for lines in tables)
+    if "--write" not in sys.argv:
+        print(made)
+        return
+    head, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
+    _, _, tail = rest.partition(END)
+    PAGE.write_text(f"{head}{BEGIN}\n{made}\n{END}{tail}", "utf-8")
 
 
 def files() -> list[list[str]]:
@@ -80,6 +116,43 @@ def files() -> list[list[str]]:
             sums = [one + other for one, other in zip(sums, figures, strict=True)]
             rows.append([f"`{path.name}`", *map(str, figures)])
     return [*rows, ["together", *map(str, sums)]]
+
+
+def pieces() -> list[list[str]]:
+    """One row for each piece of the package."""
+    rows, named = [], [name for names in PIECES.values() for name in names.split()]
+    assert sorted(named) == sorted(path.stem for path in micro.FOLDER.glob("*.py")), "each module once"
+    with tempfile.TemporaryDirectory() as folder:
+        compiled = compile_package(Path(folder))
+        for piece, names in PIECES.items():
+            texts = [(micro.FOLDER / f"{name}.py").read_text() for name in names.split()]
+            octets = sum((compiled / f"{name}.mpy").stat().st_size for name in names.split())
+            figures = (len(texts), sum(text.count("\n") for text in texts), sum(map(code_lines, texts)), octets)
+            rows.append([piece, *map(str, figures)])
+    return rows
+
+
+def for_a_moment() -> list[list[str]]:
+    """One row for each module that is imported for a moment, when all that a part keeps is there already."""
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        engine = NodeEngine(compile_package(Path(folder)), str(Path(micro.__file__).with_name("module_host.py")))
+
+        def in_use() -> int:
+            engine.ask({"do": "collect"})
+            engine.ask({"do": "collect"})
+            octets: int = engine.ask({"do": "memory"})["octets"]
+            return octets
+
+        for name in ("running", "part", "links"):
+            engine.ask({"do": "import", "name": name})
+        for name in FOR_A_MOMENT:
+            before = in_use()
+            engine.ask({"do": "import", "name": name})
+            rows.append([f"`{name}.py`", f"{(in_use() - before) / 1000:.1f} kB"])
+            engine.ask({"do": "forget", "name": name})
+        engine.close()
+    return rows
 
 
 def code_lines(text: str) -> int:

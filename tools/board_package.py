@@ -13,17 +13,20 @@ from pathlib import Path
 from msbot.runtime.board_package import FOLDER, compiled
 
 SOURCES = Path(__file__).parents[1] / "micropython"
+PACKAGES = ("package.json", "generic.json")
+"""What a program of one's own needs, and what a generic board needs besides."""
 
 
 def compile_package(folder: Path) -> Path:
-    """Write `package.json` and the .mpy files it names into a folder; returns the folder of the files."""
+    """Write the packages' lists and the .mpy files they name into a folder; returns the folder of the files."""
     files = folder / FOLDER
     files.mkdir(parents=True, exist_ok=True)
     for name, octets in compiled().items():
         (files / name).write_bytes(octets)
-    package = json.loads((SOURCES / "package.json").read_text())
-    package["urls"] = [[str(Path(name).with_suffix(".mpy")) for name in pair] for pair in package["urls"]]
-    (folder / "package.json").write_text(json.dumps(package, indent=2) + "\n")
+    for name in PACKAGES:
+        package = json.loads((SOURCES / name).read_text())
+        package["urls"] = [[str(Path(name).with_suffix(".mpy")) for name in pair] for pair in package["urls"]]
+        (folder / name).write_text(json.dumps(package, indent=2) + "\n")
     return files
 
 

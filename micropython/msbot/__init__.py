@@ -32,7 +32,7 @@ def __getattr__(name):
             value = getattr(_module(place.split(" ")[0]), name)
             break
     else:
-        value = None if name[:1] == "_" else _module("message").standard(name)
+        value = None if name[:1] == "_" else _module("running").once("standards").standard(name)
         if value is None:
             raise AttributeError("module 'msbot' has no attribute {!r}".format(name))
     globals()[name] = value

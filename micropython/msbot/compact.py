@@ -6,54 +6,21 @@ messages it deflates only the longest, a part's first, which is always the same.
 """
 
 import struct
-from deflate import RAW, DeflateIO
-from io import BytesIO
 
 from micropython import const
 
 from .errors import RemoteProtocolError
-from .xrce import (
-    BEST_EFFORT, ENDLESS, RELIABLE, create_message, endpoint_blob, read_message, service_blob, submessage, topic_blob
-)  # fmt: skip
+from .running import load, once
+from .xrce import BEST_EFFORT, RELIABLE, submessage
 
 _ESCAPE = const(0x1F)
 _DEFLATED = const(0x5F)
-_LARGEST = const(1024)  # octets that may come out: more than our MTU and its form need
+_OFTEN = const(32)  # uses, after which the module that squeezes is not forgotten any more
 _LOGIN_HEAD = b"\x80\0\0\0\0\1\x10\0XRCE\1\0\1\x0f"
 
 
-def _join(bodies):
-    out = bytearray()
-    for body in bodies:
-        out += body + bytes(-len(body) & 3)
-    return bytes(out)
-
-
-_OBJECTS = _join((
-    create_message(10, 0x11, b"\0\0", 0),
-    create_message(11, 0x14, b"\0\0", 0x11),
-    create_message(12, 0x12, topic_blob("msbot_masterTopic", "msbot_master"), 0x11),
-    create_message(13, 0x16, endpoint_blob(0x12, True, b"\0\0"), 0x14),
-    create_message(14, 0x17, service_blob("msbot_inventory"), 0x11),
-))  # fmt: skip
-_PORTS = _join((
-    create_message(15, 0x22, topic_blob("/", ""), 0x11),
-    create_message(16, 0x13, b"\0\0", 0x11),
-    create_message(17, 0x15, endpoint_blob(0x22, True, b"\0"), 0x13),
-    create_message(18, 0x32, topic_blob("/", ""), 0x11),
-    create_message(19, 0x26, endpoint_blob(0x32, True, b"\0\0"), 0x14),
-))  # fmt: skip
-_READS = [read_message(*read) for read in ((0x16, RELIABLE, ENDLESS), (0x17, RELIABLE, ENDLESS))]
-_MORE_READS = [read_message(*read) for read in ((0x17, BEST_EFFORT, ENDLESS), (0x26, RELIABLE, ENDLESS))]
-DICTIONARY = _OBJECTS + _join(_READS) + _PORTS + _join(_MORE_READS)
-"""What every robot says (504 octets); both ends must have the same."""
-
-FIRST = b"\0\0" + _OBJECTS + read_message(0x16, RELIABLE, None) + _READS[1]
-"""A part's first message on a shared bus, after the code of its form; and its deflated form, by that code (session
-id)."""
-del _OBJECTS, _PORTS, _READS, _MORE_READS
-_SQUEEZED = {0x39: b"_\xb3\x84:m4\xeaqD=\x07,\xea\xb1F9\x00", 0x79: b"_\xab\x84:m4\xeaqD=\x07,\xea\xb1F9\x00"}
-
+_FIRST_SIZE = const(320)  # octets of a part's first message on a shared bus (`squeeze`)
+_uses = 0
 _INFO = b"\x06\x01\x1c\x00\x00\x0a\xff\xfd\x00%c\x01\x0dXRCE\x01\x00\x01\x0f\x00\x01\x0d\x00\x01\x00" + bytes(6)
 FIXED = (
     b"\x04\x01\x0b\x00\x00\x00XRCE\x01\x00\x01\x0f\x00",
@@ -92,7 +59,7 @@ def compress(packet):
             form = number if object_id & 15 == 5 else 16 + number
             return bytes((code | form,)) + packet[2:4] + packet[12:end]
     code |= 25
-    return _SQUEEZED.get(code) if packet[2:] == FIRST else bytes((code,)) + packet[2:]
+    return _squeeze().first(packet, code) if len(packet) == _FIRST_SIZE else bytes((code,)) + packet[2:]
 
 
 def _ids(packet):
@@ -115,7 +82,7 @@ def _shorten_outside(packet, code, body):
 def decompress(data):
     """The message that `data` is a short form of; raises RemoteProtocolError when it is not one."""
     if data[:1] == b"\x5f":
-        data = _inflate(data[1:])
+        data = _squeeze().inflate(data[1:])
     code = data[0] if data else _DEFLATED
     if code >= 0x80:
         return data
@@ -179,13 +146,8 @@ def _expand_outside(form, session, data):
     return header + bytes((form - 16, 1, 5, 0)) + data + (b"" if size == 5 else b"\x80")
 
 
-def _inflate(data):
-    """Undo DEFLATE: the dictionary goes in front as a block of its own, and is cut off the result."""
-    size = len(DICTIONARY)
-    stored = struct.pack("<BHH", 0, size, size ^ 0xFFFF) + DICTIONARY
-    try:
-        out = DeflateIO(BytesIO(stored + data), RAW, 11).read(size + _LARGEST + 1)
-    except (OSError, EOFError, ValueError):
-        raise RemoteProtocolError("compressed message: DEFLATE cannot read it") from None
-    _need(len(out) <= size + _LARGEST)
-    return out[size:]
+def _squeeze():
+    """The module that squeezes, which is seldom needed: for a part's first message, and configurations."""
+    global _uses  # noqa: PLW0603 - of all parts of a board
+    _uses += 1
+    return load("squeeze") if _uses > _OFTEN else once("squeeze")

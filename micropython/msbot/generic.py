@@ -19,7 +19,8 @@ from micropython import const
 from .driver import Fault
 from .errors import MsbotError, say
 from .membership import JoinState
-from .message import Message, limits, standard, zero
+from .message import Message, limits, zero
+from .running import once
 from .model import Model, number
 from .part import Part
 from .xrce import RELIABLE
@@ -138,7 +139,7 @@ class GenericBoard:
         """Tell the robot what is wrong, when that changes."""
         words = "; ".join(["{}: {}".format(unit.name, unit.fault) for unit in self.units if unit.fault])
         if words != self._reported and self.part.bound("report"):
-            if self.part.publish("report", standard("Text")(text=words)):
+            if self.part.publish("report", once("standards").standard("Text")(text=words)):
                 self._reported = words
 
 
@@ -349,7 +350,7 @@ def say_trouble(membership, sentence):
 def message_class(port):
     """The class of the messages of a port, `[comes in, type, fields]`."""
     _, type_name, coded = port[:3]
-    known = standard(type_name)
+    known = once("standards").standard(type_name)
     if known is not None:
         return known
     kinds = [pair.split(":") for pair in coded.split(" ") if pair]

@@ -11,6 +11,7 @@ from micropython import const
 
 from .cdr import Reader, put, put_text
 from .errors import RemoteProtocolError
+from .running import load, once
 from .xrce import BEST_EFFORT, ENDLESS, RELIABLE, Client, endpoint_blob, service_blob, topic_blob
 
 
@@ -62,7 +63,7 @@ class ExpectedRobot:
         """Why a robot with these fields is not this one, in words; None when it is."""
         for word, mine, theirs in zip(("name", "version", "serial number", "manufacturer"), self.fields, seen):
             if mine not in ("*", theirs):
-                return "this robot's {} is {!r}, the part expects {!r}".format(word, theirs, mine)
+                return once("words").disagreement(word, theirs, mine)
         return None
 
 
@@ -171,15 +172,7 @@ class Membership:
         elif size == 17:
             self._challenged(octets[:16], now, True)
         else:
-            reader = Reader(octets)
-            version, slot = reader.number("I"), reader.text()
-            bindings = []
-            for _ in range(reader.number("I")):
-                port, topic, topic_type = reader.text(), reader.text(), reader.text()
-                subscribes, reliable = reader.take(2)
-                bindings.append((port, topic, topic_type, subscribes == 1, reliable == 1))
-            settings = [(reader.text(), reader.text()) for _ in range(reader.number("I"))]
-            self._configured(version, slot, bindings, settings, now)
+            self._configured(*once("configuring").read(octets), now)
 
     def closed(self, now):
         """The part ends; it never leaves this state."""
@@ -193,27 +186,21 @@ class Membership:
         return self._seals.seal(object_id, octets) if self._seals else octets
 
     def _challenged(self, nonce, now, sealed=False):
-        part = self.part
         self._heard_at = now
         if self.state not in _CLAIMS:
             return
-        if part.key is None:
-            from .words import key_needed
-
-            self._refused(key_needed(), now)
+        if self.part.key is None:
+            self._refused(once("words").key_needed(), now)
+            return
+        part = self.part
+        claimed = (part.key, nonce, part.uid, part.part_number, part.local_name, self.client.key)
+        if sealed:
+            self._seals = self._seals or load("seal").Seals()
+            proof = self._seals.prove(*claimed, self._nonce)
         else:
-            claimed = (part.key, nonce, part.uid, part.part_number, part.local_name, self.client.key)
-            if sealed:
-                from .seal import Seals
-
-                self._seals = self._seals or Seals()
-                proof = self._seals.prove(*claimed, self._nonce)
-            else:
-                from .keys import prove
-
-                proof = prove(*claimed)
-            self.client.write(_REQUESTER, proof, RELIABLE)
-            self._retry_at = now + self._retry
+            proof = once("keys").prove(*claimed)
+        self.client.write(_REQUESTER, proof, RELIABLE)
+        self._retry_at = now + self._retry
 
     def _verdict(self, lease, period, reason, now):
         self._heard_at = now
@@ -227,9 +214,7 @@ class Membership:
                 self.version = 0  # two slots may have the same version
                 self._fetch(now)
         elif not lease:
-            from .words import refusal
-
-            self._refused(refusal(reason), now)
+            self._refused(once("words").refusal(reason), now)
 
     def _refused(self, words, now):
         if self.state is _S.CLAIMING:

@@ -1,4 +1,4 @@
-"""Messages: a class with fields becomes CDR. The standard messages are made from a table on first use.
+"""Messages: a class with fields becomes CDR. The standard ones are in `standards`.
 
 MicroPython throws annotations away, so a class of your own must be loaded through `msbot.start` (see `annotations`).
 """
@@ -7,14 +7,12 @@ import struct
 
 from .cdr import Reader, put, put_text
 from .errors import LocalProtocolError, RemoteProtocolError
+from .running import once
 
 # A type on the wire is a code of `struct`, or str, bool, bytes, or a Message class.
 uint8, uint16, uint32, uint64 = "BHIQ"
 int8, int16, int32, int64 = "bhiq"
 float32, float64 = "fd"
-
-_WORDS = {"f": "float32", "d": "float64", str: "str", bool: "bool", bytes: "bytes"}
-_SHOWN = 60
 
 
 class _Field:
@@ -86,11 +84,8 @@ class Message:  # noqa: PLW1641 - it can change, and has no hash
     def _check(self):
         for name, kind, _ in fields_of(type(self)):
             value = getattr(self, name)
-            needs = misfit(kind, value)
-            if needs:
-                shown = repr(value)
-                shown = shown if len(shown) <= _SHOWN else shown[:_SHOWN] + "..."
-                raise LocalProtocolError("{}.{} cannot be {}: {}".format(type(self).__name__, name, shown, needs))
+            if not fits(kind, value):
+                raise LocalProtocolError(once("words").misfit(type(self).__name__, name, kind, value))
 
     def encode(self):
         """The message as octets."""
@@ -147,47 +142,11 @@ def limits(code):
     return (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if code in "bhiq" else (0, (1 << bits) - 1)
 
 
-def misfit(kind, value):
-    """The values that a field of that kind needs, in words; None when the value fits."""
-    if kind is str:
-        fits = isinstance(value, str) and "\0" not in value
-        return None if fits else "str needs a text without NUL characters"
+def fits(kind, value):
+    """Whether a field of that kind can hold the value."""
     if not isinstance(kind, str):
-        needs = {bool: "bool needs True or False", bytes: "bytes needs bytes"}
-        return None if isinstance(value, kind) else needs.get(kind) or "needs a " + kind.__name__
-    is_number = isinstance(value, int) and not isinstance(value, bool)
-    if kind in "fd":
-        return None if is_number or isinstance(value, float) else _WORDS[kind] + " needs a number"
-    low, high = limits(kind)
-    if is_number and low <= value <= high:
-        return None
-    word = "{}int{}".format("" if low else "u", 8 * struct.calcsize(kind))
-    return "{} needs a whole number from {} to {}".format(word, low, high)
-
-
-def value_of(kind, text):
-    """The value that a setting's text means for a field; raises ValueError."""
-    if kind is bool:
-        return {"true": True, "false": False}[text]
-    if kind is str:
-        return text
-    return float(text) if kind in ("f", "d") else int(text)
-
-
-_STANDARD = (
-    "HelloWorld index:I message:s;Switch on:?;Number value:f;Count value:i;Level percent:f;Text text:s;Light lux:f;"
-    "Colour red:B green:B blue:B;Temperature celsius:f;Pressure hectopascal:f;Gas ppm:f;Distance metres:f in_range:?;"
-    "Angle degrees:f;Speed rpm:f;Vector x:f y:f z:f;Stick x:f y:f pressed:?;Key key:s pressed:?;"
-    "Line position:f seen:?;Tone hertz:f seconds:f;Battery volts:f amperes:f percent:f;Weight grams:f;"
-    "Place latitude:d longitude:d altitude:f satellites:B;Trigger index:I"
-)
-
-
-def standard(name):
-    """The class of a standard message, or None."""
-    for entry in _STANDARD.split(";"):
-        if entry.startswith(name + " "):
-            pairs = [pair.split(":") for pair in entry.split(" ")[1:]]
-            kinds = [(field_name, {"s": str, "?": bool}.get(code, code)) for field_name, code in pairs]
-            return type(name, (Message,), {"_fields": [(field_name, kind, zero(kind)) for field_name, kind in kinds]})
-    return None
+        return isinstance(value, kind) and (kind is not str or "\0" not in value)
+    if not isinstance(value, int) or isinstance(value, bool):
+        return kind in "fd" and isinstance(value, float)
+    low, high = (value, value) if kind in "fd" else limits(kind)
+    return low <= value <= high

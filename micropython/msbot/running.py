@@ -7,6 +7,7 @@ from .errors import MsbotError, say
 
 _NAP = 1  # ms between two polls of the link
 
+_PACKAGE = __name__.rpartition(".")[0]
 _host = None
 
 
@@ -70,10 +71,19 @@ class Clock:
         return self._now
 
 
+def load(name):
+    """Import a module when it is needed."""
+    return __import__(_PACKAGE + "." + name, None, None, ("",))
+
+
 def once(name):
     """Import a module that is needed only now, so that its memory is free again afterwards."""
-    package = __name__.rpartition(".")[0]
-    module = __import__(package + "." + name, None, None, ("",))
-    sys.modules.pop(package + "." + name)
-    delattr(sys.modules[package], name)
+    module = load(name)
+    forget(name)
     return module
+
+
+def forget(name):
+    """Free the memory of a module that is not needed any more."""
+    if sys.modules.pop(_PACKAGE + "." + name, None):
+        delattr(sys.modules[_PACKAGE], name)

@@ -1,7 +1,14 @@
 """Sentences for people, imported only when needed: memory on a board is scarce."""
 
 import io
+import struct
 import sys
+
+from .errors import ConfigError, say
+from .message import Message, limits, type_name_of
+
+_SHOWN = 60
+_FLOATS = {"f": "float32", "d": "float64"}
 
 REFUSALS = (
     "this part number is not in the library",
@@ -43,6 +50,82 @@ def bound(ports):
         return "this robot binds no port of the part"
     listed = ["{} ({} {})".format(p[0], "subscribe" if p[3] else "publish", p[2]) for p in ports]
     return "bound in this robot: " + ", ".join(listed)
+
+
+def not_active(part):
+    """Why a part cannot publish now."""
+    if part._client is None:
+        return "the part does not run: publish in a function below @part.every or @part.on"
+    return "the part is {}, not active ({}): publish after on_join".format(part.state.value, part.reason)
+
+
+def not_for_port(part, port, binding, message):
+    """Why a message cannot be published at a port."""
+    kind = type(message)
+    if binding[3]:
+        return "there is no port {!r} to publish on; {}".format(port, part._bound_words())
+    if not isinstance(message, Message):
+        return "port {!r} publishes messages, not {}".format(port, kind.__name__)
+    return "port {!r} carries {}, not {}".format(port, binding[2], type_name_of(kind))
+
+
+def no_setting(part, name):
+    """What is wrong with asking for a setting."""
+    known = ", ".join(sorted(part.settings)) or "none"
+    return "there is no setting {!r} in this robot; it sets: {}".format(name, known)
+
+
+def no_value(name, text, kind):
+    """What is wrong with a setting's text."""
+    wanted = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}[kind]
+    return "setting {!r} is {!r}, which is not {}".format(name, text, wanted)
+
+
+def no_board(part):
+    """What is wrong with asking for the pins of a part without."""
+    return "part {} has no board: make it with Part(..., board=SimGpio())".format(part.local_name)
+
+
+def misfit(message, field, kind, value):
+    """Why a field of a message cannot hold a value."""
+    shown = repr(value)
+    shown = shown if len(shown) <= _SHOWN else shown[:_SHOWN] + "..."
+    return "{}.{} cannot be {}: {}".format(message, field, shown, _needs(kind))
+
+
+def _needs(kind):
+    if kind is str:
+        return "str needs a text without NUL characters"
+    if not isinstance(kind, str):
+        return {bool: "bool needs True or False", bytes: "bytes needs bytes"}.get(kind) or "needs a " + kind.__name__
+    if kind in _FLOATS:
+        return _FLOATS[kind] + " needs a number"
+    low, high = limits(kind)
+    word = "{}int{}".format("" if low else "u", 8 * struct.calcsize(kind))
+    return "{} needs a whole number from {} to {}".format(word, low, high)
+
+
+def failed(part, function, error):
+    """Say that a function has ended with an error; a mistake of the program ends the part."""
+    where = place(error) or function.__name__
+    if not isinstance(error, ConfigError):
+        kind = type(error).__name__
+        part.report(where, "{}: {} (said once, counted from now on)".format(kind, error), kind)
+    elif part.configurations > 1:  # it worked with an earlier one: the program is not to blame
+        part.report("{}: {}".format(where, error), "since the configuration has changed")
+    else:
+        part.end()
+        say("error", "{}: {}".format(where, error))
+
+
+def slow(took, most):
+    """What is wrong with a function that took so many milliseconds."""
+    return "took {:.1f} s, and the part cannot beat meanwhile: keep it below {} s".format(took / 1000, most / 1000)
+
+
+def disagreement(word, theirs, mine):
+    """Why a robot is not the expected one."""
+    return "this robot's {} is {!r}, the part expects {!r}".format(word, theirs, mine)
 
 
 def place(error):

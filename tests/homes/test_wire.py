@@ -13,6 +13,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.board_package import OF_GENERIC_BOARDS
 from tests.damage import damaged
 from tests.homes import micro
 from tests.homes.world import (
@@ -29,6 +30,7 @@ from tests.homes.world import (
     prove_sealed,
     split,
 )
+from tools.board_package import PACKAGES
 
 VECTORS = Path(__file__).parents[1] / "vectors"
 MTU = 512
@@ -45,7 +47,7 @@ def recorded() -> Iterator[bytes]:
 
 def test_what_it_knows_beforehand_is_what_everybody_knows() -> None:
     compact = micro.load("compact")
-    assert compact.DICTIONARY == DICTIONARY
+    assert micro.load("squeeze").DICTIONARY == DICTIONARY
     assert compact.FIXED == FIXED
     assert tuple(refusal.words for refusal in Refusal) == micro.load("words").REFUSALS
 
@@ -64,7 +66,7 @@ def test_recorded_messages_come_out_as_they_went_in_whoever_shortened_them() -> 
 @pytest.mark.parametrize("session", [0x81, 0x82])
 def test_a_parts_first_message_is_as_short_as_from_a_pc(session: int) -> None:
     compact = micro.load("compact")
-    first = bytes((session, 0x80)) + compact.FIRST
+    first = bytes((session, 0x80)) + micro.load("squeeze").FIRST
     assert compact.compress(first) == compress(first)
     assert len(compact.compress(first)) == 17
 
@@ -200,7 +202,7 @@ def test_a_proof_is_that_of_a_pc(key: bytes, nonce: bytes, name: str) -> None:
 @pytest.mark.parametrize("name", STANDARD_MESSAGES)
 def test_a_standard_message_is_that_of_a_pc(name: str) -> None:
     theirs: Any = STANDARD_MESSAGES[name]
-    mine = micro.load("message").standard(name)
+    mine = micro.load("standards").standard(name)
     values = {field: {str: "words", bool: True}.get(type(value), 3) for field, value in vars(theirs()).items()}
     message = theirs(**values)
     assert mine(**values).encode() == message.encode()
@@ -210,7 +212,7 @@ def test_a_standard_message_is_that_of_a_pc(name: str) -> None:
 @given(st.binary(max_size=40), st.sampled_from(sorted(STANDARD_MESSAGES)))
 def test_octets_are_a_message_for_both_or_for_none(octets: bytes, name: str) -> None:
     theirs: Any = STANDARD_MESSAGES[name]
-    mine = micro.load("message").standard(name)
+    mine = micro.load("standards").standard(name)
     try:
         expected = repr(theirs.decode(octets))
     except Exception as error:
@@ -329,7 +331,10 @@ def test_a_board_that_was_in_a_sealed_robot_joins_no_unsealed_one_and_a_new_proo
     assert seals.seal_request(reply) == reply
 
 
-def test_the_package_names_every_file() -> None:
-    listed = json.loads((micro.FOLDER.parent / "package.json").read_text())["urls"]
-    assert [place for place, _ in listed] == [source for _, source in listed]
-    assert sorted(source for _, source in listed) == sorted(f"msbot/{path.name}" for path in micro.FOLDER.glob("*.py"))
+def test_the_packages_name_every_file_once() -> None:
+    listed = {name: json.loads((micro.FOLDER.parent / name).read_text())["urls"] for name in PACKAGES}
+    assert all(place == source for urls in listed.values() for place, source in urls)
+    named = [source for urls in listed.values() for _, source in urls]
+    assert sorted(named) == sorted(f"msbot/{path.name}" for path in micro.FOLDER.glob("*.py"))
+    generic = {f"msbot/{name}.py" for name in OF_GENERIC_BOARDS}
+    assert {source for _, source in listed["generic.json"]} == generic

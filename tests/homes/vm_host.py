@@ -81,7 +81,7 @@ def _start(request):
     global _wire
 
     import msbot
-    from msbot.annotations import with_fields
+    from msbot.running import once
 
     msbot.listen(_say)
     _wire = Wire(request["link"] in ("serial", "ws"))
@@ -92,7 +92,7 @@ def _start(request):
         part.begin(_make_link(request["link"], _wire), request["now"])
 
     msbot.use_host(host)
-    program = compile(with_fields(request["program"]), request["name"], "exec")
+    program = compile(once("annotations").with_fields(request["program"]), request["name"], "exec")
     try:
         # `__builtins__`: the double's way to find this package under the name that programs know.
         exec(program, {"__name__": "__main__", "print": _print, "__builtins__": globals().get("__builtins__")})

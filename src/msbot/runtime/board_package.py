@@ -11,6 +11,10 @@ from msbot.runtime.carried_files import carried_folder
 
 FOLDER = "msbot"
 """Where it lies below the board's `lib`."""
+OF_GENERIC_BOARDS = frozenset(
+    ("driver", "driver_adc", "driver_i2c", "driver_in", "driver_out", "generic", "model", "trunk")
+)
+"""Modules that only a generic board needs; a program of one's own works without."""
 
 
 def package_files(mpy_version: int | None) -> dict[str, bytes]:

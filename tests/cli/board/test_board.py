@@ -28,7 +28,7 @@ from msbot.cli.board.connection import CodeFailed, open_board
 from msbot.cli.board.ports import SerialPort, choose
 from msbot.cli.board.program_errors import error_sentence
 from msbot.errors import ConfigError, LinkDown, MsbotError
-from msbot.runtime.board_package import package_files
+from msbot.runtime.board_package import OF_GENERIC_BOARDS, package_files
 from tests.homes import micro
 from tests.homes.runners import NODE
 from tests.homes.simulated_board import SimulatedBoard, simulated_board
@@ -101,6 +101,23 @@ def test_a_board_without_raw_paste_gets_its_program_by_plain_raw_mode(tmp_path: 
         assert (status, said) == (1, "hällo\nmsbot: my_part.py, line 202: NameError: name 'lux' isn't defined\n")
         with open_board(board.port) as open_one:
             assert open_one.read("/my_part.py") == text.encode()
+
+
+@needs_node
+def test_a_program_gets_what_it_needs_of_the_package(tmp_path: Path) -> None:
+    def modules(one: connection.Board) -> set[str]:
+        return {name.partition(".")[0] for name in one.files("/lib/msbot")}
+
+    everything = {name.partition(".")[0] for name in package_files(None)}
+    with simulated_board(files={"/msbot.json": SETTINGS}) as board:
+        assert call("run", program(tmp_path, "print(1)\n"), "--port", board.port) == (0, "1\n")
+        with open_board(board.port) as one:
+            assert modules(one) == everything - OF_GENERIC_BOARDS
+        text = "from msbot import GenericBoard\nprint(GenericBoard.__name__)\n"
+        assert call("run", program(tmp_path, text), "--port", board.port) == (0, "GenericBoard\n")
+        assert call("run", program(tmp_path, "print(2)\n"), "--port", board.port) == (0, "2\n")
+        with open_board(board.port) as one:
+            assert modules(one) == everything, "what is there stays"
 
 
 @needs_node

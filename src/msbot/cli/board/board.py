@@ -72,7 +72,7 @@ def install_command(
 ) -> None:
     """Put MsBOT's package on a board; with FILE also this program, which then runs whenever the board starts."""
     program = None if file is None else _Program(file)
-    with _prepared(port, link, wifi, source=source, is_quiet=as_json) as ready:
+    with _prepared(program, port, link, wifi, source=source, is_quiet=as_json) as ready:
         if program is not None:
             from msbot.cli.board.installing import MAIN
 
@@ -101,7 +101,7 @@ def run_command(file: Path, port: str | None, link: str | None, wifi: str | None
 
     program = _Program(file)
     out = _terminal()
-    with _prepared(port, link, wifi, source=source, is_quiet=False) as ready:
+    with _prepared(program, port, link, wifi, source=source, is_quiet=False) as ready:
         if program.is_part:
             ready.check_way()
         ready.put({program.name: program.octets})
@@ -158,6 +158,7 @@ class _Program:
             raise ConfigError(f"{file}, line {line or 1}: {words}") from None
         self.name = f"my_{file.name}" if file.name in RESERVED else file.name
         self.is_part = "msbot" in text
+        self.is_generic_board = "run_board" in text or "GenericBoard" in text
 
     @property
     def starter(self) -> bytes:
@@ -175,11 +176,12 @@ class _Ready:
         self._written: list[str] = []
         self._octets = 0
 
-    def install(self, *, source: bool) -> None:
-        """Put the package on it, where it is not there yet."""
+    def install(self, program: _Program | None, *, source: bool) -> None:
+        """Put the package on it as far as the program needs it, where it is not there yet; all of it without one."""
         from msbot.cli.board.installing import plan_package
 
-        self._carry_out(plan_package(self.board, self.facts, source=source))
+        generic = program is None or program.is_generic_board
+        self._carry_out(plan_package(self.board, self.facts, source=source, generic=generic))
 
     def put(self, files: dict[str, bytes]) -> None:
         """Put files beside each other into the folder of programs."""
@@ -226,7 +228,7 @@ class _Ready:
 
 @contextmanager
 def _prepared(
-    port: str | None, link: str | None, wifi: str | None, *, source: bool, is_quiet: bool
+    program: _Program | None, port: str | None, link: str | None, wifi: str | None, *, source: bool, is_quiet: bool
 ) -> Iterator[_Ready]:
     from msbot.cli.board.connection import open_board
     from msbot.cli.board.installing import SETTINGS, check_link, settings_file
@@ -243,7 +245,7 @@ def _prepared(
     where = _port(port)
     with open_board(where) as board:
         ready = _Ready(board, board.facts(), is_quiet=is_quiet)
-        ready.install(source=source)
+        ready.install(program, source=source)
         settings = settings_file(board, ready.facts, link=link, wifi=network, token=token)
         if settings is not None:
             ready.put({SETTINGS: settings})

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from msbot.cli.board.connection import Board, BoardFile, Facts
 from msbot.errors import ConfigError
-from msbot.runtime.board_package import FOLDER, package_files
+from msbot.runtime.board_package import FOLDER, OF_GENERIC_BOARDS, package_files
 
 SETTINGS = "msbot.json"
 LINKS = ("can", "serial", "udp", "ws")
@@ -32,13 +32,22 @@ class Plan:
         return sum(map(len, self.write.values()))
 
 
-def plan_package(board: Board, facts: Facts, *, source: bool) -> Plan:
-    """What the package needs: files that are missing or different, without those that are not part of it any more."""
+def plan_package(board: Board, facts: Facts, *, source: bool, generic: bool) -> Plan:
+    """What the package needs: files that are missing or different, without those that are not part of it any more.
+
+    Args:
+        board: where to.
+        facts: what it is.
+        source: not compiled.
+        generic: whether to put there what only generic boards need; what is there is kept up to date in any case.
+    """
     folder = f"{facts.lib}/{FOLDER}"
     wanted = package_files(None if source else facts.mpy_version)
     there = board.files(folder)
     plan = Plan()
     for name, octets in wanted.items():
+        if not generic and name not in there and name.partition(".")[0] in OF_GENERIC_BOARDS:
+            continue
         _add(plan, folder, name, octets, there)
     for name in there:
         if name not in wanted:

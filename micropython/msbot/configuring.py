@@ -1,0 +1,119 @@
+"""How a part takes a configuration: settings, safe values, ports. Imported for each one, and forgotten again."""
+
+from .cdr import Reader
+from .errors import ConfigError, LocalProtocolError
+from .membership import PARTICIPANT, PUBLISHER, SUBSCRIBER
+from .message import fields_of, type_name_of
+from .part import read_setting, stream_of
+from .xrce import endpoint_blob, topic_blob
+
+
+def read(octets):
+    """What is in a configuration of the inventory: version, slot, bindings, settings."""
+    reader = Reader(octets)
+    version, slot = reader.number("I"), reader.text()
+    bindings = []
+    for _ in range(reader.number("I")):
+        port, topic, topic_type = reader.text(), reader.text(), reader.text()
+        subscribes, reliable = reader.take(2)
+        bindings.append((port, topic, topic_type, subscribes == 1, reliable == 1))
+    return version, slot, bindings, [(reader.text(), reader.text()) for _ in range(reader.number("I"))]
+
+
+def configure(part, slot, bindings, settings, now):
+    """See `Part.configure`."""
+    part.slot = slot
+    safe = {}
+    part.settings = {}
+    for name, text in settings:
+        port, mark, field = name.partition(".safe.")
+        if mark:
+            safe.setdefault(port, {})[field] = text
+        elif name != ".stop":
+            part.settings[name] = text
+    part._safe = {}
+    for port, fields in safe.items():
+        if port in part._listeners:
+            _make_safe(part, port, fields)
+    number = dict(settings).get(".stop", "")
+    if number.isdigit():
+        part.stop_said("it holds in the robot that the part has joined", now, int(number))
+    bind(part, bindings)
+    for port, (message_class, _, optional) in part._listeners.items():
+        bound = part._ports.get(port)
+        name = type_name_of(message_class)
+        if not bound:
+            if not optional:
+                part.report("port {!r}".format(port), "nothing will come in; " + part._bound_words())
+        elif bound[0][2] != name:
+            words = "carries {}, but its function expects {}".format(bound[0][2], name)
+            part.report("port {!r}".format(port), words)
+    _tell_settings(part)
+
+
+def bind(part, bindings):
+    """Have objects at the agent for these ports, and for no others."""
+    client = part._client
+    part._places = [binding[0] for binding in bindings]
+    wanted = {binding[0]: binding for binding in bindings}
+    for port, (binding, topic_id, object_id) in list(part._ports.items()):
+        if wanted.get(port) != binding:
+            del part._ports[port]
+            client.delete(object_id)
+            client.delete(topic_id)
+    for binding in bindings:
+        port, topic, topic_type, subscribes, reliable = binding
+        if port in part._ports:
+            continue
+        topic_id = client.free_id(2)
+        client.create(topic_id, topic_blob(topic, topic_type), PARTICIPANT)
+        if subscribes:
+            object_id = client.free_id(6)
+            client.create(object_id, endpoint_blob(topic_id, reliable, b"\0\0"), SUBSCRIBER)
+        else:
+            if not client.find(PUBLISHER):
+                client.create(PUBLISHER, b"\0\0", PARTICIPANT)
+            object_id = client.free_id(5)
+            client.create(object_id, endpoint_blob(topic_id, reliable, b"\0"), PUBLISHER)
+        part._ports[port] = (binding, topic_id, object_id)
+        if subscribes:
+            client.read(object_id, stream_of(binding))
+    if not bindings and client.find(PUBLISHER):
+        client.delete(PUBLISHER)
+
+
+def _tell_settings(part):
+    told, part._told = part._told, {}
+    for name, kind, function in part._followers:
+        text = part._told[name] = part.settings.get(name, part._defaults.get(name))
+        if text is None:
+            part.report("setting {!r}".format(name), "this robot does not set it", "absent")
+        elif told.get(name) != text:
+            try:
+                value = read_setting(name, text, kind)
+            except ConfigError as error:
+                part.report("setting {!r}".format(name), str(error))
+            else:
+                part._call(function, value)
+
+
+def _make_safe(part, port, fields):
+    message_class = part._listeners[port][0]
+    kinds = {name: kind for name, kind, _ in fields_of(message_class)}
+    try:
+        values = {}
+        for name, text in fields.items():
+            if name not in kinds:
+                raise ConfigError("{} has no simple field {!r}".format(message_class.__name__, name))
+            values[name] = _value_of(kinds[name], text)
+        part._safe[port] = message_class(**values)
+    except (ConfigError, LocalProtocolError, ValueError, KeyError) as error:
+        part.report("safe value of port {!r}".format(port), "cannot be used: {}".format(error))
+
+
+def _value_of(kind, text):
+    if kind is bool:
+        return {"true": True, "false": False}[text]
+    if kind is str:
+        return text
+    return float(text) if kind in ("f", "d") else int(text)
