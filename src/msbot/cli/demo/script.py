@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import re
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
@@ -14,6 +15,11 @@ from msbot.errors import MsbotError
 
 if TYPE_CHECKING:
     from msbot.demo import DemoRobot
+
+
+JOIN_S = 10.0
+"""So long a step waits for its part to be in; a part that is not by then is pulled out all the same."""
+_IN = ("active", "late", "standby", "refused")
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +76,12 @@ class ScriptRun:
         self._robot = robot
         self._undo = undo
         self._say = say
+        self._changed = asyncio.Event()
+        robot.on_event(lambda _: self._changed.set())
 
     async def run(self) -> None:
-        """Do each step at its time; one whose time comes before the parts are plugged in waits for that."""
+        """Do each step at its time; one whose time comes before the parts are plugged in waits for that, and a part is
+        not pulled out before it is in."""
         loop = asyncio.get_running_loop()
         begin = loop.time()
         await self._robot.begun.wait()
@@ -80,7 +89,19 @@ class ScriptRun:
             step = self._left[0]
             await asyncio.sleep(max(0.0, begin + step.at_s - loop.time()))
             self._left.pop(0)
+            if step.verb == "unplug":
+                await self._until_in(step.part)
             await self._do(step)
+
+    async def _until_in(self, part: str) -> None:
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(JOIN_S):
+                while self._robot.is_plugged(part) and self._state_of(part) not in _IN:
+                    self._changed.clear()
+                    await self._changed.wait()
+
+    def _state_of(self, part: str) -> str:
+        return next((one.state for one in self._robot.snapshot().parts if one.name == part), "")
 
     def end(self) -> None:
         """Say which steps were never done."""
