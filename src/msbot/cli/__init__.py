@@ -58,6 +58,8 @@ COMMANDS = {
     "plot": ("record.plot", "Draw curves of a robot or a recording, or one CAN frame as levels."),
     "fault": ("lab.fault", "Let something go wrong on purpose, for a while: a lost part, noise, a stuck sensor."),
     "idl": ("idl", "Turn message definitions (OMG IDL, ROS 2) into Python, C or IDL."),
+    "explain": ("explain", "Explain a message, a frame or a capture: words, fields, bits, cost."),
+    "quiz": ("quiz", "Decode messages and frames yourself, and be told how it is done."),
     "bus": ("bus.bus", "Tools for a CAN bus: watch it, send, decode, count bits, load, simulate."),
     "agent": ("agent.agent", "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint."),
     "relay": ("run.relay", "Carry the parts of one link (a CAN bus) to a master on another computer."),

@@ -5,6 +5,7 @@ Times are handed in as `now` in seconds of the caller's monotonic clock; octets 
 
 from msbot.xrce.compression.header_compression import compress, decompress
 from msbot.xrce.explain import explain
+from msbot.xrce.layout import FoundField, read_fields
 from msbot.xrce.messages.ids import Status
 from msbot.xrce.messages.whole import is_whole
 from msbot.xrce.objects.references import References
@@ -12,6 +13,7 @@ from msbot.xrce.sessions.agent import AgentSession
 from msbot.xrce.sessions.client import ClientSession
 from msbot.xrce.sessions.client_state import ClientState
 from msbot.xrce.sessions.settings import AgentSessionSettings, ClientSessionSettings
+from msbot.xrce.wireshark import dissector
 
 __all__ = [
     "AgentSession",
@@ -19,10 +21,13 @@ __all__ = [
     "ClientSession",
     "ClientSessionSettings",
     "ClientState",
+    "FoundField",
     "References",
     "Status",
     "compress",
     "decompress",
+    "dissector",
     "explain",
     "is_whole",
+    "read_fields",
 ]

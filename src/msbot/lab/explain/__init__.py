@@ -1,0 +1,1 @@
+"""From meaning to bits: captures and questions for `msbot explain` and `msbot quiz`."""

@@ -1,0 +1,179 @@
+"""Questions about messages and frames: made by chance, seeded; graded. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from random import Random
+from typing import Final
+
+from msbot.link.can.protocol import CanIds, Frame, format_frame, frame_bits, wire_bits
+from msbot.xrce import FoundField, read_fields
+from msbot.xrce.messages import (
+    SESSION_DEFAULT,
+    STREAM_BEST_EFFORT,
+    STREAM_NONE,
+    STREAM_RELIABLE,
+    Acknack,
+    Data,
+    Delete,
+    Header,
+    Heartbeat,
+    ObjectKind,
+    StatusReply,
+    Submessage,
+    WriteData,
+    encode_message,
+    make_object_id,
+)
+
+MOST_NODES: Final = 120
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """One question."""
+
+    shown: str
+    """The octets or the frame."""
+    text: str
+    answer: str
+    """What is right, as a person would write it."""
+    why: str
+    """How one finds it."""
+
+    def is_right(self, given: str) -> bool:
+        """Whether an answer is right; numbers in any base that Python writes, words in any case."""
+        return _same(given) == _same(self.answer)
+
+
+def questions(seed: int) -> Iterator[Question]:
+    """Questions without end; the same for the same seed."""
+    random = Random(seed)
+    kinds: tuple[Callable[[Random], Question], ...] = (_which, _field, _field, _stream, _node, _length, _stuffed)
+    while True:
+        yield random.choice(kinds)(random)
+
+
+def _message(random: Random) -> tuple[bytes, Submessage]:
+    number = random.randrange(1, 300)
+    kind = random.choice((ObjectKind.DATAWRITER, ObjectKind.DATAREADER))
+    object_id = make_object_id(random.randrange(1, 60), kind)
+    request = random.randrange(10, 2000)
+    payload = random.randbytes(random.choice((4, 8, 12)))
+    submessage: Submessage = random.choice(
+        (
+            WriteData(request, object_id, payload),
+            Data(request, object_id, payload),
+            Acknack(number, random.randrange(16), STREAM_RELIABLE),
+            Heartbeat(number, number + random.randrange(5), STREAM_RELIABLE),
+            StatusReply(request, object_id, random.choice((0, 0x84, 0x87))),
+            Delete(request, object_id),
+        )
+    )
+    is_about_streams = isinstance(submessage, Acknack | Heartbeat)
+    stream = STREAM_NONE if is_about_streams else random.choice((STREAM_BEST_EFFORT, STREAM_RELIABLE))
+    header = Header(SESSION_DEFAULT, stream, 0 if is_about_streams else number)
+    return encode_message(header, [submessage], pad_end=False), submessage
+
+
+def _shown(packet: bytes) -> str:
+    return packet.hex(" ")
+
+
+def _which(random: Random) -> Question:
+    packet, _ = _message(random)
+    found = _found(packet, "submessage_id")
+    kind = found.words.split()[-1]
+    return Question(
+        _shown(packet), "Which submessage is it?", kind,
+        f"octet {found.start} is {found.octets.hex()}: that is {kind}; the message's header has 4 octets before it",
+    )  # fmt: skip
+
+
+def _field(random: Random) -> Question:
+    packet, _ = _message(random)
+    fields, _fault = read_fields(packet)
+    chosen = random.choice([one for one in fields if one.value is not None and one.part != "header"
+                            and one.name not in ("submessage_id", "flags")])  # fmt: skip
+    last = chosen.start + len(chosen.octets) - 1
+    where = f"octet {chosen.start}" if last == chosen.start else f"octets {chosen.start} to {last}"
+    return Question(
+        _shown(packet), f"What is the {chosen.name} of {chosen.part}? (a number)", str(chosen.value),
+        f"{where}, {chosen.octets.hex(' ')}: {chosen.words}",
+    )  # fmt: skip
+
+
+def _stream(random: Random) -> Question:
+    packet, _ = _message(random)
+    found = _found(packet, "stream_id", "header")
+    assert found.value is not None
+    kind = "none" if found.value == 0 else "reliable" if found.value >= STREAM_RELIABLE else "best effort"
+    return Question(
+        _shown(packet), "On which kind of stream is it sent: none, best effort, reliable?", kind,
+        f"octet {found.start} is {found.octets.hex()}: 00 is none, 01 to 7f are best effort, 80 to ff reliable",
+    )  # fmt: skip
+
+
+def _frame(random: Random) -> tuple[Frame, int, bool]:
+    node, up = random.randrange(1, MOST_NODES + 1), random.random() < 0.5
+    ids = CanIds()
+    data = bytes((0xC0 | random.randrange(64),)) + random.randbytes(random.randrange(1, 8))
+    return Frame((ids.up if up else ids.down) + node, data), node, up
+
+
+def _node(random: Random) -> Question:
+    frame, node, up = _frame(random)
+    base = CanIds().up if up else CanIds().down
+    return Question(
+        format_frame(frame), "Which node sends it, or is meant? (a number)", str(node),
+        f"the identifier 0x{frame.can_id:03X} less 0x{base:03X}: {'from' if up else 'to'} node {node}",
+    )  # fmt: skip
+
+
+def _length(random: Random) -> Question:
+    frame, _, _ = _frame(random)
+    bits = frame_bits(frame).nominal_bits
+    stuffed = sum(bit.stuff for bit in wire_bits(frame))
+    return Question(
+        format_frame(frame), "How many bits is it on the wire, with stuff bits and the pause of 3 after it? "
+        f"(it has {stuffed} stuff bits)", str(bits),
+        f"47 bits and 8 for each of its {len(frame.data)} octets, and {stuffed} stuff bits: {bits}",
+    )  # fmt: skip
+
+
+def _stuffed(random: Random) -> Question:
+    frame, _, _ = _frame(random)
+    run = "".join(str(bit.level) for bit in wire_bits(frame) if bit.field == "DATA" and not bit.stuff)[:16]
+    shown = stuffed(run)
+    return Question(
+        run, "How many stuff bits does a controller put into this run of bits, if it begins here?",
+        str(shown.count("(")),
+        f"{shown}: after five equal bits the opposite one, which counts for the next five",
+    )  # fmt: skip
+
+
+def stuffed(run: str) -> str:
+    """A run of bits with its stuff bits in parentheses (ISO 11898-1 10.5)."""
+    shown, last, length = "", "", 0
+    for bit in run:
+        length = length + 1 if bit == last else 1
+        last = bit
+        shown += bit
+        if length == 5:
+            last, length = "1" if bit == "0" else "0", 1
+            shown += f"({last})"
+    return shown
+
+
+def _found(packet: bytes, name: str, part: str = "") -> FoundField:
+    return next(one for one in read_fields(packet)[0] if one.name == name and part in ("", one.part))
+
+
+def _same(text: str) -> str:
+    words = re.sub(r"[\s_-]+", " ", text.strip().casefold())
+    try:
+        return str(int(words, 0))
+    except ValueError:
+        return words
