@@ -71,3 +71,21 @@ def test_mistakes_are_one_sentence(arguments: tuple[str, ...], words: str, tmp_p
     assert ended.returncode == 2
     assert words in ended.stderr
     assert ended.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--part-of", "udp:127.0.0.1:8888"), "needs both the way to it and a part number"),
+        (("--part-of", "udp:127.0.0.1:8888", "--as", "ARM-1"), "has nothing to offer a bigger robot"),
+    ],
+)
+def test_mistakes_of_a_robot_that_is_a_part_are_one_sentence(
+    options: tuple[str, ...], words: str, tmp_path: Path
+) -> None:
+    assert run("init", cwd=tmp_path).returncode == 0
+    ended = run("master", "--no-page", *options, cwd=tmp_path)
+    assert ended.returncode == 2
+    assert words in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert not (tmp_path / "robot.db").exists()

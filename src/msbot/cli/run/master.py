@@ -25,6 +25,7 @@ from msbot.cli.options import (
     metrics_option,
     space_option,
 )
+from msbot.cli.run.bigger_robot import BiggerRobot, bigger_robot
 from msbot.cli.run.logs import LogWishes, log_event, log_options
 from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
@@ -61,6 +62,8 @@ class _Beside:
     rec: RecordingWish
     metrics_port: int | None
     log: LogWishes
+    bigger: BiggerRobot | None
+    """The robot that this one is a part of."""
 
 
 @click.command("master")
@@ -75,11 +78,14 @@ class _Beside:
               "serves it, take over when it ends; needs --db postgresql://...")  # fmt: skip
 @metrics_option
 @log_options
+@click.option("--part-of", metavar="ADDRESS", help="Be a part of a bigger robot as well: the way to its master.")
+@click.option("--as", "as_number", metavar="NUMBER", help="The part number that it shows there; with --part-of.")
 @click.option("-v", "--verbose", is_flag=True, help="Say more.")
 @page_options
 def command(
     blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
-    rec: RecordingWish, standby: bool, metrics_port: int | None, log_wishes: LogWishes,
+    rec: RecordingWish, standby: bool, part_of: str | None, as_number: str | None,
+    metrics_port: int | None, log_wishes: LogWishes,
     verbose: bool, port: int | None, host: str, no_page: bool,
     certificate: Path | None, certificate_key: Path | None,
     page_names: tuple[str, ...],
@@ -101,9 +107,10 @@ def command(
     description = read_description(robot)
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
+    bigger = bigger_robot(robot, library, part_of, as_number)
     where = db or database_beside(blueprint)
     with contextlib.suppress(KeyboardInterrupt):
-        wishes = _Beside(rec, metrics_port, log_wishes)
+        wishes = _Beside(rec, metrics_port, log_wishes, bigger)
         while _with_database(robot, library, addresses, space, where, page, wishes, description, standby=standby):
             pass  # it has lost the robot to another master, and waits again
 
@@ -215,6 +222,8 @@ async def _main(  # noqa: PLR0917
         beside.append(FaultLab(operations).run())
         if isinstance(space, SharedSpace):
             beside.append(RobotInRos(master, operations, space, description=description).run())
+        if wishes.bigger is not None:
+            beside.append(wishes.bigger.make(master).run())
         room: WebRoom | None = None
 
         def page_address() -> str:
