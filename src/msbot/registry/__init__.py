@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         ValueRecord,
     )
     from msbot.registry.registry import Registry, open_registry
-    from msbot.registry.running.master_lease import LeaseLost, MasterLease
+    from msbot.registry.running.master_lease import LeaseLost, MasterLease, check_shareable
     from msbot.registry.running.node_ids import StoredNodeIds
     from msbot.registry.running.robot_store import RobotStore
 
@@ -51,6 +51,7 @@ _NAMES = {
     "msbot.registry.running.master_lease": (
         "LeaseLost",
         "MasterLease",
+        "check_shareable",
     ),
     "msbot.registry.running.node_ids": ("StoredNodeIds",),
     "msbot.registry.running.robot_store": ("RobotStore",),
@@ -86,6 +87,7 @@ __all__ = [
     "StoredNodeIds",
     "UserRecord",
     "ValueRecord",
+    "check_shareable",
     "open_registry",
     "without_password",
 ]

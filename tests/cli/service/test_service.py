@@ -114,6 +114,15 @@ def test_what_is_wrong_is_told_before_anything_is_installed(folder: Path, played
     assert played.asked == []
 
 
+def test_masters_that_take_turns_need_a_server(folder: Path, played: Played) -> None:
+    refused = ask("install", "--standby")
+    assert "--standby needs a database that both masters reach" in str(refused.exception)
+    assert played.asked == []
+    assert ask("install", "--standby", "--db", "postgresql://ann@server/robots").exit_code == 0
+    unit = (folder / "config/systemd/user/msbot-msbot_master.service").read_text()
+    assert "--db postgresql://ann@server/robots --link udp:127.0.0.1:8888 --standby" in unit
+
+
 def test_without_backups_there_is_no_timer(folder: Path, played: Played) -> None:
     assert ask("install", "--backup", "never").exit_code == 0
     assert [path.name for path in (folder / "config/systemd/user").iterdir()] == ["msbot-msbot_master.service"]

@@ -17,7 +17,6 @@ from msbot.config import Blueprint, Library
 from msbot.errors import ConfigError, RegistryError
 from msbot.pnp import PartState
 from msbot.registry import LeaseLost, MasterLease, Registry, open_registry
-from msbot.registry.database.engine import parse_address
 from msbot.registry.running import master_lease
 from tests.registry.events import changed
 
@@ -161,4 +160,4 @@ def test_a_frozen_holder_keeps_nobody_from_taking_over(
 
 def test_a_file_cannot_be_shared(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"robot.db is a file: give both the same --db postgresql://user@host/name"):
-        master_lease.check_shareable(parse_address(tmp_path / "robot.db"))
+        master_lease.check_shareable(str(tmp_path / "robot.db"))

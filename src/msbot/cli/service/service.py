@@ -33,6 +33,9 @@ def command() -> None:
 @click.option("--db", metavar="FILE", help="The robot's database; robot.db beside the blueprint unless told otherwise.")
 @click.option("--host", help="Where the page is served; this computer only unless told otherwise.")
 @click.option("--port", type=click.IntRange(1, 65535), help="Port of the page; 8080 unless told otherwise.")
+@click.option(
+    "--standby", is_flag=True, help="Take turns with a master on another computer; needs --db postgresql://..."
+)
 @click.option("--backup", "backup_at", default="daily", show_default=True, metavar="WHEN",
               help="When to back up: daily, weekly, or any OnCalendar of systemd; never.")  # fmt: skip
 @click.option("--backups", type=click.Path(path_type=Path), help="Folder of the backups; `backups` beside robot.toml.")
@@ -41,7 +44,7 @@ def command() -> None:
 @click.option("--print", "only_print", is_flag=True, help="Print the unit files and install nothing.")
 def install(
     blueprint: Path, *, addresses: tuple[str, ...], db: str | None, host: str | None, port: int | None, backup_at: str,
-    backups: Path | None, keep: int, for_all: bool, only_print: bool,
+    backups: Path | None, keep: int, for_all: bool, only_print: bool, standby: bool,
 ) -> None:  # fmt: skip
     """Have the master of BLUEPRINT (robot.toml) run from now on, and whenever the computer starts.
 
@@ -49,7 +52,7 @@ def install(
     """
     wanted = _service(
         blueprint, addresses=addresses, db=db, host=host, port=port, backup_at=backup_at, backups=backups, keep=keep,
-        for_all=for_all,
+        for_all=for_all, standby=standby,
     )  # fmt: skip
     manager = systemd.Systemd(for_all=for_all)
     if only_print or not systemd.is_there():
@@ -133,12 +136,12 @@ def _words(facts: Mapping[str, object]) -> list[str]:
 
 def _service(
     blueprint: Path, *, for_all: bool, addresses: tuple[str, ...] = (), db: str | None = None, host: str | None = None,
-    port: int | None = None, backup_at: str = "", backups: Path | None = None, keep: int = KEEP,
+    port: int | None = None, backup_at: str = "", backups: Path | None = None, keep: int = KEEP, standby: bool = False,
 ) -> RobotService:  # fmt: skip
     """The service that the user asked for, independent of the current folder.
 
     Raises:
-        ConfigError: the blueprint has mistakes.
+        ConfigError: the blueprint has mistakes, or masters cannot take turns with that database.
     """
     from msbot.config import open_blueprint
     from msbot.link import open_link
@@ -147,9 +150,14 @@ def _service(
     for address in addresses:
         open_link(address, serve=True)  # report mistakes before anything is installed
     path = blueprint.absolute()
+    if standby:
+        from msbot.registry import check_shareable
+
+        check_shareable(db or database_beside(path))
     chosen = [word for address in addresses for word in ("--link", address)]
     chosen += ["--host", host] if host else []
     chosen += ["--port", str(port)] if port else []
+    chosen += ["--standby"] if standby else []
     return RobotService(
         name=robot.robot.name,
         python=sys.executable,

@@ -29,7 +29,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from msbot.errors import ConfigError, RegistryError
 from msbot.registry.database.database_errors import fault_words, told_as_registry_error
-from msbot.registry.database.engine import Address, make_lease_engine
+from msbot.registry.database.engine import Address, make_lease_engine, parse_address
 from msbot.registry.records import RobotRecord
 
 TTL_S: Final = 2.4
@@ -177,7 +177,7 @@ def wait_for_lease(address: Address, robot: RobotRecord, say: Callable[[str], ob
         ConfigError: the database is a file, or this system cannot end a process in time.
         RegistryError: the database cannot be used, at the first try.
     """
-    check_shareable(address)
+    check_shareable(address.words)
     engine = make_lease_engine(address)
     try:
         with told_as_registry_error(address.words), engine.connect() as connection:
@@ -202,12 +202,17 @@ def wait_for_lease(address: Address, robot: RobotRecord, say: Callable[[str], ob
         raise
 
 
-def check_shareable(address: Address) -> None:
+def check_shareable(database: str) -> None:
     """Make sure that several masters can share a robot of this database.
+
+    Args:
+        database: as after `--db`.
 
     Raises:
         ConfigError: they cannot.
+        RegistryError: it is not an address of a database.
     """
+    address = parse_address(database)
     if address.path is not None:
         raise ConfigError(
             f"--standby needs a database that both masters reach, and {address.words} is a file: give both the same "
