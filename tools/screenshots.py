@@ -106,6 +106,7 @@ SHOTS = (
     Shot("timeline", "/timeline", _last_minute),
     Shot("library", "/library"),
     Shot("passport", "/library/SG90"),
+    Shot("faults", "/faults"),
     Shot("journal", "/journal"),
     Shot("changes", "/journal", _second_tab),
     Shot("class", "/class"),

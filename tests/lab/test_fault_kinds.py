@@ -15,7 +15,7 @@ PLANTED: dict[str, tuple[str, float | None, float]] = {
     "unplug": ("fan", None, 7), "late": ("knob", None, 8), "loss": ("fan", 40, 6), "delay": ("fan", 50, 10),
     "duplicates": ("knob", None, 3), "reordering": ("knob", None, 3), "slow-consumer": ("fan", None, 8),
     "duplicate-identity": ("fan", None, 2), "wrong-number": ("fan", None, 7), "stuck": ("knob", None, 2),
-    "drift": ("knob", 600, 4), "bus-off": ("fan", None, 8), "bit-errors": ("", 2000, 3), "babbling": ("", None, 1.5),
+    "drift": ("knob", 600, 4), "bus-off": ("fan", None, 8), "bit-errors": ("", 2000, 3), "babbling": ("", 90, 1.5),
     "master-frozen": ("", None, 7), "database-gone": ("", None, 0.1),
 }  # fmt: skip
 """What is planted where, how strong, and how many seconds it is watched."""
@@ -58,7 +58,7 @@ async def watch(stage: FaultStage, kind: str) -> Seen:
         values.append(value)
     if kind == "database-gone":
         stage.operations.faults.running.note(EditKind.HAND, "something", "Ada")
-        stage.registry.storage.flush(2.0)
+        stage.registry.storage.flush(60.0)  # ends with the first try that fails
     seen = Seen(
         before, stage.card(slot), states, stage.page.arrivals(), bus_before, stage.page.bus(), stage.why(slot),
         stage.why("knob" if slot == "fan" else "fan"), stage.registry.storage.health.trouble or "",

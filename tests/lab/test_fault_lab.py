@@ -27,6 +27,7 @@ def test_a_life_in_the_lab(tmp_path: Path) -> None:
         await is_hidden(stage)
         await what_makes_no_sense_is_refused(stage)
         await stop_ends_all(stage)
+        assert stage.registry.storage.flush(60.0)
         robot = stage.operations.faults.running.robot
         edits = [one for one in stage.registry.edits.latest(robot) if one.kind == "fault"]
         lines = [edit.words for edit in edits]

@@ -73,6 +73,12 @@ class Faults:
         """See `FaultControl.told`; nothing without a lab."""
         return () if self._lab is None else self._lab.told(slot)
 
+    def listed(self) -> Sequence[Mapping[str, object]]:
+        """What is planted, also what is hidden; nothing without a lab."""
+        found = () if self._lab is None else self._lab.as_json()["faults"]
+        assert isinstance(found, Sequence)
+        return found
+
     def plant_fault(  # noqa: PLR0917 - the arguments of the table
         self, kind: str, at: str, amount: float | None, jitter_ms: float | None, port: str, number: str,
         after_s: float, for_s: float | None, when: str, chance: float | None, seed: int | None,

@@ -14,7 +14,7 @@ from tests.web.browser.conftest import Site, go, new_page
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
     "/timeline": "Timeline", "/library": "Library", "/library/SG90": "Library", "/journal": "Journal",
-    "/class": "Class", "/admin": "Admin", "/doctor": "Doctor", "/api-docs": "API",
+    "/faults": "Faults", "/class": "Class", "/admin": "Admin", "/doctor": "Doctor", "/api-docs": "API",
 }  # fmt: skip
 
 
@@ -301,3 +301,15 @@ def test_a_class_list_makes_people_with_tickets_and_a_removal_is_asked_once_more
         page.get_by_role("button", name=f"Remove {name}").click()
         page.get_by_role("button", name="Yes").click()
         expect(page.get_by_role("button", name=f"Remove {name}")).to_have_count(0)
+
+
+def test_a_teacher_plants_a_fault_and_ends_it(page: Page, demo: Site) -> None:
+    go(page, f"{demo.base}/faults")
+    page.get_by_role("button", name="Plant", exact=True).click()
+    expect(page.get_by_text("1. loss at knob: packets are lost (30 %)")).to_be_visible()
+    go(page, demo.base)
+    card = page.get_by_role("button", name="Open slot knob")
+    expect(card).to_contain_text("has planted fault 1 here: loss at knob")
+    go(page, f"{demo.base}/faults")
+    page.get_by_role("button", name="End all").click()
+    expect(page.get_by_text("everything that goes wrong now is real")).to_be_visible()

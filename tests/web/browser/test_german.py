@@ -94,7 +94,7 @@ def english_on(page: Page) -> list[str]:
 FILLED = {
     "/": ".slot", "/settings": ".q-field input", "/bus": "tr[data-number]", "/wires": "svg.wires .port",
     "/timeline": "svg.wide rect", "/library": "a.slot", "/library/SG90": "table", "/journal": "tbody tr",
-    "/class": "a.slot", "/admin": "table",
+    "/faults": "button", "/class": "a.slot", "/admin": "table",
     "/doctor": "table", "/?slot=fan": "[role=dialog] input", "/?slot=knob": "[role=dialog] input",
 }  # fmt: skip
 """What is there as soon as a page has something to show."""

@@ -164,7 +164,7 @@ class FaultLab:
         spec, now = fault.spec, self._running.now()
         ends_at = fault.ends_at
         return {
-            "number": fault.number, "kind": spec.kind.name, "at": spec.at, "words": str(spec.words), "who": fault.who,
+            "number": fault.number, "kind": spec.kind.name, "at": spec.at, "words": spec.words, "who": fault.who,
             "active": fault.is_active, "hidden": spec.hidden, "when": str(spec.when or ""),
             "begins_in_s": None if fault.is_active or fault.begins_at is None else max(fault.begins_at - now, 0.0),
             "since_s": None if fault.began_at is None else now - fault.began_at,
@@ -172,14 +172,14 @@ class FaultLab:
             "for_s": spec.for_s,
         }  # fmt: skip
 
-    def _sentence(self, fault: Fault) -> str:
-        now = self._running.now()
+    @staticmethod
+    def _sentence(fault: Fault) -> str:
+        # Without the time that is left: pages would change every second.
         return said(
-            "{who} has planted fault {number} here: {words}; it ends by itself in {seconds:.0f} s",
+            "{who} has planted fault {number} here: {words}; it ends by itself",
             who=fault.who,
             number=fault.number,
             words=fault.spec.words,
-            seconds=max((fault.ends_at or now) - now, 0.0),
         )
 
     @staticmethod

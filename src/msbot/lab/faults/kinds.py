@@ -77,7 +77,7 @@ _ROWS = (
     FaultKind("bit-errors", said("bits on the bus are inverted"), Acts.BUS, at_part=False,
               amount=Amount(500.0, 1.0, 100_000.0, "/million", said("of the bits are inverted"))),
     FaultKind("babbling", said("a node fills the bus with frames before all others"), Acts.BUS, at_part=False,
-              amount=Amount(90.0, words=said("of the bus time is its own"), **_PERCENT)),  # type: ignore[arg-type]
+              amount=Amount(60.0, words=said("of the bus time is its own"), **_PERCENT)),  # type: ignore[arg-type]
     FaultKind("master-frozen", said("the master neither hears nor answers any part"), Acts.MASTER, at_part=False),
     FaultKind("database-gone", said("the database cannot be reached"), Acts.MASTER, at_part=False),
 )  # fmt: skip

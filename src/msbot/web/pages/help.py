@@ -80,6 +80,11 @@ HELP = {
         "does, or by its number. A part type of your own is one small file.",
         "howto/add_a_part_type",
     ),
+    "/faults": PageHelp(
+        "Here a teacher lets something go wrong on purpose: lost packets, a stuck sensor, a part that is pulled out. "
+        "Cards and Why? say that it is planted, unless it is hidden. Every fault ends by itself, and STOP ends all.",
+        "howto/fault_lab",
+    ),
     "/journal": PageHelp(
         "The journal keeps what happened to every part, with the evidence. Changes by people stand beside it, each "
         "with its undo. Search for a part, a slot or a UID.",

@@ -58,6 +58,7 @@ MENU = (
     MenuEntry("/library", "menu_book", "Library"),
     MenuEntry("/journal", "history", "Journal"),
     MenuEntry("/doctor", "medical_services", "Doctor", Right.ARRANGE),
+    MenuEntry("/faults", "bug_report", "Faults", Right.ARRANGE),
     MenuEntry("/class", "grid_view", "Class"),
     MenuEntry("/admin", "manage_accounts", "Admin", Right.ADMINISTER),
 )
@@ -339,7 +340,7 @@ def _banner(page: Page, banner: ui.column) -> None:
 
     def show() -> None:
         robot = page.service.robot()
-        wanted: list[object] = [robot.stop.stopped, robot.trouble, robot.stop.trouble]
+        wanted: list[object] = [robot.stop.stopped, robot.trouble, robot.stop.trouble, *robot.faults]
         if wanted != shown:
             shown[:] = wanted
             banner.clear()
@@ -349,7 +350,7 @@ def _banner(page: Page, banner: ui.column) -> None:
                         said.append(ui.html("", sanitize=False).style("flex:1;min-width:min(18rem,100%)"))
                         if page.may(Right.ARRANGE):
                             ui.button(page.say("Go on"), on_click=lambda: page.act("go")).props("outline dense")
-                for words in (robot.trouble, robot.stop.trouble):
+                for words in (robot.trouble, robot.stop.trouble, *robot.faults):
                     if words:
                         with ui.element("div").classes("ms-banner warn").props("role=alert"):
                             ui.label(page.say(words))

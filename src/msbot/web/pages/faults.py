@@ -1,0 +1,146 @@
+"""The fault lab on the page: what can go wrong, planted by a click; what is planted, ended by another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from fastapi import Request
+from nicegui import ui
+
+from msbot.lab.faults.engine import FOR_S, LONGEST_S
+from msbot.lab.faults.kinds import KINDS, Amount
+from msbot.operations.rights import Right
+from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.page_elements import heading, panel
+from msbot.web.service import Service
+
+
+def register(service: Service) -> None:
+    """Make the page known."""
+
+    @ui.page("/faults")
+    def faults(request: Request) -> None:
+        with page_frame(service, request, "/faults", "Faults") as page:
+            if not page.may(Right.ARRANGE):
+                ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
+                return
+            _Form(page)
+            _Planted(page)
+
+
+class _Form:
+    """Plants a fault."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        say = page.say
+        slots = [card.name for card in page.service.robot().slots]
+        kinds = {name: f"{name} · {say(kind.words)}" for name, kind in KINDS.items()}
+        with panel():
+            heading(say("Let something go wrong"))
+            with ui.element("div").classes("row").style("align-items:flex-end"):
+                self._kind = ui.select(kinds, value="loss", label=say("Fault"), on_change=self._chosen)
+                self._kind.props("dense outlined").style("min-width:16rem;max-width:100%")
+                self._slot = ui.select(slots, value=slots[0] if slots else None, label=say("Slot"))
+                self._slot.props("dense outlined").style("min-width:8rem")
+                self._amount = ui.number("").props("dense outlined").style("width:9rem")
+                self._after = ui.number(say("After [s]"), value=0, min=0, max=LONGEST_S)
+                self._after.props("dense outlined").style("width:6rem")
+                self._for = ui.number(say("For [s]"), value=FOR_S, min=0.1, max=LONGEST_S)
+                self._for.props("dense outlined").style("width:6rem")
+                self._when = ui.input(say("When")).props('dense outlined placeholder="knob.level > 60"')
+                self._hidden = ui.checkbox(say("Hidden"))
+                ui.button(say("Plant"), icon="bug_report", on_click=self._plant)
+            self._words = ui.label("").classes("soft").style("margin-top:.6rem")
+        self._chosen()
+
+    def _chosen(self) -> None:
+        say, kind = self._page.say, KINDS[str(self._kind.value)]
+        self._slot.set_visibility(kind.at_part)
+        self._amount.set_visibility(kind.amount is not None)
+        strength = "" if kind.amount is None else f"{self._label(kind.amount)} {say(kind.amount.words)}. "
+        self._words.set_text(strength + say(_WHERE[kind.acts.name]))
+        if kind.amount is not None:
+            self._amount.props["label"] = self._label(kind.amount)
+            # What fits this robot's beats is worked out when it is planted.
+            self._amount.set_value(None if kind.name == "late" else kind.amount.default)
+            self._amount.update()
+
+    def _label(self, amount: Amount) -> str:
+        return f"{self._page.say('Amount')} [{amount.unit}]"
+
+    async def _plant(self) -> None:
+        kind = KINDS[str(self._kind.value)]
+        await self._page.act(
+            "plant_fault",
+            kind=kind.name,
+            at=str(self._slot.value or "") if kind.at_part else "",
+            amount=None if kind.amount is None else self._amount.value,
+            after=self._after.value or 0.0,
+            when=str(self._when.value or ""),
+            hidden=bool(self._hidden.value),
+            **{"for": self._for.value},
+        )
+
+
+_WHERE = {
+    "EDGE": "Acts at the agent's edge: on real and on simulated parts.",
+    "GUEST": "A simulated part comes that should not be there; the right one is cut off if it has to be.",
+    "SENSOR": "Acts in a part that is simulated in the master's process.",
+    "BUS": "Acts on a CAN bus that is simulated in the master's process.",
+    "MASTER": "Acts in the master.",
+}
+
+
+class _Planted:
+    """What is planted."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._seen: list[object] | None = None
+        self._times: dict[object, ui.label] = {}
+        with panel():
+            with ui.element("div").classes("row spread"):
+                heading(page.say("Planted faults"))
+                ui.button(page.say("End all"), icon="healing", on_click=self._end_all).props("flat dense")
+            self._list = ui.column().classes("w-full").style("gap:0")
+        page.every_look(self._show)
+
+    async def _end_all(self) -> None:
+        await self._page.act("clear_fault")
+
+    def _show(self) -> None:
+        planted = self._page.service.operations.faults.listed()
+        seen: list[object] = [fault["number"] for fault in planted]
+        if seen != self._seen:
+            self._seen = seen
+            self._list.clear()
+            self._times.clear()
+            with self._list:
+                if not planted:
+                    ui.label(self._page.say("No fault is planted: everything that goes wrong now is real."))
+                for fault in planted:
+                    self._line(fault)
+        for fault in planted:
+            self._times[fault["number"]].set_text(self._state(fault))
+
+    def _line(self, fault: Mapping[str, object]) -> None:
+        say, number, words = self._page.say, fault["number"], str(fault["words"])
+        with (
+            ui.element("div").classes("row spread w-full").style("border-bottom:1px solid var(--line);padding:.35rem 0")
+        ):
+            with ui.element("div"):
+                ui.label(f"{number}. {say(words)}")
+                self._times[number] = ui.label("").classes("soft num")
+            ui.button(say("End"), icon="close", on_click=lambda: self._page.act("clear_fault", fault=number)).props(
+                "flat dense"
+            )
+
+    def _state(self, fault: Mapping[str, object]) -> str:
+        say, who = self._page.say, fault["who"]
+        hidden = f" · {say('hidden')}" if fault["hidden"] else ""
+        if fault["active"]:
+            return say("{who} · {seconds:.0f} s left", who=who, seconds=fault["left_s"]) + hidden
+        if fault["begins_in_s"] is not None:
+            return say("{who} · begins in {seconds:.0f} s", who=who, seconds=fault["begins_in_s"]) + hidden
+        return say("{who} · waits: {when}", who=who, when=fault["when"] or "-") + hidden
