@@ -237,9 +237,7 @@ class Part:
         """The state of the membership has changed."""
         word = state.value
         if state is JoinState.REFUSED:
-            from .words import told_state
-
-            word = told_state(word, reason)
+            word = once("words").told_state(word, reason)
         say("info", "{} is {}: {}".format(self.local_name, word, reason))
         if state is JoinState.ACTIVE:
             self._tell("join")

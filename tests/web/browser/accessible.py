@@ -9,10 +9,16 @@ from playwright.sync_api import Page
 # The editor, the note about a lost connection and the loading bar are NiceGUI's own. The name of a card is its slot's
 # name and what a click does, not all the numbers that change in it: whoever speaks to the page says "open slot fan".
 AXE = Path(__file__).parent / "axe-core" / "axe.min.js"
-_RUN = """async () => {
-  const found = await axe.run({ exclude: [['.cm-editor'], ['#popup'], ['.q-loading-bar']] }, {
+_RUN = """async (dark) => {
+  // Again until it holds: the page may be about to set what its visitor has chosen, also while axe looks.
+  let found;
+  do {
+    Quasar.Dark.set(dark);
+    await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+    found = await axe.run({ exclude: [['.cm-editor'], ['#popup'], ['.q-loading-bar']] }, {
     rules: { 'label-content-name-mismatch': { enabled: false } },
     runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa'], resultTypes: ['violations'] });
+  } while (document.body.classList.contains('body--dark') !== dark);
   return found.violations.flatMap((rule) => rule.nodes.map((node) =>
     [rule.id, node.target.join(' '), node.html.slice(0, 160),
      (node.any[0] || node.all[0] || node.none[0] || {}).message].join(': ')));
@@ -22,11 +28,7 @@ _RUN = """async () => {
 def hurdles(page: Page, *, dark: bool) -> list[str]:
     """What of a page somebody could not see, hear or reach; ideally nothing."""
     page.emulate_media(reduced_motion="reduce")  # colours change at once then
-    # Asked again until it holds: the page may be about to set what its visitor has chosen.
-    page.wait_for_function(
-        "(dark) => { Quasar.Dark.set(dark); return document.body.classList.contains('body--dark') === dark }", arg=dark
-    )
     if not page.evaluate("typeof axe === 'object'"):
         page.evaluate(AXE.read_text("utf-8"))
-    found: list[str] = page.evaluate(_RUN)
+    found: list[str] = page.evaluate(_RUN, dark)
     return found

@@ -61,7 +61,8 @@ def free_port() -> int:
 
 def new_page(browser: Browser, *, width: int = 1280, height: int = 900) -> Page:
     """A fresh visitor, without cookies."""
-    context = browser.new_context(viewport={"width": width, "height": height}, locale="en-GB")
+    # Without animations: drawing them in software costs more than all the rest of a page.
+    context = browser.new_context(viewport={"width": width, "height": height}, locale="en-GB", reduced_motion="reduce")
     context.set_default_timeout(PATIENCE_MS)
     return context.new_page()
 
@@ -87,6 +88,8 @@ class Site:
         self.process = process
         self.link = link_in(process)
         self.base = re.sub(r"/(enter|setup)\?.*", "", self.link)
+        self.owner: BrowserContext | None = None
+        """The browser of whoever has set it up, signed in."""
 
 
 @pytest.fixture(scope="module")

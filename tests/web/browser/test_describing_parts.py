@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, Page, expect
 from msbot.web.pages.program import NEW
 from tests.e2e.processes import Process, run, running
 from tests.web.browser.accessible import hurdles
-from tests.web.browser.conftest import Site, free_port, go, new_page
+from tests.web.browser.conftest import Site, free_port, new_page
 from tests.web.browser.test_program_page import expect_state, open_as_ada, press, set_up, write
 
 MINE = """from msbot import Message, Part, Switch, float32
@@ -96,19 +96,18 @@ def join(page: Page) -> Page:
 
 
 @pytest.fixture
-def visit(browser: Browser, lesson: Lesson) -> Iterator[Callable[..., Page]]:
-    """Opens a page as ada, in a browser of its own."""
+def visit(lesson: Lesson) -> Iterator[Callable[..., Page]]:
+    """Opens a page as ada, in a tab."""
     opened: list[Page] = []
 
     def open_it(path: str, **size: int) -> Page:
-        page = open_as_ada(browser, lesson.site, **size)
-        go(page, f"{lesson.site.base}{path}")
+        page = open_as_ada(lesson.site, path, **size)
         opened.append(page)
         return page
 
     yield open_it
     for page in opened:
-        page.context.close()
+        page.close()
 
 
 def test_one_program_one_click_and_the_lamp_obeys(
@@ -141,7 +140,7 @@ def test_one_program_one_click_and_the_lamp_obeys(
     phone = join(page)
     expect(phone.locator(".cm-content")).to_contain_text("GLOW-1")
     press(phone, "Run")
-    expect_state(phone, "refused")  # the slot is taken: it waits as a spare
+    expect_state(phone, "standby")  # the slot is taken: it waits as a spare
     tray = visit("/arrivals", width=390, height=844)
     tray.get_by_role("button", name="Adopt into slot").click()
     tray.get_by_text("Into a new slot").click()

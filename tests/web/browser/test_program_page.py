@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
@@ -28,17 +29,27 @@ def set_up(browser: Browser, site: Site) -> None:
         page.locator(f"[name={name}]").fill(text)
     page.locator("button").click()
     expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
-    page.context.close()
+    site.owner = page.context
+    page.close()
 
 
-def open_as_ada(browser: Browser, site: Site, *, width: int = 1280, height: int = 900) -> Page:
-    """A browser of its own, in which ada has signed in."""
+def open_as_ada(site: Site, path: str, *, width: int = 1280, height: int = 900) -> Page:
+    """A tab of ada's browser, which keeps what it has loaded."""
+    assert site.owner is not None
+    page = site.owner.new_page()
+    page.set_viewport_size({"width": width, "height": height})
+    go(page, f"{site.base}{path}")
+    return page
+
+
+def open_elsewhere(browser: Browser, site: Site, path: str, *, width: int = 1280, height: int = 900) -> Page:
+    """A browser of its own, in which ada signs in."""
     page = new_page(browser, width=width, height=height)
-    page.goto(site.base + "/login")
+    page.goto(f"{site.base}/login?next={quote(path)}")
     for name, text in {"name": "ada", "password": PASSWORD}.items():
         page.locator(f"[name={name}]").fill(text)
     page.locator("button").click()
-    expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
+    page.wait_for_function("window.did_handshake && window.socket.connected")
     return page
 
 
@@ -56,19 +67,23 @@ def lesson(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterat
 
 @pytest.fixture
 def open_desk(browser: Browser, lesson: Site) -> Iterator[Callable[..., Page]]:
-    """Opens the page Program for ada in a browser of its own."""
+    """Opens the page Program for ada, in a tab or in a browser of its own."""
     opened: list[Page] = []
 
-    def open_it(query: str = "", *, width: int = 1280, height: int = 900) -> Page:
-        page = open_as_ada(browser, lesson, width=width, height=height)
-        go(page, f"{lesson.base}/program{query}")
+    def open_it(query: str = "", *, elsewhere: bool = False, width: int = 1280, height: int = 900) -> Page:
+        path = f"/program{query}"
+        page = (
+            open_elsewhere(browser, lesson, path, width=width, height=height)
+            if elsewhere
+            else open_as_ada(lesson, path, width=width, height=height)
+        )
         expect(page.locator(".cm-content")).to_be_visible()
         opened.append(page)
         return page
 
     yield open_it
     for page in opened:
-        page.context.close()
+        page.close() if page.context is lesson.owner else page.context.close()
 
 
 def write(page: Page, program: str) -> None:
@@ -93,7 +108,7 @@ def expect_said(page: Page, words: str | re.Pattern[str]) -> None:
 
 def test_two_examples_in_two_browsers_speak_to_each_other(open_desk: Callable[..., Page]) -> None:
     speaker = open_desk("?name=01_hello.py")
-    listener = open_desk("?name=02_listen.py", width=390, height=844)
+    listener = open_desk("?name=02_listen.py", elsewhere=True, width=390, height=844)
     for page, name in ((speaker, "01_hello.py"), (listener, "02_listen.py")):
         shown = page.evaluate(
             "getElement(document.querySelector('.ms-prog-editor').id.slice(1)).editor.state.doc.toString()"
