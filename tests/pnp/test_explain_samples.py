@@ -26,7 +26,7 @@ from msbot.part.join.plug import (
 from msbot.part.messages.standard import Level
 from msbot.pnp import KnownObject, Overhearer
 from msbot.pnp import thesis_programs as compat
-from msbot.pnp.explain_samples import value_words
+from msbot.pnp.explain_samples import Heard, value_words
 from msbot.xrce.messages import (
     STREAM_BEST_EFFORT,
     Create,
@@ -229,16 +229,18 @@ def test_a_session_that_began_before_anybody_listened_is_understood_by_what_the_
     )
     header = Header(0x81, STREAM_BEST_EFFORT, 1)
 
-    def hear(submessage: Submessage, peer: int, *, up: bool) -> tuple[list[str], list[str]]:
+    def hear(submessage: Submessage, peer: int, *, up: bool) -> Heard:
         return listener.hear(encode_message(header, [submessage], pad_end=False), peer, up=up)
 
     value = Level(percent=49.9).encode()
-    sentences, words = hear(WriteData(7, 0x15, value), 7, up=True)
-    assert sentences == ["knob says level 49.9 %"]
-    assert any("dial: " in line for line in words)
-    assert hear(Data(7, 0x26, value), 7, up=False)[0] == ["lamp hears bright 49.9 %"]
-    assert hear(WriteData(7, 0x15, value), 8, up=True)[0] == [], "nothing is known of that peer"
-    assert hear(WriteData(7, 0x15, b"x"), 7, up=True)[0] == [], "nonsense is said in the protocol's words"
+    heard = hear(WriteData(7, 0x15, value), 7, up=True)
+    assert (heard.plain, heard.about) == (("knob says level 49.9 %",), ())
+    assert any("dial: " in line for line in heard.protocol)
+    assert hear(Data(7, 0x26, value), 7, up=False).plain == ("lamp hears bright 49.9 %",)
+    unknown = hear(WriteData(7, 0x15, value), 8, up=True)
+    assert unknown.plain == (), "nothing is known of that peer"
+    assert unknown.about == ("node 8 says something on a topic that is not known here",)
+    assert hear(WriteData(7, 0x15, b"x"), 7, up=True).plain == (), "nonsense is said in the protocol's words"
 
 
 def test_a_session_that_was_heard_from_its_beginning_says_itself_whose_it_is() -> None:
@@ -256,8 +258,8 @@ def test_a_session_that_was_heard_from_its_beginning_says_itself_whose_it_is() -
     value = Level(percent=49.9).encode()
 
     def said() -> list[str]:
-        up = listener.hear(packet(WriteData(20, 0x0015, value)), 1, up=True)[0]
-        return up + listener.hear(packet(Data(20, 0x0016, value)), 1, up=False)[0]
+        up = listener.hear(packet(WriteData(20, 0x0015, value)), 1, up=True).plain
+        return [*up, *listener.hear(packet(Data(20, 0x0016, value)), 1, up=False).plain]
 
     listener.hear(service(INVENTORY_SERVICE), 1, up=True)
     listener.hear(endpoints, 1, up=True)

@@ -38,9 +38,9 @@ def test_every_sample_of_a_robot_is_read(sealed: bool, heard: str) -> None:
             if heard == "from the middle" and place == beginning:
                 lines.clear()
                 _forget_how_it_began(listener)
-            plain, words = listener.hear(packet, 1, up=up)
-            sentences += plain
-            lines += words
+            said = listener.hear(packet, 1, up=up)
+            sentences += said.plain
+            lines += said.protocol
         text = "\n".join(lines)
         assert "makes no sense" not in text
         assert "StoppedBeat(lease=" in text

@@ -49,6 +49,10 @@ def test_after_75_seconds_every_sample_is_said_in_plain_words_and_every_beat_is_
     said = [line for row in rows for line in row.plain]
     assert any(line.startswith("AA says out index ") and "Publisher A" in line for line in said)
     assert any(line.startswith("BB hears in index ") for line in said)
+    assert all(row.plain or row.about for row in rows), "every frame is said in words for everybody"
+    about = {line for row in rows for line in row.about}
+    assert {"BB says that it is alive", "the master has heard that BB is alive"} <= about
+    assert {"the master says that it is there", "BB has received everything so far"} <= about
     packets = [row for row in rows if len(row.words) > 1]
     assert len(packets) > 20
     assert not [row.words for row in packets if any("unknown topic" in line for line in row.words)]

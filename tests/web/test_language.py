@@ -16,7 +16,7 @@ from msbot.config import SAMPLES, differences, load_library, parse_blueprint
 from msbot.errors import ConfigError, RegistryError
 from msbot.operations.rights import Right, Role
 from msbot.part.join.plug import Refusal
-from msbot.pnp import PartState
+from msbot.pnp import PartState, packet_words
 from msbot.registry.maintenance.backup_check import check_backup
 from msbot.runtime.sentence import counted, said
 from msbot.web.language import COOKIE, language_of, languages
@@ -53,6 +53,7 @@ def sentences_of_the_robot() -> set[str]:
     """Every form that rooms make sentences of, and the words of states, refusals, roles and rights."""
     found = {word.value for word in PartState} | {refusal.words for refusal in Refusal}
     found |= {refusal.name.lower().replace("_", " ") for refusal in Refusal}
+    found |= set(packet_words.FORMS)
     found |= {words for role in Role for words in (role.word, role.one)} | {right.value for right in Right}
     for path in Path(str(msbot.__path__[0])).rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):

@@ -99,12 +99,16 @@ class StatusServer:
         try:
             file = leave_word(self._folder, listening.getsockname()[1])
             self._token, self._since, self.path = file.token.encode(), loop.time(), file.path
+            looking: asyncio.Future[None] | None = None
             try:
                 while True:
                     await asyncio.sleep(LOOK_AFTER_S)
-                    await asyncio.to_thread(put_back, file)
+                    looking = asyncio.ensure_future(asyncio.to_thread(put_back, file))
+                    await asyncio.shield(looking)
             finally:
                 self.path = None
+                if looking is not None:
+                    await asyncio.wait([looking])  # it must not put the file back behind our back
                 file.path.unlink(missing_ok=True)
         finally:
             acceptor.stop()

@@ -117,10 +117,11 @@ def _captured(
     if isinstance(found, Datagram):
         up = found.target_port == agent_port
         peer: Hashable = (found.source, found.source_port) if up else (found.target, found.target_port)
-        plain, words = overhearer.hear(found.octets, peer, up=up)
+        said = overhearer.hear(found.octets, peer, up=up)
         way = f"{found.source}:{found.source_port} -> {found.target}:{found.target_port}"
         facts = _message_facts(found.octets) if fields else {}
-        return {"at_s": found.at, "way": way, "octets": len(found.octets), "plain": plain, "words": words, **facts}
+        return {"at_s": found.at, "way": way, "octets": len(found.octets), "plain": list(said.plain),
+                "words": list(said.protocol), **facts}  # fmt: skip
     assert isinstance(listener, FrameListener)
     heard = listener.hear(found.frame, found.at)
     facts = _frame_facts(found.frame) if fields else {}
@@ -129,8 +130,8 @@ def _captured(
 
 
 def _message(octets: bytes) -> dict[str, object]:
-    plain, words = Overhearer().hear(octets, "here", up=True)
-    return {"octets": len(octets), "plain": plain, "words": words, **_message_facts(octets)}
+    heard = Overhearer().hear(octets, "here", up=True)
+    return {"octets": len(octets), "plain": list(heard.plain), "words": list(heard.protocol), **_message_facts(octets)}
 
 
 def _message_facts(octets: bytes) -> dict[str, object]:

@@ -47,4 +47,4 @@ def _known(master: Master, key: int, topic: str) -> KnownObject:
     for binding in () if configuration is None else configuration.bindings:
         if binding.topic == topic and configuration is not None:
             return KnownObject(topic, binding.type_name, configuration.slot, binding.port)
-    return KnownObject(topic)
+    return KnownObject(topic, slot="" if configuration is None else configuration.slot)

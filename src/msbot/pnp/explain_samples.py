@@ -24,6 +24,7 @@ from msbot.part.join.plug import (
 from msbot.part.messages.message import fields_of
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.overheard_seals import OverheardSeals, Read
+from msbot.pnp.packet_words import inventory_sentence, submessage_sentence
 from msbot.runtime.sentence import Sentence, said
 from msbot.xrce import explain
 from msbot.xrce.messages import (
@@ -65,6 +66,18 @@ class KnownObject:
     port: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What a packet says."""
+
+    plain: tuple[str, ...]
+    """The values in it, as sentences: `knob says level 49.9 %`."""
+    about: tuple[str, ...]
+    """What a packet without such values is for: `knob says that it is alive`; at most one sentence."""
+    protocol: tuple[str, ...]
+    """Everything, in the words of the protocol."""
+
+
 Know = Callable[[Hashable, int], KnownObject | None]
 """`(peer, object id)`: what the master knows of that object."""
 
@@ -97,23 +110,33 @@ class Overhearer:
 
     def explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
         """Explain a packet from that peer (`up`) or to it; a message appears below the sample that carries it."""
-        return self.hear(packet, peer, up=up)[1]
+        return list(self.hear(packet, peer, up=up).protocol)
 
-    def hear(self, packet: bytes, peer: Hashable, *, up: bool) -> tuple[list[str], list[str]]:
-        """What a packet says in sentences (`knob says level 49.9 %`), and in the words of the protocol."""
+    def hear(self, packet: bytes, peer: Hashable, *, up: bool) -> Heard:
+        """What a packet says, in sentences and in the words of the protocol."""
         session = self._sessions.get(peer)
         if session is None:
-            session = self._sessions[peer] = _Session(self._types, partial(self._know, peer), self._units)
-        session.sentences = []
+            session = self._sessions[peer] = _Session(self._types, peer, partial(self._know, peer), self._units)
+        session.sentences, session.about = [], []
         words = explain(packet, lambda header, submessage: session.notes(header, submessage, up=up))
-        return session.sentences, words
+        about = () if session.sentences else tuple(session.about[:1])
+        return Heard(tuple(session.sentences), about, tuple(words))
+
+    def part_at(self, peer: Hashable) -> str:
+        """Who that peer is: its slot, if it is known."""
+        session = self._sessions.get(peer)
+        return nobody_in_particular(peer) if session is None else session.part
 
 
 class _Session:
     def __init__(
-        self, types: dict[str, type[Message]], know: Callable[[int], KnownObject | None], units: Units
+        self, types: dict[str, type[Message]], peer: Hashable, know: Callable[[int], KnownObject | None], units: Units
     ) -> None:
         self.sentences: list[str] = []
+        self.about: list[str] = []
+        self.part: str = nobody_in_particular(peer)
+        """Its slot, as far as it is known."""
+        self._peer = peer
         self.unknown = 0
         self._types = types
         self._know = know
@@ -126,10 +149,17 @@ class _Session:
 
     def notes(self, header: Header, submessage: Submessage, *, up: bool) -> list[str]:
         """What can be said about a submessage beyond its own contents."""
+        notes = self._notes(header, submessage, up=up)
+        if not self.about and (sentence := submessage_sentence(submessage, self.part, up=up)):
+            self.about.append(sentence)
+        return notes
+
+    def _notes(self, header: Header, submessage: Submessage, *, up: bool) -> list[str]:
         match submessage:
             case CreateClient():
                 self._objects.clear()
                 self._configuration = None
+                self._is_in("")
                 self._seals.begin()
                 self._pieces = {True: _Pieces(), False: _Pieces()}
             case Create():
@@ -148,6 +178,8 @@ class _Session:
 
     def _sample(self, sample: WriteData | Data) -> list[str]:
         known = self._know(sample.object_id)
+        if known is not None:
+            self._is_in(known.slot)
         definition = self._objects.get(sample.object_id) or (None if known is None else _defined(sample, known))
         payload = sample.payload
         match definition:
@@ -157,6 +189,7 @@ class _Session:
                 hears = isinstance(sample, Data)
                 known = known or self._configured(topic, hears=hears)
                 if cls is None:
+                    self.about.append(said("a {type}, which is not known here", type=type_name))
                     return [f"{topic}: a {type_name}"]
                 return [f"{topic}: {self._read(known, payload, cls, hears=hears)}"]
             case RequesterDef():
@@ -185,7 +218,13 @@ class _Session:
             return [f"{kind} of {service}: makes no sense: {error}"]
         if isinstance(message, ConfigurationMessage):
             self._configuration = message
+            self._is_in(message.slot)
+        if sentence := inventory_sentence(message, self.part):
+            self.about.append(sentence)
         return [f"{kind} of {service}: {_by_type_name(message)}{_seal_words(seal)}"]
+
+    def _is_in(self, slot: str) -> None:
+        self.part = slot or nobody_in_particular(self._peer)
 
     def _configured(self, topic: str, *, hears: bool) -> KnownObject | None:
         """Whose a topic is in this session, by the configuration that was heard."""
@@ -201,7 +240,9 @@ class _Session:
             message, seal = self._seals.sample(payload, cls.decode)
         except RemoteProtocolError as error:
             return f"makes no sense: {error}"
-        if known is not None:
+        if isinstance(message, ProfileMessage) and (sentence := inventory_sentence(message, self.part)):
+            self.about.append(sentence)
+        elif known is not None:
             values = message_words(message, self._units(cls.type_name))
             port = f"{known.port} " if known.port else ""
             form = "{slot} hears {port}{values}" if hears else "{slot} says {port}{values}"
@@ -247,6 +288,11 @@ class _Pieces:
         whole = None if self._joined is None else bytes(self._joined)
         self._joined, self._next = bytearray(), None
         return whole
+
+
+def nobody_in_particular(peer: Hashable) -> Sentence:
+    """A peer whose slot is not known: a node of a CAN bus has a number."""
+    return said("node {node}", node=peer) if isinstance(peer, int) and peer else said("a part")
 
 
 def _defined(sample: WriteData | Data, known: KnownObject) -> Definition:

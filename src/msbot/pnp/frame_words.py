@@ -8,8 +8,10 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass
 
-from msbot.link.can.protocol import CanDecoder, CanIds, Frame, LegacyDecoder
-from msbot.pnp.explain_samples import Overhearer
+from msbot.link.can.protocol import DOWN, UP, CanDecoder, CanIds, Frame, LegacyDecoder, frame_sentence, node_of
+from msbot.pnp.explain_samples import Heard, Overhearer
+from msbot.pnp.packet_words import piece_sentence
+from msbot.runtime.sentence import Sentence
 from msbot.xrce import decompress, is_whole
 
 
@@ -18,9 +20,14 @@ class FrameWords:
     """What a frame says."""
 
     plain: tuple[str, ...]
-    """In sentences (`knob says level 49.9 %`), where there is one: a frame that completes a sample of a known part."""
+    """The values in it, as sentences (`knob says level 49.9 %`): of a frame that completes a sample of a known part."""
+    about: tuple[str, ...]
+    """What a frame without such values is for, in a sentence: `knob says that it is alive`."""
     protocol: tuple[str, ...]
     """In the words of the protocol: the first line about the frame, the others about the packet it completes."""
+
+
+_NOTHING = Heard((), (), ())
 
 
 class FrameListener:
@@ -37,7 +44,8 @@ class FrameListener:
             legacy: the bus is one of the thesis' firmware.
         """
         self._overhearer = overhearer or Overhearer()
-        self._plain: list[str] = []
+        self._ids, self._is_legacy = ids or CanIds(), legacy
+        self._heard = _NOTHING
         self._decoder = (
             LegacyDecoder(self._explain, is_whole)
             if legacy
@@ -51,10 +59,20 @@ class FrameListener:
 
     def hear(self, frame: Frame, at: float) -> FrameWords:
         """What the next frame of the bus says; `at` is its time in seconds."""
-        self._plain = []
-        protocol = self._decoder.decode(frame, at)
-        return FrameWords(tuple(self._plain), tuple(protocol))
+        self._heard = _NOTHING
+        protocol = tuple(self._decoder.decode(frame, at))
+        heard = self._heard
+        return FrameWords(heard.plain, heard.about or (() if heard.plain else (self._about(frame),)), protocol)
 
     def _explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
-        self._plain, words = self._overhearer.hear(packet, peer, up=up)
-        return words
+        self._heard = self._overhearer.hear(packet, peer, up=up)
+        return list(self._heard.protocol)
+
+    def _about(self, frame: Frame) -> Sentence:
+        """What a frame is for that completes no packet."""
+        if self._is_legacy and not frame.extended and frame.can_id in (UP, DOWN):
+            return piece_sentence(self._overhearer.part_at(0), up=frame.can_id == UP)
+        node = None if self._is_legacy else node_of(frame, self._ids)
+        if node is None:
+            return frame_sentence(frame, self._ids)
+        return piece_sentence(self._overhearer.part_at(node[0]), up=node[1])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from io import StringIO
 from itertools import islice
 
-from msbot.link.can.protocol import NODES, CanIds, Frame, LogLine, format_log_line, show_frame
+from msbot.link.can.protocol import CanIds, Frame, LogLine, format_log_line, node_of, show_frame
 from msbot.part import Message
 from msbot.pnp import KNOWN_TYPES, FrameListener, KnownObject, Overhearer
 
@@ -38,7 +38,9 @@ class FrameRow:
     words: tuple[str, ...]
     """What it says; the first line about the frame, the others about the packet it completes."""
     plain: tuple[str, ...] = ()
-    """The same in sentences for everybody (`knob says level 49.9 %`), where there is one."""
+    """The values in it, in sentences for everybody (`knob says level 49.9 %`)."""
+    about: tuple[str, ...] = ()
+    """What a frame without such values is for (`knob says that it is alive`)."""
 
 
 class FrameRing:
@@ -116,18 +118,12 @@ class FrameRing:
         for at, sender, frame in islice(self._ring, len(self._ring) - new, None):
             number += 1
             words = self._listener.hear(frame, at)
-            node = self._node_of(frame)
-            self._rows.append(FrameRow(number, at, sender, show_frame(frame), node, words.protocol, words.plain))
+            node, _ = node_of(frame, self._ids) or (0, False)
+            text = show_frame(frame)
+            self._rows.append(FrameRow(number, at, sender, text, node, words.protocol, words.plain, words.about))
         self._decoded = self.total
-
-    def _node_of(self, frame: Frame) -> int:
-        if frame.extended:
-            return 0
-        for base in (self._ids.up, self._ids.down):
-            if 0 < frame.can_id - base <= NODES:
-                return frame.can_id - base
-        return 0
 
 
 def _cells(row: FrameRow) -> tuple[object, ...]:
-    return (row.number, f"{row.at:.6f}", row.sender, row.text, " / ".join(row.plain), " / ".join(row.words))
+    plain = " / ".join(row.plain or row.about)
+    return (row.number, f"{row.at:.6f}", row.sender, row.text, plain, " / ".join(row.words))

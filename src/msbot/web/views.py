@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 
 from msbot.config import Blueprint, Direction, Library
@@ -265,7 +266,8 @@ class Views:
 
     def frames_as_candump(self) -> str:
         """The frames that are kept as `candump -l` writes them."""
-        return "".join(f"{line}\n" for line in self.frames.candump("can0"))
+        epoch_s = time.time() - self._clock()
+        return "".join(f"{line}\n" for line in self.frames.candump("can0", epoch_s=epoch_s))
 
     def frame_lines(self, after: int, limit: int) -> list[FrameLine]:
         """The newest frames with a number above `after`, oldest first."""
@@ -334,5 +336,6 @@ def _frame_line(row: FrameRow, now: float) -> FrameLine:
         text=row.text,
         node=row.node,
         plain=list(row.plain),
+        about=list(row.about),
         words=list(row.words),
     )

@@ -21,7 +21,7 @@ COLOURS: Final = ("cyan", "green", "yellow", "magenta", "blue", "bright_cyan", "
 """Colours of the frames to and from a node, by its number, on a terminal."""
 
 _IDS = CanIds()
-_NO_WORDS: Final = FrameWords((), ())
+_NO_WORDS: Final = FrameWords((), (), ())
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ class Manner(Enum):
     PROTOCOL = auto()
     """The words of the protocol."""
     PLAIN = auto()
-    """A sentence; where there is none, the first line of the protocol."""
+    """A sentence."""
     BOTH = auto()
     """The sentence, below it the words of the protocol."""
     JSON = auto()
@@ -98,9 +98,9 @@ def told_lines(line: LogLine, words: FrameWords, manner: Manner) -> list[str]:
         case Manner.PROTOCOL:
             return _beside(line, words.protocol)
         case Manner.PLAIN:
-            return _beside(line, words.plain or words.protocol[:1])
+            return _beside(line, words.plain or words.about)
         case Manner.BOTH:
-            return _beside(line, (*words.plain, *words.protocol))
+            return _beside(line, (*(words.plain or words.about), *words.protocol))
 
 
 def tell_unknown(listener: FrameListener, manner: Manner, complain: Callable[[str], None]) -> None:
@@ -120,4 +120,4 @@ def _beside(line: LogLine, words: Sequence[str]) -> list[str]:
 def _as_json(line: LogLine, words: FrameWords) -> str:
     frame = format_frame(line.frame)
     head = {"at_s": line.at, "channel": line.channel, "frame": frame}
-    return json.dumps({**head, "plain": words.plain, "protocol": words.protocol})
+    return json.dumps({**head, "plain": words.plain, "about": words.about, "protocol": words.protocol})

@@ -238,9 +238,9 @@ class FrameLine(Model):
     text: str
     node: int
     plain: list[Said]
-    """What it says to a person: `knob says level 49.9 %`; empty: nothing but protocol."""
-    words: list[str]
-    """What it says to an engineer, from the frame to the sample."""
+    about: list[Said]
+    """To a person: the values in it (`knob says level 49.9 %`), or what it is for (`knob says that it is alive`)."""
+    words: list[str]  # to an engineer, from the frame to the sample
 
 
 class TopicLine(Model):

@@ -128,7 +128,9 @@ _ROW_CLICKED = (
 
 
 def _text_of(row: FrameLine) -> str:
-    return f"node {row.node} {row.sender} {row.text} {' '.join(row.plain)} {' '.join(row.words)}".casefold()
+    return (
+        f"node {row.node} {row.sender} {row.text} {' '.join(row.plain or row.about)} {' '.join(row.words)}".casefold()
+    )
 
 
 def _colour_of(row: FrameLine) -> str:

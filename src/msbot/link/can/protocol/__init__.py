@@ -5,6 +5,7 @@ from msbot.link.can.protocol.cost import BEACONS_HZ, Cost, Framing, beacon_cost,
 from msbot.link.can.protocol.decoder import CanDecoder, LegacyDecoder
 from msbot.link.can.protocol.frames import Frame, check_frame
 from msbot.link.can.protocol.ids import NODES, CanIds, is_joining
+from msbot.link.can.protocol.legacy_frames import DOWN, UP
 from msbot.link.can.protocol.node_ids import MemoryNodeIds, NodeIds
 from msbot.link.can.protocol.notation import (
     LogLine,
@@ -14,10 +15,13 @@ from msbot.link.can.protocol.notation import (
     parse_log_line,
     show_frame,
 )
+from msbot.link.can.protocol.plain_words import frame_sentence, node_of
 
 __all__ = [
     "BEACONS_HZ",
+    "DOWN",
     "NODES",
+    "UP",
     "CanDecoder",
     "CanIds",
     "Cost",
@@ -34,8 +38,10 @@ __all__ = [
     "format_frame",
     "format_log_line",
     "frame_bits",
+    "frame_sentence",
     "is_joining",
     "message_cost",
+    "node_of",
     "parse_frame",
     "parse_log_line",
     "phase_bits",
