@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from msbot.config import FieldKind
+from msbot.errors import ConfigError
+from msbot.operations.by_hand import _value
 from tests.operations.stage import Stage, play
 
 RING = ("AA=ABCD", "BB=EFGH", "CC=WXYZ")
@@ -109,6 +112,12 @@ def test_mistakes_are_told_with_what_would_be_right(
         assert stage.operations.by_hand.held() == {}
 
     play(tmp_path, scene, parts=RING)
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-Infinity"])
+def test_what_is_no_number_drives_nothing(text: str) -> None:
+    with pytest.raises(ConfigError, match=f"fan.power: percent must be a number, not '{text}'"):
+        _value("fan.power", "percent", FieldKind.FLOAT32, text)
 
 
 def test_an_empty_slot_cannot_be_driven(tmp_path: Path) -> None:

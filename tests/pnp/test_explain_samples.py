@@ -26,7 +26,7 @@ from msbot.part.join.plug import (
 from msbot.part.messages.standard import Level
 from msbot.pnp import KnownObject, Overhearer
 from msbot.pnp import thesis_programs as compat
-from msbot.pnp.explain_samples import Heard, value_words
+from msbot.pnp.explain_samples import PacketWords, value_words
 from msbot.xrce.messages import (
     STREAM_BEST_EFFORT,
     Create,
@@ -229,7 +229,7 @@ def test_a_session_that_began_before_anybody_listened_is_understood_by_what_the_
     )
     header = Header(0x81, STREAM_BEST_EFFORT, 1)
 
-    def hear(submessage: Submessage, peer: int, *, up: bool) -> Heard:
+    def hear(submessage: Submessage, peer: int, *, up: bool) -> PacketWords:
         return listener.hear(encode_message(header, [submessage], pad_end=False), peer, up=up)
 
     value = Level(percent=49.9).encode()

@@ -21,7 +21,7 @@ from cryptography.x509.oid import NameOID
 
 from msbot.config import write_sample
 from msbot.errors import ConfigError
-from msbot.web.server import WebServer, WebSettings
+from msbot.web.server import NEXT_PORTS, WebServer, WebSettings, _bind
 from msbot.web.service import Service
 from tests.e2e.processes import run, running
 
@@ -50,6 +50,14 @@ def test_a_port_in_use_is_told_with_the_way_out(taken: int) -> None:
         f"the page cannot be served on 127.0.0.1 port {taken}: another program uses it; "
         "choose another one with --port, or --port 0 for any free one"
     )
+
+
+def test_without_a_wish_the_next_free_port_is_taken_so_that_it_is_the_same_after_a_restart(taken: int) -> None:
+    found = []
+    for _ in range(2):
+        with _bind(WebSettings(port=taken, or_any_port=True)) as bound:
+            found.append(bound.getsockname()[1])
+    assert found[0] == found[1] or found[0] not in range(taken + 1, taken + NEXT_PORTS)
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "no-such-host.invalid", "x" * 300, "a..b", "2001:db8::1"])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -18,7 +19,7 @@ from msbot.operations.outcome import Outcome
 from msbot.operations.running_robot import RunningRobot
 from msbot.part import Message
 from msbot.part.messages.message import fields_of
-from msbot.pnp import HeldPort, StopStatus
+from msbot.pnp import HeldPort, StopStatus, message_words
 from msbot.registry import EditKind
 from msbot.runtime.sentence import said
 from msbot.sim.message_classes import message_class
@@ -75,7 +76,8 @@ class ByHand:
         hold.message, hold.who = message, who
         hold.until = self._running.now() + seconds
         self._say(hold)
-        shown = ", ".join(f"{name} {getattr(message, name)}" for name in declared.message.fields)  # type: ignore[union-attr]
+        assert declared.message is not None
+        shown = message_words(message, declared.message.units)
         return Outcome(
             said(
                 "{slot}.{port}: {shown}, for {seconds:g} s", slot=end.slot, port=end.port, shown=shown, seconds=seconds
@@ -249,6 +251,10 @@ def _value(where: str, name: str, kind: FieldKind, text: str) -> Scalar:
         raise ConfigError(
             said("{where}: {name} must be {needed}, not {text!r}", where=where, name=name, needed=needed, text=text)
         ) from None
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(
+            said("{where}: {name} must be {needed}, not {text!r}", where=where, name=name, needed="a number", text=text)
+        )
     if fault := kind.fault(value):
         raise ConfigError(f"{where}: {name} {fault}")
     return value

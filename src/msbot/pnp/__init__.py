@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from msbot.part.join.plug import Refusal
     from msbot.pnp.access import RESERVED_TOPICS, Access
     from msbot.pnp.emergency_stop import StopConfirmation, StopRecord, StopStatus
-    from msbot.pnp.explain_samples import KNOWN_TYPES, KnownObject, Overhearer
+    from msbot.pnp.explain_samples import KNOWN_TYPES, KnownObject, Overhearer, message_words
     from msbot.pnp.frame_words import FrameListener, FrameWords
     from msbot.pnp.hand_control import HandControl, HeldPort
     from msbot.pnp.inventory import Inventory
@@ -52,6 +52,7 @@ _NAMES = {
         "KNOWN_TYPES",
         "KnownObject",
         "Overhearer",
+        "message_words",
     ),
     "msbot.pnp.frame_words": (
         "FrameListener",
@@ -147,4 +148,5 @@ __all__ = [
     "TakeOver",
     "Verdict",
     "forecast",
+    "message_words",
 ]

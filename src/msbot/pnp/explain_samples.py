@@ -67,7 +67,7 @@ class KnownObject:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class PacketWords:
     """What a packet says."""
 
     plain: tuple[str, ...]
@@ -112,7 +112,7 @@ class Overhearer:
         """Explain a packet from that peer (`up`) or to it; a message appears below the sample that carries it."""
         return list(self.hear(packet, peer, up=up).protocol)
 
-    def hear(self, packet: bytes, peer: Hashable, *, up: bool) -> Heard:
+    def hear(self, packet: bytes, peer: Hashable, *, up: bool) -> PacketWords:
         """What a packet says, in sentences and in the words of the protocol."""
         session = self._sessions.get(peer)
         if session is None:
@@ -120,7 +120,7 @@ class Overhearer:
         session.sentences, session.about = [], []
         words = explain(packet, lambda header, submessage: session.notes(header, submessage, up=up))
         about = () if session.sentences else tuple(session.about[:1])
-        return Heard(tuple(session.sentences), about, tuple(words))
+        return PacketWords(tuple(session.sentences), about, tuple(words))
 
     def part_at(self, peer: Hashable) -> str:
         """Who that peer is: its slot, if it is known."""

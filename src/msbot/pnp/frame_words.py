@@ -9,7 +9,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 
 from msbot.link.can.protocol import DOWN, UP, CanDecoder, CanIds, Frame, LegacyDecoder, frame_sentence, node_of
-from msbot.pnp.explain_samples import Heard, Overhearer
+from msbot.pnp.explain_samples import Overhearer, PacketWords
 from msbot.pnp.packet_words import piece_sentence
 from msbot.runtime.sentence import Sentence
 from msbot.xrce import decompress, is_whole
@@ -27,7 +27,7 @@ class FrameWords:
     """In the words of the protocol: the first line about the frame, the others about the packet it completes."""
 
 
-_NOTHING = Heard((), (), ())
+_NOTHING = PacketWords((), (), ())
 
 
 class FrameListener:

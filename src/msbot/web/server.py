@@ -43,6 +43,8 @@ from msbot.web.programs.browser_files import add_browser_files
 from msbot.web.service import Service
 
 DEFAULT_PORT = 8080
+NEXT_PORTS = 20
+"""Ports from that one on which are tried before any free one is taken."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ANY_HOST = ("0.0.0.0", "::")
 MAX_MESSAGE = 1024 * 1024
@@ -57,7 +59,7 @@ class WebSettings:
     port: int = DEFAULT_PORT
     """0 = any free one."""
     or_any_port: bool = False
-    """Take any free port when this one is in use."""
+    """Take the next free port when this one is in use."""
     certificate: Path | None = None
     """PEM file with the certificate chain; with it the pages are served by TLS."""
     key: Path | None = None
@@ -232,7 +234,7 @@ def _bind(settings: WebSettings) -> socket.socket:
         except OSError as error:
             if error.errno != errno.EADDRINUSE or not settings.or_any_port:
                 raise
-            bound.bind((settings.host, 0))
+            _bind_beside(bound, settings)
         bound.listen(128)
         bound.setblocking(False)
     except OSError as error:
@@ -242,6 +244,19 @@ def _bind(settings: WebSettings) -> socket.socket:
         bound.close()
         raise ConfigError(_why_not(socket.gaierror(), settings)) from None
     return bound
+
+
+def _bind_beside(bound: socket.socket, settings: WebSettings) -> None:
+    """Take the next free port, so that a robot has the same address after a restart; if all are taken, any one."""
+    for port in range(settings.port + 1, min(settings.port + NEXT_PORTS, 0x10000)):
+        try:
+            bound.bind((settings.host, port))
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise
+        else:
+            return
+    bound.bind((settings.host, 0))
 
 
 def _why_not(error: OSError, settings: WebSettings) -> str:

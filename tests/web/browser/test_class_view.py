@@ -8,6 +8,7 @@ from pathlib import Path
 from playwright.sync_api import Browser, expect
 
 from tests.e2e.processes import run, running
+from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import link_in, new_page
 
 
@@ -31,8 +32,9 @@ def test_one_page_shows_both_robots_and_one_stop_reaches_them(browser: Browser, 
         expect(tiles).to_have_count(1)
         page.get_by_label("Search").fill("")
         expect(tiles).to_have_count(2)
-        page.get_by_role("button", name="STOP: every robot whose master runs on this computer").click()
+        page.get_by_role("button", name="STOP all robots whose masters run on this computer").click()
         expect(page.get_by_text("STOP: 2 robots were told")).to_be_visible()
+        assert [one for one in hurdles(page, dark=False) if "notification" in one] == []
         expect(ring).to_contain_text("STOP is in force")
         for robot in ("ROVER", "MSBOT_MASTER"):
             status = json.loads(run("stop", "--status", "--json", "--robot", robot, cwd=tmp_path).stdout)

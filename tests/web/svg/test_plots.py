@@ -94,11 +94,11 @@ def test_a_thinned_curve_keeps_its_extremes(points: list[tuple[float, float]]) -
 
 
 def test_the_table_has_a_line_for_each_value() -> None:
-    table = curves_csv([Curve('the "fan"', [(0.0, 1.5), (1.0, 2.5)], "%")], 3.0)
+    table = curves_csv([Curve('the "fan"', [(0.0, 1.5), (1.0, 11.699999809265137)], "%")], 3.0)
     assert table.splitlines() == [
         "seconds ago,field,value,unit",
         '3.0000,"the ""fan""",1.5,%',
-        '2.0000,"the ""fan""",2.5,%',
+        '2.0000,"the ""fan""",11.7,%',
     ]
 
 

@@ -41,9 +41,14 @@ def command(db: str | None, robot: str | None, *, as_json: bool) -> None:
     for title in (*["robot"] * several, "part", "number", "slot", "state", "since", "reason"):
         table.add_column(title)
     for row in rows:
-        since = datetime.fromtimestamp(row.changed_ns / 1e9).strftime("%Y-%m-%d %H:%M:%S")
+        since = _when(datetime.fromtimestamp(row.changed_ns / 1e9), datetime.now())
         table.add_row(*[row.robot] * several, row.name, row.part_number, row.slot or "-", row.state, since, row.reason)
     Console().print(table)
+
+
+def _when(at: datetime, now: datetime) -> str:
+    """When something was, as briefly as can be: so the reason has room on a narrow terminal."""
+    return at.strftime("%H:%M:%S" if at.date() == now.date() else "%Y-%m-%d %H:%M")
 
 
 def _as_json(row: PartRecord) -> dict[str, str | int | None]:

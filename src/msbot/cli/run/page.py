@@ -55,7 +55,7 @@ def page_options(command: _C) -> _C:
         click.option("--host", default="127.0.0.1", show_default=True,
                      help="Where the page is served: 127.0.0.1 is this computer only, 0.0.0.0 every network it is in."),
         click.option("--port", type=click.IntRange(0, 65535),
-                     help=f"Port of the page: {DEFAULT_PORT}, or any free one if that is taken; 0 = any free one."),
+                     help=f"Port of the page: {DEFAULT_PORT}, or the next free one; 0 = any free one."),
     ):  # fmt: skip
         command = option(command)
     return command

@@ -255,7 +255,7 @@ class Accounts:
 
     def users(self) -> list[User]:
         """All users, by name."""
-        return [self._users[name] for name in sorted(self._users)]
+        return [self._users[name] for name in sorted(self._users, key=lambda name: (name.casefold(), name))]
 
     async def add_user(self, name: str, role: Role, password: str, *, who: str) -> None:
         """Let a person sign in.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from urllib.parse import urlsplit
 
 from fastapi import Request
 from nicegui import ui
@@ -19,6 +20,9 @@ from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import ask_first, file_button, heading, panel, set_html, show_dialog
 from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
+
+THIS_COMPUTER = ("127.0.0.1", "localhost", "::1")
+"""Names that lead to another computer from each one."""
 
 CHANGES = 20
 """Changes of people that are shown."""
@@ -105,8 +109,13 @@ class _People:
     async def _add(self) -> None:
         name, role, password = str(self._name.value or ""), str(self._role.value), str(self._password.value or "")
         service = self._page.service
-        if await self._page.do(lambda session: service.add_user(session, name, role, password)) is not None:
-            self._name.value, self._password.value = "", ""
+
+        async def add() -> None:
+            if await self._page.do(lambda session: service.add_user(session, name, role, password)) is not None:
+                self._name.value, self._password.value = "", ""
+
+        words = self._page.say("Let {name} sign in as {role}?", name=name or "?", role=self._page.say(role))
+        ask_first(self._page, words, add)
 
     async def _import(self, event: UploadEventArguments) -> None:
         try:
@@ -122,6 +131,10 @@ class _People:
             return
         words = self._page.say("Let {count} people sign in: {names}?", count=len(people),
                                names=", ".join(one.name for one in people))  # fmt: skip
+        if (urlsplit(self._base).hostname or "") in THIS_COMPUTER:
+            words += " " + self._page.say("Their tickets will lead to {address}, which no other computer can open: start the "
+                                          "master with --host 0.0.0.0, and open this page by the computer's own name or "
+                                          "address first.", address=self._base)  # fmt: skip
         ask_first(self._page, words, partial(self._let_in, people))
 
     async def _let_in(self, people: list[Newcomer]) -> None:

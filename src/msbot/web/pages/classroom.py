@@ -31,7 +31,7 @@ def _tiles(page: Page, hostname: str) -> None:
         )
         count = ui.label("").classes("soft num").props("aria-live=polite")
         ui.button(page.say("STOP all robots"), on_click=lambda: _stop_all(page), color=None).classes("ms-stop").props(
-            f'unelevated aria-label="{page.say("STOP: every robot whose master runs on this computer")}"'
+            f'unelevated aria-label="{page.say("STOP all robots whose masters run on this computer")}"'
         )
     ui.label(
         page.say("The robots of this database, and of every master on this computer. Click one to go to its page.")

@@ -43,23 +43,28 @@ def ask_first(
         page: where.
         words: the question.
         deed: what a Yes does.
-        refused: what happens when the person would rather not.
+        refused: what happens when the person would rather not: Cancel, Escape, Back.
     """
-    with ui.dialog().props("persistent") as dialog, ui.card():
+    answers: list[bool] = []
+    # Escape leaves it, as every other dialog: who presses it twice, because nothing happens, says STOP.
+    with ui.dialog().props("no-backdrop-dismiss") as dialog, ui.card():
         ui.label(words).props("role=heading aria-level=2")
         with ui.element("div").classes("row"):
 
             async def do() -> None:
+                answers.append(True)
                 dialog.close()
                 with page.here():  # the dialog is gone by then
                     await deed()
 
-            def leave() -> None:
-                dialog.close()
-                refused()
+            def hidden() -> None:
+                if not answers:
+                    with page.here():
+                        refused()
 
             ui.button(page.say("Yes"), on_click=do)
-            ui.button(page.say("Cancel"), on_click=leave).props("flat")
+            ui.button(page.say("Cancel"), on_click=dialog.close).props("flat")
+    dialog.on("hide", hidden)
     show_dialog(dialog)
 
 

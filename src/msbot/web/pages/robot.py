@@ -43,7 +43,12 @@ def _summary(page: Page) -> None:
             counts[card.state] = counts.get(card.state, 0) + 1
         chips = [state_chip(state, f"{count} {page.say(state)}") for state, count in counts.items()]
         words = [word for word in (robot.version, robot.serial_number, robot.manufacturer, *robot.links) if word]
-        content = render("summary", words=" · ".join(words), chips=chips)
+        hint = ""
+        if robot.slots and set(counts) == {"empty"}:
+            hint = page.say("Nothing is plugged in yet. Plug a part in, start one ({command} in a terminal), or open a "
+                            "card and let a simulated part stand in.",
+                            command=f"msbot part {robot.slots[0].part_number}")  # fmt: skip
+        content = render("summary", words=" · ".join(words), chips=chips, hint=hint)
         set_html(line, content)
 
     page.every_look(show)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from msbot.lab.curves.curve import Curve, thinned
+from msbot.pnp.explain_samples import value_words
 from msbot.web.api.models import SpanLine, TimelineLane
 from msbot.web.html import Markup, render
 from msbot.web.language import Language
@@ -98,7 +99,7 @@ def curves_csv(curves: Sequence[Curve], now: float) -> str:
     lines = ["seconds ago,field,value,unit"]
     for curve in curves:
         name = curve.name.replace('"', '""')
-        lines += [f'{now - at:.4f},"{name}",{value!r},{curve.unit}' for at, value in curve.points]
+        lines += [f'{now - at:.4f},"{name}",{value_words(float(value))},{curve.unit}' for at, value in curve.points]
     return "\r\n".join(lines) + "\r\n"
 
 
@@ -113,6 +114,7 @@ def _time_ticks(span_s: float, left: float, right: float, count: int, language: 
 
 
 def _ago_words(seconds: float) -> str:
+    seconds = round(seconds, 3)
     if seconds >= 7200:
         return f"-{seconds / 3600:.1f} h"
     return f"-{seconds / 60:.3g} min" if seconds >= 60 else f"-{seconds:.0f} s"
