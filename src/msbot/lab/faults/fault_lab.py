@@ -156,7 +156,7 @@ class FaultLab:
                 "fault {number} is over ({reason}): {words}", number=fault.number, reason=change.reason, words=words
             )
         if fault.spec.hidden:  # people read the journal
-            line = said("fault {number}: it is hidden until its mission ends", number=fault.number)
+            line = said("fault {number} begins or ends: it is hidden", number=fault.number)
         value = {"begins": change.begins, "reason": str(change.reason), **self._json(fault)}
         self._faults.changed(value, line, who)
 
