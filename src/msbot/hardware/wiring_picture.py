@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from xml.sax.saxutils import escape
 
 from msbot.config import BusKind, PartType, Pin
@@ -12,8 +13,18 @@ COLOURS = {"power": "#c62828", "ground": "#37474f", "signal": "#00695c", "bus": 
 """Of the wires, by what they carry."""
 
 
-def wiring_picture(part_type: PartType) -> str:
-    """The picture as SVG; readable on a light and on a dark page."""
+def wiring_picture(
+    part_type: PartType,
+    at: Mapping[str, int | str] | None = None,
+    computer: str = "Raspberry Pi or another Linux board",
+) -> str:
+    """The picture as SVG; readable on a light and on a dark page.
+
+    Args:
+        part_type: what is wired.
+        at: the pins of a board with MicroPython, by wire; None: the default pins of a Linux board.
+        computer: what it is wired to.
+    """
     pins = part_type.pins
     height = TOP + ROW * len(pins) + 16
     lines = [
@@ -22,17 +33,17 @@ def wiring_picture(part_type: PartType) -> str:
         f"<title>{escape(f'{part_type.number}: {part_type.name}')}</title>",
         f'<rect width="{WIDTH}" height="{height}" rx="8" fill="#ffffff"/>',
         f'<text x="20" y="30" font-size="16" font-weight="bold" fill="#0b1f33">{escape(part_type.number)}</text>',
-        f'<text x="{PLACE_LEFT + 12}" y="30" fill="#455a64">Raspberry Pi or another Linux board</text>',
+        f'<text x="{PLACE_LEFT + 12}" y="30" fill="#455a64">{escape(computer)}</text>',
         f'<rect x="20" y="42" width="{PART_RIGHT - 20}" height="{height - 54}" rx="6" '
         'fill="#e3f2fd" stroke="#0b1f33"/>',
     ]
     for row, pin in enumerate(pins):
-        lines += _row(part_type, pin, TOP + ROW * row + ROW // 2)
+        lines += _row(part_type, pin, TOP + ROW * row + ROW // 2, at)
     return "\n".join([*lines, "</svg>"]) + "\n"
 
 
-def _row(part_type: PartType, pin: Pin, y: int) -> list[str]:
-    goes = place_of(part_type, pin)
+def _row(part_type: PartType, pin: Pin, y: int, at: Mapping[str, int | str] | None) -> list[str]:
+    goes = place_of(part_type, pin) if at is None else place_at_board(part_type, pin, at)
     lines = [
         f'<text x="{PART_RIGHT - 14}" y="{y + 5}" text-anchor="end" fill="#0b1f33">{escape(pin.name)}</text>',
         f'<circle cx="{PART_RIGHT}" cy="{y}" r="5" fill="{COLOURS.get(pin.kind.value, "#b0bec5")}"/>',
@@ -63,6 +74,8 @@ def place_of(part_type: PartType, pin: Pin) -> str:
     """Where a pin goes by default; "" = nowhere."""
     driver = part_type.driver
     wire = next((one for one in driver.pins if one.pin == pin.name), None)
+    if pin.kind.value in ("ground", "power"):
+        return _supply_of(part_type, pin)
     if wire is not None:
         place = "channel" if wire.analog else "GPIO"
         return (
@@ -70,14 +83,6 @@ def place_of(part_type: PartType, pin: Pin) -> str:
             if wire.default is None
             else f"{place} {wire.default} ({wire.name})"
         )
-    if pin.kind.value == "ground":
-        return "ground"
-    if pin.kind.value == "power":
-        supply = part_type.supply
-        if supply is None:
-            return "supply"
-        volts = f"{supply.min_v:g} V" if supply.min_v == supply.max_v else f"{supply.min_v:g} to {supply.max_v:g} V"
-        return f"supply, {volts}"
     if driver.bus is BusKind.I2C:
         return {"SDA": "SDA, GPIO 2", "SCL": "SCL, GPIO 3"}.get(pin.name, "")
     if driver.bus is BusKind.SPI and pin.name == "DIN":
@@ -85,3 +90,21 @@ def place_of(part_type: PartType, pin: Pin) -> str:
     if driver.bus is BusKind.KERNEL and pin.name == "DATA":
         return "GPIO 4"
     return ""
+
+
+def place_at_board(part_type: PartType, pin: Pin, at: Mapping[str, int | str]) -> str:
+    """Where a pin goes at a board with MicroPython; "" = nowhere."""
+    wire = next((name for name, own in part_type.driver.board.pins.items() if own == pin.name), None)
+    if wire is None:
+        return _supply_of(part_type, pin) if pin.kind.value in ("ground", "power") else ""
+    return f"pin {at[wire]} ({wire})" if wire in at else ""
+
+
+def _supply_of(part_type: PartType, pin: Pin) -> str:
+    if pin.kind.value == "ground":
+        return "ground"
+    supply = part_type.supply
+    if supply is None:
+        return "supply"
+    volts = f"{supply.min_v:g} V" if supply.min_v == supply.max_v else f"{supply.min_v:g} to {supply.max_v:g} V"
+    return f"supply, {volts}"

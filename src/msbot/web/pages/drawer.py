@@ -11,6 +11,7 @@ from urllib.parse import quote
 from nicegui import ui
 
 from msbot.errors import MsbotError, NotThere
+from msbot.hardware.wiring_picture import wiring_picture
 from msbot.operations.rights import Right
 from msbot.pnp import PartState
 from msbot.web.api.models import PartLine, SlotCard
@@ -44,6 +45,7 @@ def open_drawer(page: Page, slot: str) -> None:
         _following(page, slot, lambda card: card.part_number, lambda card: hand_panel(page, slot, card.part_number))
         heading(page.say("Settings"))
         values_panel(page, slot)
+        _following(page, slot, lambda card: card.part_number, partial(_wires, page))
         _rhythm(page, slot)
         _following(page, slot, partial(_doable, page), partial(_deeds, page))
         _why(page, slot)
@@ -124,6 +126,14 @@ def _ports(page: Page, slot: str) -> None:
         set_html(shown, render("slot_ports", say=page.say, number=page.number, count=page.language.count, ports=ports))
 
     page.every_look(show, shown)
+
+
+def _wires(page: Page, card: SlotCard) -> None:
+    """How such a part is wired to a Linux board, where a driver for it exists."""
+    found = page.service.views.library.find(card.part_number)
+    if found is not None and found.driver.entry_point:
+        with ui.expansion(page.say("Wiring"), icon="cable").classes("w-full"):
+            ui.html(wiring_picture(found), sanitize=False).classes("wiring w-full")
 
 
 def _rhythm(page: Page, slot: str) -> None:

@@ -8,8 +8,9 @@ from fastapi import Request
 from nicegui import ui
 
 from msbot.config import PartType
+from msbot.hardware.wiring_picture import wiring_picture
 from msbot.operations.rights import Right
-from msbot.web.html import render
+from msbot.web.html import Markup, render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import ask_first
 from msbot.web.pages.slots_by_hand import ask_for_slot
@@ -87,6 +88,8 @@ def _entry(page: Page, found: PartType, base: str) -> None:
         render("passport", say=say, type=found, facts=facts, picture=picture_of(found), code=qr_svg(address)),
         sanitize=False,
     ).classes("w-full")
+    if found.driver.entry_point:
+        ui.html(render("wiring", say=say, picture=Markup(wiring_picture(found))), sanitize=False).classes("w-full")
     _table(page, "Ports", ("Port", "Direction", "Message", "Rate", "Safe value", "Meaning"), [
         (port.name, say(port.direction.value), port.type_name, f"{page.number(port.rate_hz, 'g')} Hz" if port.rate_hz else say("when it happens"),
          ", ".join(f"{name} = {value_words(value, page.language)}" for name, value in port.safe.items()) if port.safe else "–", say(port.description))

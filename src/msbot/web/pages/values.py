@@ -12,6 +12,7 @@ from msbot.operations.rights import Right
 from msbot.web.api.models import Scalar, Value
 from msbot.web.html import render
 from msbot.web.pages.layout import Page
+from msbot.web.pages.wire_editor import edit_wires
 from msbot.web.svg.drawings import value_words
 
 
@@ -72,6 +73,10 @@ class _Line:
         with ui.element("div").classes("row w-full").style("flex-wrap:nowrap"):
             with ui.element("div").style("flex:1;min-width:0"):
                 self._field = self._make_field()
+            if value.kind == "part" and page.may(Right.SET):
+                wires = ui.button(icon="cable", on_click=self._edit_wires).props("flat round dense")
+                words = page.say("Choose part and pins")
+                wires.props["aria-label"] = wires.props["title"] = f"{words}: {value.name}"
             self._origin = ui.html("", sanitize=False)
             self._reset = ui.button(icon="restart_alt", on_click=self._forget).props("flat round dense")
             words = page.say("Forget what was set by hand")
@@ -95,6 +100,9 @@ class _Line:
             self.show(self._value)
         else:
             await self._form.read()
+
+    async def _edit_wires(self) -> None:
+        await edit_wires(self._page, self._slot, self._value.name, self._form.read)
 
     async def _forget(self) -> None:
         if await self._page.act("reset", slot=self._slot, name=self._value.name) is not None:
