@@ -103,6 +103,7 @@ SHOTS = (
     Shot("describing", "/program", _describing_part),
     Shot("described", "/arrivals", _said_by_a_part),
     Shot("lost", "/?slot=bumper"),
+    Shot("plots", "/plots?show=ear.level,ear:threshold,@late&span=10"),
     Shot("timeline", "/timeline", _last_minute),
     Shot("library", "/library"),
     Shot("passport", "/library/SG90"),

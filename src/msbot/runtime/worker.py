@@ -25,6 +25,11 @@ from msbot.errors import ConfigError, MsbotError
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
+
+class TooMuchWork(ConfigError):
+    """It needed more than it may use."""
+
+
 AT_ONCE = 2
 """How many workers of one robot run at the same time."""
 MOST_WAITING = 8
@@ -53,7 +58,7 @@ def run_limited(function: Callable[_P, _T], limits: WorkLimits, *args: _P.args, 
         kwargs: likewise.
 
     Raises:
-        ConfigError: it needed more than it may use.
+        TooMuchWork: it needed more than it may use.
         MsbotError: what the function raised.
         RuntimeError: the function failed in another way; the text has its traceback.
     """
@@ -108,8 +113,8 @@ class Workshop:
             self._open -= 1
 
 
-def _too_much(words: str) -> ConfigError:
-    return ConfigError(f"what was sent {words}, and is refused: no text of a person does that")
+def _too_much(words: str) -> TooMuchWork:
+    return TooMuchWork(f"what was sent {words}, and is refused: no text of a person does that")
 
 
 def _main(cpu_s: int, memory_mb: int, source: BinaryIO, target: BinaryIO) -> None:

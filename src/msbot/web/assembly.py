@@ -186,6 +186,7 @@ class WebRoom:
                 tasks.create_task(self._keep_looking())
                 tasks.create_task(self._keep_sessions())
                 tasks.create_task(self._note_figures())
+                tasks.create_task(self._views.curves.measure())
                 tasks.create_task(self.server.run())
         finally:
             await asyncio.shield(self._sessions.keep())

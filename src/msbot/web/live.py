@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from itertools import islice
+from itertools import islice, takewhile
 
 from msbot.errors import RemoteProtocolError
 from msbot.part import Message
@@ -184,9 +184,20 @@ class Live:
         Values not decoded yet are decoded in batches: if no page has asked for long, it takes a few calls until all are
         there.
         """
+        curve = self._curve(name, field)
+        return [] if curve is None else list(curve.points)
+
+    def newer(self, name: str, field: str, after: float) -> list[tuple[float, float]]:
+        """As `series`, of what came after a time of the robot's clock only."""
+        curve = self._curve(name, field)
+        found = [] if curve is None else list(takewhile(lambda point: point[0] > after, reversed(curve.points)))
+        found.reverse()
+        return found
+
+    def _curve(self, name: str, field: str) -> _Curve | None:
         watch = self._watches.get(name)
         if watch is None:
-            return []
+            return None
         curve = self._curves.setdefault((name, field), _Curve())
         self._follow(curve, watch, field, watch.kept)
         now = curve.asked_at
@@ -194,7 +205,7 @@ class Live:
             curve.points.popleft()
         for key in [key for key, one in self._curves.items() if now - one.asked_at > HISTORY_S]:
             del self._curves[key]
-        return list(curve.points)
+        return curve
 
     def spark(self, watch: TopicWatch, field: str) -> list[float]:
         """A few values of the last minute, oldest first: for the small curve on a card."""

@@ -36,6 +36,7 @@ from msbot.web.api.models import (
 )
 from msbot.web.examining import Examining
 from msbot.web.local_masters import LocalMaster, LocalMasters, StopForAll
+from msbot.web.past import RecordedPast
 from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.programs.program_shelf import NoShelf, ProgramShelf
 from msbot.web.records import Backup, Records
@@ -82,6 +83,8 @@ class Service:
         self._doctor = doctor
         self._figures = figures
         self._neighbours = neighbours or LocalMasters()
+        self.past = RecordedPast(lambda: str(operations.recording.recording().answer.get("folder") or ""))
+        """What the recorder has."""
         self.programs = ProgramDeeds(programs or NoShelf(), accounts)
         self._looking_around = asyncio.Lock()
         self._seen_robot: tuple[float, int, Robot] | None = None

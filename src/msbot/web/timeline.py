@@ -10,7 +10,8 @@ from msbot.lab.curves.measuring import Beats
 from msbot.pnp import PartEvent, PartInfo
 
 KEPT_SPANS = 500
-KEPT_BEATS = 60
+KEPT_BEATS = 300
+SHOWN_BEATS = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,4 +58,12 @@ class Timeline:
 
     def beat_intervals(self, slot: str) -> tuple[float, ...]:
         """Seconds between the latest beats of the part in a slot, oldest first."""
-        return tuple(seconds for _, seconds in self._intervals.get(slot, ()))
+        return tuple(seconds for _, seconds in self._intervals.get(slot, ()))[-SHOWN_BEATS:]
+
+    def beats(self, slot: str) -> tuple[tuple[float, float], ...]:
+        """As `beat_intervals`, more of them, each with the time when the beat came."""
+        return tuple(self._intervals.get(slot, ()))
+
+    def with_beats(self) -> tuple[str, ...]:
+        """The slots of whose parts beats have come."""
+        return tuple(self._intervals)

@@ -25,6 +25,7 @@ from msbot.web.api.models import (
     WirePort,
 )
 from msbot.web.cards import SaidByHand, SlotCards, part_line
+from msbot.web.curves import LiveCurves
 from msbot.web.frames import FrameRing, FrameRow
 from msbot.web.live import Live
 from msbot.web.simulated.bench import Bench
@@ -91,6 +92,10 @@ class Views:
             master=master, blueprint=blueprint, library=library, live=live, bench=bench, clock=clock, ignored=ignored,
             stop=stop, by_hand=by_hand, planted=planted,
         )  # fmt: skip
+        self.curves = LiveCurves(
+            master, blueprint=blueprint, library=lambda: self.library, live=live, timeline=timeline,
+            load_percent=self._bus.load_percent if self._bus.name else None, frames=lambda: frames.total, clock=clock,
+        )  # fmt: skip
         self._rate: tuple[float, int, float] = (clock(), 0, 0.0)
 
     def use_library(self, library: Library) -> None:
@@ -101,6 +106,7 @@ class Views:
         """Observe what only polling shows (beat intervals, bound topics); call it a few times a second."""
         self._timeline.look(self._master.inventory.view(self._clock()), self._clock())
         self.live.watch(self._blueprint().topics())
+        self.curves.look()
 
     # Slots and parts
 

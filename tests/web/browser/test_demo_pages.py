@@ -13,8 +13,9 @@ from tests.web.browser.conftest import Site, go, new_page
 
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
-    "/timeline": "Timeline", "/library": "Library", "/library/SG90": "Library", "/journal": "Journal",
-    "/faults": "Faults", "/class": "Class", "/admin": "Admin", "/doctor": "Doctor", "/api-docs": "API",
+    "/plots": "Plots", "/timeline": "Timeline", "/library": "Library", "/library/SG90": "Library",
+    "/journal": "Journal", "/faults": "Faults", "/class": "Class", "/admin": "Admin", "/doctor": "Doctor",
+    "/api-docs": "API",
 }  # fmt: skip
 
 

@@ -93,6 +93,7 @@ def english_on(page: Page) -> list[str]:
 
 FILLED = {
     "/": ".slot", "/settings": ".q-field input", "/bus": "tr[data-number]", "/wires": "svg.wires .port",
+    "/plots": "#ms-plot-figures td",
     "/timeline": "svg.wide rect", "/library": "a.slot", "/library/SG90": "table", "/journal": "tbody tr",
     "/faults": "button", "/class": "a.slot", "/admin": "table",
     "/doctor": "table", "/?slot=fan": "[role=dialog] input", "/?slot=knob": "[role=dialog] input",

@@ -13,13 +13,6 @@ from playwright.sync_api import Browser, Page, expect
 from tests.e2e.processes import running
 from tests.web.browser.conftest import Site, go, new_page
 
-_POINTED = """() => {
-    const svg = document.querySelector('svg.curves'), box = svg.getBoundingClientRect();
-    const at = {clientX: box.x + box.width * 0.9, clientY: box.y + 60, bubbles: true};
-    svg.dispatchEvent(new PointerEvent('pointermove', at));
-    return document.querySelector('.cursor').textContent.includes('fan_power · percent:');
-}"""
-"""The drawing is another one twice a second, and moves while the page fills: it is pointed at until it answers."""
 DEAD = "document.documentElement.classList.contains('ms-dead')"
 
 
@@ -133,17 +126,3 @@ def test_a_master_that_is_frozen_or_gone_is_seen_and_stop_says_so(browser: Brows
         process.send(signal.SIGKILL)
         page.wait_for_function(DEAD)
         page.context.close()
-
-
-def test_values_over_time_have_a_range_a_cursor_and_a_table(page: Page, demo: Site, tmp_path: Path) -> None:
-    page.set_viewport_size({"width": 1280, "height": 900})
-    go(page, f"{demo.base}/timeline")
-    page.get_by_text("10 s", exact=True).click()
-    curve = page.locator("svg.curves")
-    expect(curve.locator("polyline").first).to_be_attached()  # a flat line has no height to be seen by
-    page.wait_for_function(_POINTED)
-    expect(page.locator(".cursor")).to_be_visible()
-    with page.expect_download() as download:
-        page.get_by_role("button", name="Table (CSV)").click()
-    download.value.save_as(tmp_path / "values.csv")
-    assert (tmp_path / "values.csv").read_text().startswith("seconds ago,field,value,unit")

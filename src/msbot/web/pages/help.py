@@ -70,9 +70,15 @@ HELP = {
         "change it.",
         "howto/program_in_the_browser",
     ),
+    "/plots": PageHelp(
+        "Every number of the robot as a curve: what parts say, their settings, the load of the bus, the time between "
+        "beats. Choose several, zoom with the wheel, drag into the past; what is older than five minutes comes from the "
+        "flight recorder. The table tells mean, least and greatest value of what you see.",
+        "howto/plots",
+    ),
     "/timeline": PageHelp(
         "Each bar is a slot; its colour is the state it had at that time. Below the bars stands why each state began. "
-        "Further down you draw the values of any port over time.",
+        "What the parts said at that time is on the page Plots.",
         "howto/web_page",
     ),
     "/library": PageHelp(

@@ -1,4 +1,4 @@
-"""The timeline: the states of every slot as bars over time, with their reasons; and the values of any port over time."""
+"""The timeline: the states of every slot as bars over time, with their reasons."""
 
 from __future__ import annotations
 
@@ -7,18 +7,14 @@ import json
 from fastapi import Request
 from nicegui import ui
 
-from msbot.lab.curves.curve import Curve
 from msbot.web.api.models import TimelineLane
 from msbot.web.html import Markup, render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import heading, set_html
+from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
-from msbot.web.svg.plots import bars_svg, curve_svg, curves_csv
+from msbot.web.svg.plots import bars_svg
 
 SPANS_S = {"1 min": 60.0, "5 min": 300.0, "30 min": 1800.0, "2 h": 7200.0}
-RANGES_S = {"10 s": 10.0, "1 min": 60.0, "5 min": 300.0}
-"""Of values; as long as they are kept."""
-MOST_CURVES = 6
 EVENTS = 100
 
 
@@ -29,7 +25,6 @@ def register(service: Service) -> None:
     def timeline(request: Request) -> None:
         with page_frame(service, request, "/timeline", "Timeline") as page:
             _bars(page)
-            _Plot(page)
 
 
 def _bars(page: Page) -> None:
@@ -75,68 +70,6 @@ def _event_rows(page: Page, lanes: list[TimelineLane], span_s: float) -> Markup:
         for span, slot in spans[:EVENTS]
     ]
     return render("table", heads=[page.say(title) for title in ("Ago", "Slot", "State", "Reason")], rows=rows)
-
-
-class _Plot:
-    """Curves of the numbers of any port: five minutes at full rate, the range as chosen, with a cursor."""
-
-    def __init__(self, page: Page) -> None:
-        self._page = page
-        with ui.element("div").classes("panel"):
-            with ui.element("div").classes("row spread"):
-                heading(page.say("Values over time"))
-                with ui.element("div").classes("row"):
-                    self._range = _choice(page, RANGES_S, "1 min")
-                    ui.button(page.say("Picture (SVG)"), icon="image", on_click=self._picture).props("flat")
-                    ui.button(page.say("Table (CSV)"), icon="download", on_click=self._table).props("flat")
-            known = self._choices()
-            self._wanted = ui.select(known, multiple=True, value=known[:1], label=page.say("Fields")).props(
-                f"use-chips outlined dense max-values={MOST_CURVES}"
-            )
-            self._wanted.classes("w-full")
-            with ui.element("div").classes("plot w-full scroll").props("tabindex=0"):
-                self._shown = ui.html("", sanitize=False).classes("w-full")
-                ui.html('<div class="cursor" aria-hidden="true"></div>', sanitize=False)
-        ui.run_javascript("msbotCursor()")
-        self._range.on_value_change(self._show)
-        self._wanted.on_value_change(self._show)
-        page.every_look(self._show)
-
-    def _choices(self) -> list[str]:
-        return [
-            f"{topic.topic} · {name}"
-            for topic in self._page.service.views.topics()
-            for name, value in topic.fields.items()
-            if isinstance(value, int | float)
-        ]
-
-    def _curves(self) -> list[Curve]:
-        views = self._page.service.views
-        types = {topic.topic: topic.type_name for topic in views.topics()}
-        curves = []
-        for choice in list(self._wanted.value or [])[:MOST_CURVES]:
-            topic, _, field = str(choice).rpartition(" · ")
-            unit = views.units(types.get(topic, "")).get(field, "")
-            curves.append(Curve(str(choice), views.live.series(topic, field), unit))
-        return curves
-
-    def _draw(self) -> Markup:
-        return curve_svg(
-            self._curves(), RANGES_S[str(self._range.value)], self._page.service.now(), self._page.language
-        )
-
-    def _show(self) -> None:
-        found = self._choices()
-        if list(self._wanted.options) != found:
-            chosen = [name for name in self._wanted.value or [] if name in found]
-            self._wanted.set_options(found, value=chosen or found[:1])
-        set_html(self._shown, self._draw())
-
-    def _picture(self) -> None:
-        ui.download.content(str(self._draw()), "values.svg")
-
-    def _table(self) -> None:
-        ui.download.content(curves_csv(self._curves(), self._page.service.now()), "values.csv")
 
 
 def _choice(page: Page, spans: dict[str, float], value: str) -> ui.toggle:

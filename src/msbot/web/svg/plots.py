@@ -1,16 +1,13 @@
-"""Curves and bars as SVG, on the page and as a picture to take along. Pure: values in, SVG out."""
+"""Bars as SVG, on the page and as a picture to take along. Pure: values in, SVG out."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from msbot.lab.curves.curve import Curve, thinned
-from msbot.pnp.explain_samples import value_words
 from msbot.web.api.models import SpanLine, TimelineLane
 from msbot.web.html import Markup, render
 from msbot.web.language import Language
 
-COLOURS = ("#0b84b8", "#d9822b", "#3c9a5f", "#a24bb5", "#c8443a", "#7d6b1c")
 STATE_COLOURS = {
     "active": "#1f7a42", "late": "#e0a21b", "lost": "#b92f26", "refused": "#8f2f4a", "checking": "#6a5ad0",
     "new": "#a79df0", "standby": "#1b73a1", "left": "#5f6d78", "empty": "#c9d2d9",
@@ -21,8 +18,6 @@ _DARK_ON = ("late", "new", "empty")
 _WIDTH = 1000
 _TICKS = 6
 _ROW = 30
-MOST_POINTS = 800
-"""Points of a drawn curve; of more, the least and the greatest in each step are drawn."""
 
 
 def bars_svg(lanes: Sequence[TimelineLane], span_s: float, language: Language, *, is_narrow: bool = False) -> Markup:
@@ -54,53 +49,9 @@ def _bar(span: SpanLine, span_s: float, left: float, room: float, language: Lang
     }  # fmt: skip
 
 
-def curve_svg(curves: Sequence[Curve], span_s: float, now: float, language: Language) -> Markup:
-    """Curves of numbers over the last `span_s` seconds, each with its name, unit and latest value."""
-    height, left, right, top, bottom = 300, 78, _WIDTH - 20, 24, 274
-    recent = [
-        Curve(curve.name, [point for point in curve.points if now - point[0] <= span_s], curve.unit) for curve in curves
-    ]
-    shown = [curve for curve in recent if curve.points]
-    values = [value for curve in shown for _, value in curve.points]
-    low, high = (min(values), max(values)) if values else (0.0, 1.0)
-    if high == low:
-        low, high = low - 1, high + 1
-    units = {curve.unit for curve in shown}
-
-    def place(at: float, value: float) -> str:
-        x = left + (1 - (now - at) / span_s) * (right - left)
-        return f"{x:.1f},{bottom - (value - low) / (high - low) * (bottom - top):.1f}"
-
-    lines = [
-        {
-            "name": curve.name, "unit": curve.unit, "colour": COLOURS[number % len(COLOURS)],
-            "points": " ".join(place(*point) for point in thinned(curve.points, MOST_POINTS)),
-            "newest": f"{language.number(curve.points[-1][1], '.4g')} {curve.unit}".strip(), "y": height + 26 + 24 * number,
-        }
-        for number, curve in enumerate(shown)
-    ]  # fmt: skip
-    steps = [low + (high - low) * step / 4 for step in range(5)]
-    return render(
-        "curves", say=language.say, width=_WIDTH, height=height + 20 + 24 * len(shown), left=left, right=right, top=top,
-        bottom=bottom, low=low, high=high, span_s=span_s, curves=lines,
-        unit=next(iter(units)) if len(units) == 1 else "",
-        rows=[(round(bottom - step / 4 * (bottom - top), 1), language.number(value, ".4g")) for step, value in enumerate(steps)],
-        ticks=_time_ticks(span_s, left, right, _TICKS, language),
-    )  # fmt: skip
-
-
 def shortened(text: str, most: int) -> str:
     """A text that fits, with an ellipsis where it was cut."""
     return text if len(text) <= most else f"{text[: most - 1]}…"
-
-
-def curves_csv(curves: Sequence[Curve], now: float) -> str:
-    """The numbers as a table: a line for each value, with its age in seconds."""
-    lines = ["seconds ago,field,value,unit"]
-    for curve in curves:
-        name = curve.name.replace('"', '""')
-        lines += [f'{now - at:.4f},"{name}",{value_words(float(value))},{curve.unit}' for at, value in curve.points]
-    return "\r\n".join(lines) + "\r\n"
 
 
 def _time_ticks(span_s: float, left: float, right: float, count: int, language: Language) -> list[tuple[str, str, str]]:
