@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
 
 _C = TypeVar("_C", bound=Callable[..., object])
-TABLE = ".csv"
 
 
 @click.group("log")
@@ -146,12 +145,25 @@ def diff(before: Path, after: Path) -> None:
 def export(  # noqa: PLR0917 - what the command was given
     file: Path, target: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None
 ) -> None:
-    """Write the values of FILE as a table (.csv), or its CAN frames (.log as candump writes them, .asc, .blf ...)."""
+    """Write the values of FILE as a table (.csv, .parquet), or its CAN frames (.log of candump, .asc, .blf ...)."""
     if target.exists():
         raise ConfigError(f"{target} is there already: give the file another name")
     wish = _Wish(topics, slots, from_s, to_s)
-    count = _export_table(file, target, wish) if target.suffix.lower() == TABLE else _export_frames(file, target, wish)
-    click.echo(f"{target}: {count} {'values' if target.suffix.lower() == TABLE else 'frames'}")
+    match target.suffix.lower():
+        case ".csv":
+            words = f"{_export_table(file, target, wish)} values"
+        case ".parquet":
+            words = f"{_export_parquet(file, target, wish)} values"
+        case _:
+            words = f"{_export_frames(file, target, wish)} frames"
+    click.echo(f"{target}: {words}")
+
+
+def _export_parquet(file: Path, target: Path, wish: _Wish) -> int:
+    from msbot.lab.recordings.parquet import write_parquet
+
+    with _reading(file) as reader:
+        return write_parquet(_chosen(reader, wish), target)
 
 
 def _export_table(file: Path, target: Path, wish: _Wish) -> int:
