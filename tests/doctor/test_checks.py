@@ -183,8 +183,10 @@ def test_a_clock_that_cannot_be_judged_is_not_taken_for_right() -> None:
     assert found == [NotSeen("nobody tells")]
 
 
-def test_slots_may_be_empty_while_a_robot_starts() -> None:
-    assert list(check_robot(replace(ROBOT, parts=(), up_s=5.0))) == []
+def test_slots_may_be_empty_while_a_robot_starts_and_nobody_calls_that_well() -> None:
+    (found,) = check_robot(replace(ROBOT, parts=(), up_s=5.0))
+    assert isinstance(found, NotSeen)
+    assert "has only just started" in found.why
 
 
 def test_every_circle_is_found_once_and_ways_without_circle_are_none() -> None:

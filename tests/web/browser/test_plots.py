@@ -35,7 +35,7 @@ def test_curves_live_held_and_back_by_keyboard_with_their_figures(page: Page, de
     expect(page.get_by_role("status").filter(has_text="The past")).to_be_visible()
     drawn = page.evaluate(FRAMES)
     page.keyboard.press("ArrowLeft")
-    expect(page.locator("#ms-plot-figures th.at")).not_to_have_text("latest")
+    expect(page.locator("#ms-plot-figures th.at")).not_to_have_text("Latest")
     expect(page.locator(".plot-cursor")).to_be_visible()
     assert page.evaluate(FRAMES) <= drawn + 2, "what is held stands still"
     with page.expect_download() as download:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msbot.config import Direction
 from msbot.doctor.facts import RobotFacts
-from msbot.doctor.finding import Finding, Mending
+from msbot.doctor.finding import Finding, Mending, NotSeen
 from msbot.pnp import PartState
 from msbot.runtime.sentence import said
 
@@ -19,7 +19,7 @@ FULL, CROWDED = 1.0, 0.8
 MANY_LOST = 10
 
 
-def check_robot(facts: RobotFacts) -> Iterator[Finding]:
+def check_robot(facts: RobotFacts) -> Iterator[Finding | NotSeen]:
     """What is wrong with a robot."""
     yield from _master(facts)
     yield from _slots(facts)
@@ -67,8 +67,11 @@ def _master(facts: RobotFacts) -> Iterator[Finding]:
             )  # fmt: skip
 
 
-def _slots(facts: RobotFacts) -> Iterator[Finding]:
-    if not facts.is_run or facts.up_s < SETTLED_S:
+def _slots(facts: RobotFacts) -> Iterator[Finding | NotSeen]:
+    if not facts.is_run:
+        return
+    if facts.up_s < SETTLED_S:
+        yield NotSeen(said("who is missing: the robot has only just started; look again in half a minute"))
         return
     filled = {part.slot for part in facts.parts if PartState(part.state).is_registered}
     for slot in facts.blueprint.slots:

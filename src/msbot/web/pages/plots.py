@@ -229,7 +229,7 @@ class _Plots:
             "host": self._host.html_id, "chart": self._host.id, "curves": curves, "now": self._ms(self._page.service.now()),
             "live": view.live, "span": view.span_s * 1e3, "from": self._ms(view.from_s), "to": self._ms(view.to_s),
             "address": view.address,
-            "words": {"latest": self._page.say("latest"), "no_unit": self._page.say("no unit")},
+            "words": {"latest": self._page.say("Latest"), "no_unit": self._page.say("no unit")},
         }  # fmt: skip
         return json.dumps(setup)
 
