@@ -154,3 +154,24 @@ function msbotFrame(selector) {
   if (found.getBoundingClientRect().top + scrollY < innerHeight / 2) scrollTo(0, 0);
   else found.scrollIntoView({ block: "center", behavior: "auto" });
 }
+
+// Show other lines in an element; while somebody marks text in it, not before he has let go of it.
+function msbotLines(id, content) {
+  const shown = document.getElementById(id);
+  if (!shown) return;
+  const isMarked = () => {
+    const mark = getSelection();
+    return !!mark && !mark.isCollapsed && (shown.contains(mark.anchorNode) || shown.contains(mark.focusNode));
+  };
+  const isWaiting = shown.msbotLater !== undefined;
+  shown.msbotLater = content;
+  if (isWaiting) return;
+  const look = () => {
+    if (isMarked()) return;
+    document.removeEventListener("selectionchange", look);
+    shown.innerHTML = shown.msbotLater;
+    shown.msbotLater = undefined;
+  };
+  document.addEventListener("selectionchange", look);
+  look();
+}
