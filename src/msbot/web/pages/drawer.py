@@ -133,7 +133,7 @@ def _wires(page: Page, card: SlotCard) -> None:
     found = page.service.views.library.find(card.part_number)
     if found is not None and found.driver.entry_point:
         with ui.expansion(page.say("Wiring"), icon="cable").classes("w-full"):
-            ui.html(wiring_picture(found), sanitize=False).classes("wiring w-full")
+            ui.html(wiring_picture(found, say=page.say), sanitize=False).classes("wiring w-full")
 
 
 def _rhythm(page: Page, slot: str) -> None:

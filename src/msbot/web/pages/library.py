@@ -89,7 +89,9 @@ def _entry(page: Page, found: PartType, base: str) -> None:
         sanitize=False,
     ).classes("w-full")
     if found.driver.entry_point:
-        ui.html(render("wiring", say=say, picture=Markup(wiring_picture(found))), sanitize=False).classes("w-full")
+        ui.html(render("wiring", say=say, picture=Markup(wiring_picture(found, say=say))), sanitize=False).classes(
+            "w-full"
+        )
     _table(page, "Ports", ("Port", "Direction", "Message", "Rate", "Safe value", "Meaning"), [
         (port.name, say(port.direction.value), port.type_name, f"{page.number(port.rate_hz, 'g')} Hz" if port.rate_hz else say("when it happens"),
          ", ".join(f"{name} = {value_words(value, page.language)}" for name, value in port.safe.items()) if port.safe else "–", say(port.description))

@@ -96,7 +96,9 @@ class _Form:
                 faults += [say(fault) for fault in pin_faults(str(self._board.value), part)]
             pins: Mapping[str, int | str] = {wire: str(field.value).strip() for wire, field in self._fields.items()
                                              if wire in part_type.driver.board.pins and str(field.value).strip()}  # fmt: skip
-            set_html(self._picture, Markup(wiring_picture(part_type, pins, str(self._board.value) or say("board"))))
+            set_html(
+                self._picture, Markup(wiring_picture(part_type, pins, str(self._board.value) or say("board"), say))
+            )
         set_html(self._says, render("lines", say=say, lines=faults))
         if hasattr(self, "save"):
             self.save.set_enabled(part is not None and not faults)
