@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from contextlib import ExitStack
 from pathlib import Path
@@ -30,7 +31,9 @@ def test_a_robot_in_processes_of_its_own_survives_the_death_of_its_bus(tmp_path:
 
         dump = run("bus", "dump", "sim:bench1", "--count", "4", cwd=tmp_path, env=env)
         assert dump.returncode == 0
-        assert "node 1" in dump.stdout
+        frames = dump.stdout.splitlines()
+        assert len(frames) == 4
+        assert all(re.search(r"bench1 +[0-9A-F]{3} +\[\d\] .* {2}\w+", frame) for frame in frames)
         load = run("bus", "load", "sim:bench1", "--seconds", "1", cwd=tmp_path, env=env)
         assert "of 125 kbit/s" in load.stdout
         taken = run("bus", "serve", "bench1", cwd=tmp_path, env=env)

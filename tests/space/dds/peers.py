@@ -92,6 +92,12 @@ class Program:
         assert found is not None, f"it ended without {words!r}: {self.lines}"
         return found
 
+    async def tell(self) -> None:
+        """Let it go on: a writer that was started with `when_told` waits for a line."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(b"\n")
+        await self.process.stdin.drain()
+
     async def read_to_end(self) -> None:
         """Nothing of what it said is missing after this."""
         await self._reading

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+from ctypes import byref
 from pathlib import Path
 
 import pytest
 
-from msbot.space import Qos, Topic
+from msbot.space import Qos, Reader, Topic
 from msbot.space.dds import DdsSpace
+from msbot.space.dds.library import Matched
+from msbot.space.dds.reader import DdsReader
 from tests.space.dds.foreign_programs import KINDS, TYPE, Command, command_of, message
 from tests.space.dds.peers import Inbox, program, until
 
@@ -24,6 +27,15 @@ def bodies(inbox: Inbox) -> list[bytes]:
         assert payload[size:] in (b"", b"\0", b"\0\0", b"\0\0\0")
         found.append(payload[:size])
     return found
+
+
+def knows_a_writer(reader: Reader) -> bool:
+    """Whether the reader has found somebody who writes for it."""
+    assert isinstance(reader, DdsReader)
+    (inlet,) = reader.inlets
+    matched = Matched()
+    assert inlet._library.calls.dds_get_subscription_matched_status(inlet.entity, byref(matched)) >= 0
+    return bool(matched.current)
 
 
 @pytest.fixture(params=KINDS)
@@ -61,9 +73,13 @@ async def test_what_a_typed_program_writes_is_heard_here(peer: Command, reliabil
     with DdsSpace() as space:
         inbox = Inbox()
         reader = space.reader(HELLO, Qos(reliable=reliable, depth=COUNT), inbox)
-        async with program(*peer, "write", HELLO.name, str(COUNT), reliability, "volatile") as writer:
+        async with program(*peer, "write", HELLO.name, str(COUNT), reliability, "when_told") as writer:
+            await until(lambda: knows_a_writer(reader))  # and it knows the reader before it waits for a word
+            await writer.tell()
             await writer.says("wrote")
-            await until(lambda: bodies(inbox)[-1:] == [message(COUNT - 1)], "the last one")
+            await until(lambda: inbox.samples)
+            if reliable:
+                await until(lambda: len(inbox.samples) == COUNT)
         if reliable:
             assert bodies(inbox) == [message(number) for number in range(COUNT)]
         assert set(bodies(inbox)) <= {message(number) for number in range(COUNT)}

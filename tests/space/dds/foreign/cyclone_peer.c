@@ -1,6 +1,7 @@
 /* A program with Cyclone DDS in C and a typed topic, as anybody writes it.
-   cyclone_peer write|read TOPIC COUNT reliable|best_effort volatile|transient_local
-   read prints "got ID TEXT" for each sample, write prints "wrote"; both print "ready" first and end with their input. */
+   cyclone_peer write|read TOPIC COUNT reliable|best_effort volatile|when_told|transient_local
+   read prints "got ID TEXT" for each sample, write prints "wrote"; both print "ready" first and end with their input.
+   when_told is volatile, and nothing is written before a line of input. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -28,6 +29,7 @@ int main (int argc, char **argv)
     dds_publication_matched_status_t matched;
     do { dds_sleepfor (DDS_MSECS (5)); dds_get_publication_matched_status (writer, &matched); }
     while (!durable && matched.current_count == 0);
+    if (strcmp (argv[5], "when_told") == 0) { for (int c = 0; c != EOF && c != '\n'; ) c = getchar (); }
     for (int i = 0; i < count; i++)
     {
       char text[32];

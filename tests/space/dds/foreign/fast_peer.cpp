@@ -47,6 +47,7 @@ int main(int argc, char** argv)
             std::this_thread::sleep_for(std::chrono::milliseconds(5));
             writer->get_publication_matched_status(matched);
         } while (!durable && matched.current_count == 0);
+        if (!std::strcmp(argv[5], "when_told")) for (int c = 0; c != EOF && c != '\n';) c = std::getchar();
         for (int i = 0; i < count; i++) {
             HelloWorldData::Msg message;
             message.userID(i);

@@ -37,6 +37,8 @@ def main(do: str, name: str, count: int, reliability: str, durability: str) -> N
         say("ready")
         while not durable and not writer.get_matched_subscriptions():
             time.sleep(0.005)
+        if durability == "when_told":
+            sys.stdin.readline()
         for number in range(count):
             writer.write(Msg(number, f"hello {number}"))
         say("wrote")
