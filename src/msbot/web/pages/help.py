@@ -88,7 +88,7 @@ HELP = {
     ),
     "/faults": PageHelp(
         "Here a teacher lets something go wrong on purpose: lost packets, a stuck sensor, a part that is pulled out. "
-        "Cards and Why? say that it is planted, unless it is hidden. Every fault ends by itself, and STOP ends all.",
+        "The part's card says that it is planted, unless it is hidden. Every fault ends by itself, and STOP ends all.",
         "howto/fault_lab",
     ),
     "/journal": PageHelp(
