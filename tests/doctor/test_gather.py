@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from msbot.cli.doctor import command
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
-from msbot.doctor import CHECKS, Check, Patient, examine
+from msbot.doctor import CHECKS, Check, Finding, Patient, examine
 from msbot.doctor.finding import CannotSee, NotNeeded
 from msbot.doctor.gather.network import bound_ports, iptables_rules, missing_files, nft_rules, ports, ufw_ports
 from msbot.doctor.gather.robot import robot
@@ -173,6 +173,17 @@ def test_one_check_that_cannot_look_keeps_no_other_from_looking() -> None:
     assert found.is_well
     with pytest.raises(ConfigError, match="no check 'tea'"):
         examine(Patient(None), ["tea"], checks)
+
+
+def test_what_has_to_be_mended_comes_before_what_is_noted() -> None:
+    def finding(name: str, *, must: bool) -> Finding:
+        return Finding(name, name, "it is so", "it matters", "gaps", "msbot", must=must)
+
+    checks: list[Check[object]] = [
+        Check("first", lambda patient: patient, lambda _: [finding("noted", must=False), finding("bad", must=True)]),
+        Check("second", lambda patient: patient, lambda _: [finding("worse", must=True)]),
+    ]
+    assert [one.problem for _, one in examine(Patient(None), checks=checks).findings] == ["bad", "worse", "noted"]
 
 
 def test_this_computer_can_be_examined(rover: Path) -> None:

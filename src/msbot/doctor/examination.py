@@ -59,7 +59,7 @@ class Examination:
     """What came of it."""
 
     findings: tuple[tuple[str, Finding], ...]
-    """`(check, finding)`."""
+    """`(check, finding)`; what has to be mended comes before what is only noted."""
     not_seen: tuple[tuple[str, str], ...]
     """`(check, why)`: neither well nor ill."""
     not_needed: tuple[tuple[str, str], ...]
@@ -110,4 +110,5 @@ def examine(patient: Patient, only: Collection[str] = (), checks: Iterable[Check
         not_seen += [(name, one.why) for one in found if isinstance(one, NotSeen)]
         if not found:
             well.append(name)
+    findings.sort(key=lambda found: not found[1].must)  # notes last
     return Examination(tuple(findings), tuple(not_seen), tuple(not_needed), tuple(well))
