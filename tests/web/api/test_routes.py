@@ -95,7 +95,11 @@ def test_a_program_reads_the_figures_for_prometheus_and_a_stranger_does_not(site
     assert answer.headers["content-type"].startswith("text/plain")
     assert "msbot_slots 3.0" in answer.text
     assert "msbot_database_well 1.0" in answer.text
-    assert "msbot_slots" not in site.stranger.get("/metrics").text
+    for headers in ({}, {"authorization": "Bearer msbot_wrong"}):
+        refused = site.stranger.get("/metrics", headers=headers)
+        assert refused.status_code == 401
+        assert "on the page Admin, API tokens" in refused.json()["error"]
+        assert refused.headers["www-authenticate"] == "Bearer"
 
 
 CALLS = [

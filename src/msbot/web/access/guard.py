@@ -40,6 +40,11 @@ BEAT_PATH = "/beat"
 """Requested by open pages all the time, to see whether the robot is there. Answered here, at once."""
 METRICS_PATH = "/metrics"
 """Figures for Prometheus, which shows an API token."""
+NO_FIGURES = (
+    "these figures are for people who are signed in and for programs with an API token: an administrator makes one on "
+    "the page Admin, API tokens; the program sends it as the header Authorization: Bearer TOKEN"
+)
+"""The answer to a program that shows no valid token: it could do nothing with the form to sign in."""
 UPLOAD_PATH = "/_nicegui/client/"
 """Where NiceGUI takes files uploaded on a page; the page's number follows."""
 SOCKET_PATH = "/_nicegui_ws/"
@@ -166,7 +171,8 @@ class AccessGuard:
             return (401, "sign in first") if session is None else (403, "this page was opened by somebody else")
         if session is None:
             may_enter = path in FORM_PATHS if is_changing else is_open
-            return _check_length(path, headers, None) if may_enter else (401, "sign in first")
+            words = NO_FIGURES if path == METRICS_PATH else "sign in first"
+            return _check_length(path, headers, None) if may_enter else (401, words)
         if scope["type"] == "websocket" or method in SAFE_METHODS or session.is_program:
             return _check_length(path, headers, session)
         if path not in (*FORM_PATHS, SIGN_OUT_PATH) and headers.get(CSRF_HEADER, "") != session.csrf:
@@ -180,7 +186,8 @@ class AccessGuard:
             await send({"type": "websocket.close", "code": 4000 + status})
             return
         path: str = scope["path"]
-        if status == 401 and scope["method"] in SAFE_METHODS and not path.startswith(("/api/", "/openapi")):
+        is_page = path != METRICS_PATH and not path.startswith(("/api/", "/openapi"))
+        if status == 401 and scope["method"] in SAFE_METHODS and is_page:
             view = f"{path}?{query}" if (query := scope["query_string"].decode("latin-1")) else path
             where = f"/login?next={quote(view)}" if view != "/" else "/login"
             await self._answer(send, 303, b"", [(b"location", where.encode())])
