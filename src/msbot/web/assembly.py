@@ -193,6 +193,7 @@ class WebRoom:
 
     async def _keep_sessions(self) -> None:
         """Follow what other programs change about people, and keep the sessions."""
+        await self._sessions.tidy_up()
         while True:
             await asyncio.sleep(SESSIONS_S)
             self._accounts.load(self._users.users())

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from msbot.operations.rights import Role
 from msbot.web.access.accounts import Accounts
-from msbot.web.access.kept_sessions import SessionFile
-from msbot.web.access.sessions import IDLE_S, MOST_SESSIONS, Session, Sessions
+from msbot.web.access.kept_sessions import MOST_FILES, SessionFile, remove_old
+from msbot.web.access.sessions import IDLE_S, LONGEST_S, MOST_SESSIONS, Session, Sessions
 from msbot.web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 
@@ -95,3 +96,25 @@ def test_a_folder_of_somebody_else_is_not_believed(tmp_path: Path) -> None:
     (tmp_path / "sessions.json").write_text('{"at": 0, "sessions": [], "device_key": ""}')
     accounts, _ = restarted(tmp_path, MemoryUsers(user("ada")), Clock())
     assert accounts.sessions.kept() == []
+
+
+def test_files_that_sign_nobody_in_any_more_are_removed_and_others_are_not(folder: Path) -> None:
+    now_s = 2_000_000_000.0
+    ages = {"sessions-01.json": LONGEST_S, "sessions-02.json": LONGEST_S - 60, "sessions-03.new": LONGEST_S + 1}
+    for name, age_s in {**ages, "page-04.json": 10 * LONGEST_S}.items():
+        (folder / name).write_text("{}")
+        os.utime(folder / name, (now_s - age_s, now_s - age_s))
+    assert remove_old(folder, now_s) == 2
+    assert sorted(path.name for path in folder.iterdir()) == ["page-04.json", "sessions-02.json"]
+
+
+def test_of_too_many_files_the_oldest_are_removed(folder: Path) -> None:
+    for number in range(MOST_FILES + 3):
+        path = folder / f"sessions-{number:03}.json"
+        path.write_text("{}")
+        os.utime(path, (1000.0 + number, 1000.0 + number))
+    assert remove_old(folder, 2000.0) == 3
+    assert min(path.name for path in folder.iterdir()) == "sessions-003.json"
+    folder.chmod(0o777)
+    assert remove_old(folder, 1e12) == 0, "what is not the user's alone is left alone"
+    assert remove_old(folder / "none", 1e12) == 0

@@ -2,6 +2,9 @@
 
 The file holds SHA-256s of the cookies' words, so reading it signs nobody in. It is written in a thread, whole, and put
 in place of the old one at once.
+
+Robots come and go, so the files of all robots of this user are tidied up, too: one that is too old to restore anything
+is removed, and there are never more than `MOST_FILES`.
 """
 
 from __future__ import annotations
@@ -23,6 +26,8 @@ _log = logging.getLogger(__name__)
 
 LARGEST = 1_000_000
 """Octets of a file that is read."""
+MOST_FILES = 100
+"""Robots whose sign-ins are kept; beyond that, people sign in again at those that have been unused the longest."""
 
 
 class SessionFile:
@@ -58,6 +63,10 @@ class SessionFile:
             self._accounts.device_key = device_key
             self._accounts.sessions.bring_back(kept, away_s, self._accounts.role_of)
 
+    async def tidy_up(self) -> None:
+        """Remove what robots have left that nobody can use any more; to be called at the start, after `bring_back`."""
+        await asyncio.to_thread(remove_old, self._path.parent, time.time())
+
     async def keep(self) -> None:
         """Write what has changed since the last time."""
         kept = self._accounts.sessions.kept()
@@ -85,6 +94,39 @@ class SessionFile:
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:
             file.write(text)
         new.replace(self._path)
+
+
+def remove_old(folder: Path, now_s: float) -> int:
+    """Remove files of sessions that nobody can use any more, and the oldest of those that are too many.
+
+    Args:
+        folder: where they are; another user's is left alone.
+        now_s: seconds since 1970, as files are dated.
+
+    Returns:
+        How many were removed.
+    """
+    if not folder.is_dir():
+        return 0
+    try:
+        check_owner(folder)
+        dated = sorted(((_changed_at(path), path) for path in folder.glob("sessions-*.*")), reverse=True)
+        removed = 0
+        for place, (at_s, path) in enumerate(dated):
+            if place >= MOST_FILES or now_s - at_s >= LONGEST_S:
+                path.unlink(missing_ok=True)
+                removed += 1
+    except (OSError, ConfigError) as error:
+        _log.warning("old files of sessions stay where they are: %s", error)
+        return 0
+    return removed
+
+
+def _changed_at(path: Path) -> float:
+    try:
+        return path.stat().st_mtime
+    except FileNotFoundError:  # another master has just removed it
+        return 0.0
 
 
 def session_file(accounts: Accounts, mark: str) -> SessionFile:
