@@ -238,7 +238,8 @@ class Part:
         word = state.value
         if state is JoinState.REFUSED:
             word = once("words").told_state(word, reason)
-        say("info", "{} is {}: {}".format(self.local_name, word, reason))
+        told = "has ended" if state is JoinState.ENDED else "is {}: {}".format(word, reason)
+        say("info", "{} {}".format(self.local_name, told))
         if state is JoinState.ACTIVE:
             self._tell("join")
             for timed in self._timed:

@@ -58,7 +58,7 @@ def test_a_board_joins_publishes_is_listed_and_leaves_by_ctrl_c(tmp_path: Path) 
         rows = {row["slot"]: row["state"] for row in json.loads(run("parts", "--json", cwd=tmp_path).stdout)}
         assert rows["AA"] == "active"
         assert part.end(signal.SIGINT) == 0
-        assert part.lines[-1] == "# ABCD-local is ended: ended"
+        assert part.lines[-1] == "# ABCD-local has ended"
         master.wait_for("AA", "left")
         again = run("board", "reset", "--port", board.port)
         assert (again.returncode, again.stderr) == (0, "")

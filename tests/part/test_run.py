@@ -106,7 +106,7 @@ async def test_the_story_of_the_part_is_told_unless_quiet(tmp_path: Path) -> Non
             "ABCD is recognising: agent found, waiting for the robot's profile",
             "ABCD is claiming: recognised robot MSBOT_MASTER",
         ]
-        assert told[-1] == "ABCD is ended: ended"
+        assert told[-1] == "ABCD has ended"
 
 
 @pytest.mark.parametrize(

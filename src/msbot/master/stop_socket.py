@@ -41,7 +41,7 @@ class StopSocket:
 
     Args:
         master: the robot.
-        details: what other programs need to find the robot: its name and database.
+        details: what other programs need to find the robot: its name, serial number and database.
     """
 
     def __init__(self, master: Master, details: Callable[[], Mapping[str, str]]) -> None:
@@ -94,7 +94,10 @@ class StopSocket:
             request = json.loads(octets)
             do, who = request["do"], str(request.get("who") or "somebody")[:64]
             known = self._details()
-            if any(request.get(word) not in (None, known.get(word)) for word in ("robot", "database")):
+            is_robot = request.get("robot") in (None, known.get("robot"), known.get("serial_number"))
+            if not is_robot or any(
+                request.get(word) not in (None, known.get(word)) for word in ("serial_number", "database")
+            ):
                 self._send(listening, sender, {"meant": False})
                 return
             if do == "stop":

@@ -237,7 +237,8 @@ class ProgramRunner:
             _log.warning("%s", words)
 
     def _changed(self, change: Changed) -> None:
-        _log.info("%s is %s: %s", self._local_name, told_state(change.after.value, change.reason), change.reason)
+        told = f"is {told_state(change.after.value, change.reason)}: {change.reason}"
+        _log.info("%s %s", self._local_name, "has ended" if change.after is JoinState.ENDED else told)
         assert self._ports is not None
         if change.after is JoinState.ACTIVE:
             self._tell("join")

@@ -51,7 +51,8 @@ def ask_masters(request: Mapping[str, object], timeout_s: float = ANSWER_S) -> t
     whoever said it was told that nobody answers: `expires` says until when it holds, by the system's monotonic clock.
 
     Args:
-        request: `do`: `stop`, `go` or `status`; `who`, `reason`; `robot` and `database` select the masters, None = any.
+        request: `do`: `stop`, `go` or `status`; `who`, `reason`; `robot` (a name or serial number),
+            `serial_number` and `database` select the masters, None = any.
         timeout_s: how long to wait for the slowest of them.
 
     Returns:

@@ -113,6 +113,27 @@ def test_a_go_that_a_master_finds_when_it_goes_on_again_moves_nothing(
     with_socket(tmp_path, act)
 
 
+@needs_sockets
+def test_go_tells_two_masters_of_one_name_apart(tmp_path: Path) -> None:
+    async def act(stage: Stage) -> None:
+        own, db = stage.master.profile, str(tmp_path / "robot.db")
+        twin = StopSocket(stage.master, lambda: {**details_of(stage.master, db), "serial_number": "TWIN"})
+        task = asyncio.create_task(twin.run())
+        await asyncio.sleep(0.01)  # it listens
+        try:
+            said = await typed("go")
+            assert "say with --robot or --db which one may go on: " in said
+            for number in (own.serial_number, "TWIN"):
+                assert f"{own.name} (serial number {number}, {tmp_path}" in said
+            assert "have confirmed" in await typed("stop", "--robot", "TWIN")
+            assert "STOP is over" in await typed("go", "--robot", "TWIN")
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+    with_socket(tmp_path, act)
+
+
 def status(confirmed: int, silent: int, name: str = "p") -> StopStatus:
     return StopStatus(
         True, 1, "ann", "", 1,

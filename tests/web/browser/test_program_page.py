@@ -127,7 +127,7 @@ def test_two_examples_in_two_browsers_speak_to_each_other(open_desk: Callable[..
         assert hurdles(speaker, dark=dark) == []
     press(speaker, "Stop")
     expect_state(speaker, "not running")
-    expect_said(speaker, "# ABCD is ended")
+    expect_said(speaker, "# ABCD has ended")
 
 
 def test_a_mistake_is_said_and_marked_at_its_line(open_desk: Callable[..., Page]) -> None:

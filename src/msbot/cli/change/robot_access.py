@@ -48,6 +48,17 @@ def details_of(master: Master, db: str, *, page: str = "", trouble: str | None =
     return known | {"trouble": trouble} if trouble else known
 
 
+def robot_words(details: Mapping[str, object]) -> str:
+    """A robot by everything that tells it from another one of the same name: what `--robot` and `--db` take.
+
+    Args:
+        details: what its master says about itself.
+    """
+    serial = details.get("serial_number")
+    number = f"serial number {serial}, " if serial else ""
+    return f"{details.get('robot')} ({number}{details.get('database')})"
+
+
 def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> dict[str, object]:
     """Have an operation carried out on a robot, and return the answer.
 
@@ -133,7 +144,7 @@ def _find(database: str | None, robot: str | None) -> RunningProcess | None:
         and (robot is None or robot in (process.details.get("robot"), process.details.get("serial_number")))
     ]
     if len(found) > 1:
-        names = ", ".join(f"{one.details.get('robot')} ({one.details.get('database')})" for one in found)
+        names = ", ".join(robot_words(one.details) for one in found)
         raise ConfigError(f"{len(found)} masters run here: say which robot is meant with --robot or --db: {names}")
     return found[0] if found else None
 

@@ -35,12 +35,15 @@ def say_go(db: str | None, robot: str | None) -> Answer:
     """
     meant, _ = _ask("status", db, robot)
     if len(meant) > 1:
-        names = ", ".join(str(one["robot"]) for one in meant)
-        raise ConfigError(f"{len(meant)} masters run here: say with --robot which one may go on: {names}")
+        from msbot.cli.change.robot_access import robot_words  # as below
+
+        names = ", ".join(robot_words(one) for one in meant)
+        raise ConfigError(f"{len(meant)} masters run here: say with --robot or --db which one may go on: {names}")
     if not meant:
         return _by_the_ordinary_way("go", {}, db, robot, "NOT delivered")
     (one,) = meant  # to this one alone: another master may stand still, and would find it later
-    answers, _ = _ask("go", str(one["database"]), str(one["robot"]))
+    # By its serial number, too: robots of one name may share a database.
+    answers, _ = _ask("go", str(one["database"]), str(one["robot"]), serial_number=one.get("serial_number"))
     if not answers:
         raise ConfigError("NOT delivered: the master has ended meanwhile")
     return answers[0]
@@ -58,7 +61,9 @@ def stop_status(db: str | None, robot: str | None) -> Answer:
     return _by_the_ordinary_way("stop_report", {}, db, robot, "whether STOP holds is not known")
 
 
-def _ask(do: str, db: str | None, robot: str | None, reason: str = "") -> tuple[list[Answer], int]:
+def _ask(
+    do: str, db: str | None, robot: str | None, reason: str = "", *, serial_number: object = None
+) -> tuple[list[Answer], int]:
     """The answers of the masters that are meant (of that robot and database; else of the robot.db here; else all), and
     how many run here without an answer; 0 if the robot was named, as they are then of others.
 
@@ -70,7 +75,8 @@ def _ask(do: str, db: str | None, robot: str | None, reason: str = "") -> tuple[
     if db is None and Path(beside := database_beside(DEFAULT_BLUEPRINT)).exists():
         db = beside
     database = None if db is None else database_identity(db)
-    request = {"do": do, "who": user_name(), "reason": reason, "robot": robot, "database": database}
+    request = {"do": do, "who": user_name(), "reason": reason, "robot": robot, "database": database,
+               "serial_number": serial_number}  # fmt: skip
     answers, silent = ask_masters(request)
     if not answers and silent:
         raise ConfigError("NOT delivered: a master runs here and does not answer; cut the power of the robot")
