@@ -23,7 +23,7 @@ NO_FACTS = {
     **dict.fromkeys(("rec save", "log filter", "log export"), WRITES),
     **dict.fromkeys((
         "library add", "db migrate", "db backup", "db restore", "service install", "service remove", "user role",
-        "user remove", "key remove", "bus send", "board reset", "rec start", "rec stop",
+        "user remove", "key board", "key remove", "bus send", "board reset", "rec start", "rec stop",
     ), DOES),
     **dict.fromkeys(("user add", "user passwd", "key new"), SECRET),
     "plot": "draws; `--out FILE.csv` has the numbers",
@@ -39,7 +39,8 @@ NOT_ONE_ROBOT = {
     **dict.fromkeys(("robots", "db backup", "db check", "db migrate", "db restore"), WHOLE),
     **dict.fromkeys(("user add", "user list", "user passwd", "user remove", "user role"),
                     "people may sign in at every robot of the database"),
-    **dict.fromkeys(("key new", "key list", "key remove"), "a key is its part's, whichever robot that joins"),
+    **dict.fromkeys(("key board", "key new", "key list", "key remove"),
+                    "a key is its part's, whichever robot that joins"),
 }  # fmt: skip
 """Commands with `--db` and without `--robot`, and why."""
 

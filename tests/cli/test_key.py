@@ -14,6 +14,7 @@ from click.testing import CliRunner, Result
 from msbot.cli.key import command, qr_code
 from msbot.config import SAMPLES, load_blueprint, load_library, parse_blueprint, write_sample
 from msbot.part.join.keys import given_key, parse_key
+from msbot.part.join.uid import uid_on_board
 from msbot.pnp import Claim, PartEvent, PartState
 from msbot.registry import open_registry
 
@@ -79,6 +80,18 @@ def test_here_keeps_uid_and_key_for_the_program_and_for_nobody_else(folder: Path
     path = folder / "state/msbot/key/EFGH.left"
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert (folder / "state/msbot/uid/EFGH.left").read_text().strip() == uid.hex()
+
+
+def test_the_parts_of_a_board_get_its_key(folder: Path) -> None:
+    _, key = shown(run("new", "eye", "--no-qr").output)
+    output = run("board", "eye", "HC-SR04 front eye: trigger=5, echo=18", "LED").output
+    uids = [uid_on_board(bytes.fromhex(UID), *shown) for shown in (("HC-SR04", "front eye"), ("LED", "LED"))]
+    assert output.splitlines() == [
+        f"{uids[0].hex()}  front eye, part HC-SR04: has the board's key",
+        f"{uids[1].hex()}  LED, part LED: has the board's key",
+    ]
+    with open_registry(folder / "robot.db", read_only=True) as registry:
+        assert [registry.keys.find(uid) for uid in uids] == [key, key]
 
 
 def test_the_list_shows_whose_keys_there_are_and_no_key(folder: Path) -> None:

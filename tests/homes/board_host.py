@@ -1,6 +1,6 @@
 """Runs after `vm_host.py` in the same place: a generic board in place of a program, and the world behind its pins.
 
-{"do": "board", "link": "can"|"serial", "uid": HEX, "now": MS, "files": {NAME: TEXT}}
+{"do": "board", "link": "can"|"serial", "uid": HEX, "key": HEX|null, "now": MS, "files": {NAME: TEXT}}
 {"do": "machine", "call": NAME, "with": [...]}     one of the functions of `fake_machine.py`; answers {"is": ...}
 {"do": "files"}                                    what the board keeps
 """
@@ -30,7 +30,7 @@ def _start_board(request):
         with open(name, "w") as file:
             file.write(text)
     _wire = Wire(request["link"] == "serial")
-    part = msbot.Part("BOARD-8", local_name="front", uid=bytes.fromhex(request["uid"]))
+    part = msbot.Part("BOARD-8", local_name="front", uid=bytes.fromhex(request["uid"]), key=request["key"])
     board = GenericBoard(part)
     _parts.append(_Board(board))
     board.begin(_make_link(request["link"], _wire), request["now"])

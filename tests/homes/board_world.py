@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from msbot import Message
-from msbot.config import Direction, Slot, load_library, scalar_text
+from msbot.config import Direction, Options, Slot, load_library, scalar_text
 from msbot.part import Part
 from msbot.part.join.plug import safe_setting
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.sim import message_class
 from tests.homes import runners
-from tests.homes.world import PARTNER_SLOT, SLOT, Robot, World
+from tests.homes.world import PARTNER_SLOT, PARTNER_UID, SLOT, Robot, World
 
 LIBRARY = load_library()
 HERE = Path(__file__).parent
@@ -25,14 +25,21 @@ FAKES = ("machine=" + str(HERE / "fake_machine.py"), str(HERE / "board_host.py")
 
 
 class BoardHome(runners.MicroPython):
-    """A generic board in an engine; `files` are what it has kept."""
+    """A generic board in an engine; `files` are what it has kept, `key` is the one in its `msbot.json`."""
 
-    def __init__(self, engine: runners.Engine, link: str = "can", files: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        engine: runners.Engine,
+        link: str = "can",
+        files: Mapping[str, str] | None = None,
+        key: bytes | None = None,
+    ) -> None:
         super().__init__(engine, link)
         self._files = dict(files or {})
+        self._key = None if key is None else key.hex()
 
     def _first(self, program: str, name: str) -> dict[str, Any]:
-        return {**super()._first(program, name), "do": "board", "files": self._files}
+        return {**super()._first(program, name), "do": "board", "files": self._files, "key": self._key}
 
     def machine(self, call: str, *given: object) -> Any:
         """Call a function of the world behind the pins."""
@@ -49,10 +56,22 @@ class BoardHome(runners.MicroPython):
 
 
 class BoardWorld(World):
-    """The robot: slot `mine` is the board's, the others are named in `parts`, slot to part number."""
+    """The robot: slot `mine` is the board's, the others are named in `parts`, slot to part number.
 
-    def __init__(self, home: BoardHome, parts: Mapping[str, str], wired: tuple[str, ...]) -> None:
-        super().__init__(Robot(number="BOARD-8"), home, "", "")
+    With `keys`, UID to key, it is one that asks for keys; the desk has that of `PARTNER_UID`.
+    """
+
+    def __init__(
+        self,
+        home: BoardHome,
+        parts: Mapping[str, str],
+        wired: tuple[str, ...],
+        keys: Mapping[bytes, bytes] | None = None,
+        authentication: str = "key",
+    ) -> None:
+        options = Options() if keys is None else Options(authentication=authentication, explain=True)
+        super().__init__(Robot(number="BOARD-8", options=options), home, "", "")
+        self._keys = dict(keys or {})
         self.board = home
         self.parts = dict(parts)
         self.heard: dict[str, list[Message]] = {}
@@ -77,6 +96,7 @@ class BoardWorld(World):
             slots=(*(Slot(slot, number) for slot, number in slots.items()), Slot(PARTNER_SLOT, "PARTNER")),
             configurations=(*configurations, Configuration(1, PARTNER_SLOT, tuple(desk))),
         )
+        self.store.keys.update(self._keys)
         self.wire(wired, tell=False)
         self.new_board_master()
 
@@ -102,6 +122,7 @@ class BoardWorld(World):
         """A part at the other ends of all ports."""
 
         def listen(part: Part) -> None:
+            part.key = self._keys.get(PARTNER_UID)
             for binding in self.store.configurations[PARTNER_SLOT].bindings:
                 if not binding.publishes:
                     part.on(binding.port, self._class(binding))(partial(self._hear, binding.port))

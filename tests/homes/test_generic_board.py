@@ -18,7 +18,7 @@ from msbot import Distance, Level, Pressure, Switch, Temperature, Text
 from tests.homes import micro
 from tests.homes.board_world import FAKES, HOSTS, BoardHome, BoardWorld
 from tests.homes.runners import NODE, DoubleEngine, NodeEngine, as_micropython
-from tests.homes.world import SLOT, run_virtual
+from tests.homes.world import PARTNER_UID, SLOT, UID, run_virtual, uid_on_board
 
 NEEDED = "MSBOT_NEED_NODE"
 BMP280 = [
@@ -70,21 +70,27 @@ def make(
         (pytest.fail if os.environ.get(NEEDED) else pytest.skip)("there is no node here for the MicroPython VM")
     monkeypatch.chdir(tmp_path)
 
-    def start(files: dict[str, str] | None = None) -> BoardHome:
+    def start(files: dict[str, str] | None = None, key: bytes | None = None) -> BoardHome:
         if engine == "vm":
-            return BoardHome(NodeEngine(micro.FOLDER, *FAKES), link, files)
+            return BoardHome(NodeEngine(micro.FOLDER, *FAKES), link, files, key)
         monkeypatch.setitem(sys.modules, "machine", fake_machine())
         monkeypatch.setattr("time.sleep_ms", lambda _: None, raising=False)
         monkeypatch.setattr("time.sleep_us", lambda _: None, raising=False)
-        return BoardHome(DoubleEngine(*HOSTS), link, files)
+        return BoardHome(DoubleEngine(*HOSTS), link, files, key)
 
     yield start
     micro.forget()
 
 
-def play(home: BoardHome, story: Callable[[BoardWorld], Awaitable[None]], wired: tuple[str, ...] = ALL) -> BoardWorld:
+def play(
+    home: BoardHome,
+    story: Callable[[BoardWorld], Awaitable[None]],
+    wired: tuple[str, ...] = ALL,
+    keys: dict[bytes, bytes] | None = None,
+    authentication: str = "key",
+) -> BoardWorld:
     async def main() -> BoardWorld:
-        world = BoardWorld(home, PARTS, wired)
+        world = BoardWorld(home, PARTS, wired, keys, authentication)
         world.start_master()
         await world.master.ready.wait()
         try:
@@ -289,3 +295,57 @@ def test_what_makes_no_sense_is_left_out_and_the_master_says_why(make: Callable[
         ]
 
     play(make(), story, (LAMP, "RELAY-1 relay: s=2", "HCSR04 eye: trigger=5"))
+
+
+KEY = bytes(range(16))
+OTHER_KEY = bytes(range(1, 17))
+KEYS = {
+    UID: KEY,
+    PARTNER_UID: OTHER_KEY,
+    uid_on_board(UID, "HC-SR04", "eye"): KEY,
+    uid_on_board(UID, "LED", "lamp"): KEY,
+}
+
+
+@on("double-can", "vm-serial")
+@pytest.mark.parametrize("authentication", ["key", "key+data"])
+def test_in_a_robot_with_keys_each_part_proves_the_key_of_the_board(
+    make: Callable[..., BoardHome], authentication: str
+) -> None:
+    async def story(world: BoardWorld) -> None:
+        await begin(world, "eye", "lamp")
+        world.send("lamp/on", on=True)
+        await asyncio.sleep(0.5)
+        assert looker(world)(2) == ["out", FULL]
+        assert world.heard["eye/distance"]
+        # Known to nobody: the board's key does not let in a part whose UID the robot has no key for.
+        world.wire((EYE, LAMP, ARM))
+        await asyncio.sleep(5.0)
+        assert world.states()["arm"] == "refused"
+        assert "this robot asks for keys, and has none for this part" in " ".join(world.master.why("arm"))
+        world.store.keys[uid_on_board(UID, "SG90", "arm")] = KEY
+        await world.until(arm="active", eye="active", lamp="active")
+
+    play(make(key=KEY), story, (EYE, LAMP), KEYS, authentication)
+
+
+@on("double-can")
+def test_a_board_with_a_wrong_key_is_not_let_in_nor_are_its_parts(make: Callable[..., BoardHome]) -> None:
+    kept: dict[str, str] = {}
+
+    async def learn(world: BoardWorld) -> None:
+        await begin(world, "eye", "lamp")
+        kept.update(world.board.files())
+
+    play(make(key=KEY), learn, (EYE, LAMP), KEYS)
+
+    async def story(world: BoardWorld) -> None:
+        world.plug()
+        world.board.machine("set_echo", 5831)
+        await asyncio.sleep(10.0)
+        sentence = "the part's key is not the one on file for its UID"
+        for who in ("front", "eye", "lamp"):
+            assert sentence in " ".join(world.master.why(who)), world.master.why(who)
+        assert looker(world)(2) == ["out", 0]  # safe all the same
+
+    play(make(kept, OTHER_KEY), story, (EYE, LAMP), KEYS)

@@ -27,6 +27,7 @@ from msbot.part import Part
 from msbot.part.join.keys import prove, prove_sealed
 from msbot.part.join.plug import Refusal
 from msbot.part.join.seal import Seal
+from msbot.part.join.uid import uid_on_board
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.runtime.virtual_time import run_virtual
@@ -332,4 +333,5 @@ __all__ = [
     "prove_sealed",
     "run_virtual",
     "split",
+    "uid_on_board",
 ]  # fmt: skip

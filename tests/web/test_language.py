@@ -12,7 +12,7 @@ from starlette.requests import HTTPConnection
 
 import msbot
 import msbot.web
-from msbot.config import SAMPLES, differences, load_library, parse_blueprint
+from msbot.config import SAMPLES, differences, load_library, parse_blueprint, wired_parts
 from msbot.errors import ConfigError, RegistryError
 from msbot.operations.rights import Right, Role
 from msbot.part.join.plug import Refusal
@@ -193,6 +193,27 @@ def test_mistakes_in_a_blueprint_and_differences_are_told_in_german_too() -> Non
     assert german.say(str(caught.value)).startswith(
         "robot.toml, Zeile 2: Spalte 8: das ist kein Wert; Text braucht Anführungszeichen"
     )
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        (
+            ("LED a: s=2", "LED b: s=2"),
+            "part_2: Pin 2 ist schon von part_1 belegt; verdrahten Sie eines davon anderswo",
+        ),
+        (
+            ("BMP280 a: scl=22, sda=21", "BMP280 b: scl=22, sda=21"),
+            "part_2: Adresse 0x76 des I2C an Pin 21 ist schon von part_1 belegt; verdrahten Sie eines davon anderswo",
+        ),
+        (("HCSR04 eye: echo=5",), 'part_1: die Bibliothek hat keine Teilenummer "HCSR04"; meinten Sie '),
+        (("LED a: s=2, active_low=perhaps",), "part_1: Option active_low muss true oder false sein"),
+    ],
+)
+def test_mistakes_in_the_wiring_of_a_board_are_told_in_german_too(texts: tuple[str, ...], words: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        wired_parts({f"part_{at}": text for at, text in enumerate(texts, 1)}, load_library())
+    assert languages()["de"].say(str(error.value)).startswith(words)
 
 
 def test_what_a_process_with_limits_says_of_a_backup_is_told_in_german_too(tmp_path: Path) -> None:

@@ -12,10 +12,11 @@ from pathlib import Path
 import click
 
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, existing_database
+from msbot.config import shown_by
 from msbot.errors import ConfigError
 from msbot.part.join.keys import KEY_OCTETS, key_text
 from msbot.part.join.plug import UID_OCTETS
-from msbot.part.join.uid import kept_file, parse_uid, stored_uid
+from msbot.part.join.uid import kept_file, parse_uid, stored_uid, uid_on_board
 from msbot.registry import KeyRecord, PartRecord, Registry, open_registry
 
 QR_VERSION = "MSBOT1"
@@ -60,6 +61,31 @@ def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no
     if not no_qr:
         click.echo("The same to be scanned:\n")
         click.echo(qr_code(":".join((QR_VERSION, number, octets.hex(), key.hex()))))
+
+
+@command.command("board")
+@click.argument("board")
+@click.argument("wired", nargs=-1, required=True)
+@db_option
+def board(board: str, wired: tuple[str, ...], db: str | None) -> None:
+    """Let the parts that are WIRED to a generic BOARD in with the board's key.
+
+    BOARD is its UID, or its name or slot if the robot has seen it. WIRED are texts as in part_1, "HC-SR04 eye"; they
+    may go on with the wires.
+    """
+    with open_registry(existing_database(db)) as registry:
+        known = _known(registry, board)
+        uid = parse_uid(board) if known is None else known.uid
+        key = registry.keys.find(uid)
+        if key is None:
+            raise ConfigError(f"board {board} has no key yet: `msbot key new BOARD-8 --uid {uid.hex()}` makes one")
+        shown = [shown_by(text) for text in wired]
+        if not all(number for number, _ in shown):
+            raise ConfigError('a text is empty: write part number and name, for example "HC-SR04 eye"')
+        for number, name in shown:
+            mine = uid_on_board(uid, number, name)
+            registry.keys.keep(mine, key, WHO)
+            click.echo(f"{mine.hex()}  {name}, part {number}: has the board's key")
 
 
 @command.command("list")

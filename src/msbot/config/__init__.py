@@ -21,7 +21,7 @@ from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML, SAMPLES, wri
 from msbot.config.blueprint.writer import blueprint_toml, preset_of, slot_toml
 from msbot.config.library.board_document import board_documents
 from msbot.config.library.board_drivers import BOARD_DRIVERS
-from msbot.config.library.board_wiring import WiredPart, wired_part, wired_parts
+from msbot.config.library.board_wiring import WiredPart, shown_by, wired_part, wired_parts
 from msbot.config.library.description_reader import Described, read_description
 from msbot.config.library.library import (
     SHIPPED,
@@ -111,6 +111,7 @@ __all__ = [
     "problems_json",
     "read_description",
     "scalar_text",
+    "shown_by",
     "slot_toml",
     "split_number",
     "standard_message_types",

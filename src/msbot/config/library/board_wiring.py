@@ -53,7 +53,7 @@ def wired_part(text: str, library: Library) -> WiredPart | None:
     if not text.strip():
         return None
     head, colon, wires = text.partition(":")
-    number, _, name = head.strip().partition(" ")
+    number, name = shown_by(head)
     if not (colon and number and len(name) <= MOST_NAME):
         raise ConfigError(
             said(
@@ -67,9 +67,13 @@ def wired_part(text: str, library: Library) -> WiredPart | None:
     said_wires = _pairs(text, wires)
     options = {name: said_wires.pop(name) for name in [one.name for one in spec.options] if name in said_wires}
     address = _address(number, spec, said_wires.pop(ADDRESS, ""))
-    return WiredPart(
-        part_type, number, name.strip() or number, _pins(number, spec, said_wires), address, _options(spec, options)
-    )
+    return WiredPart(part_type, number, name, _pins(number, spec, said_wires), address, _options(spec, options))
+
+
+def shown_by(text: str) -> tuple[str, str]:
+    """Part number and name that the part of a text shows; the wires may be missing."""
+    number, _, name = text.partition(":")[0].strip().partition(" ")
+    return number, name.strip() or number
 
 
 def wired_parts(texts: Mapping[str, str], library: Library) -> dict[str, WiredPart]:
@@ -104,9 +108,12 @@ def _check_together(parts: Mapping[str, WiredPart]) -> None:
                 )
             )
         on_i2c = part.address is not None
-        claims = {f"pin {pin}": on_i2c for pin in part.pins.values()}
+        claims = {said("pin {pin}", pin=pin): on_i2c for pin in part.pins.values()}
         if on_i2c:
-            claims[f"address 0x{part.address:02x} of the I2C at pin {part.pins['sda']}"] = False
+            address = said(
+                "address 0x{address:02x} of the I2C at pin {sda}", address=part.address, sda=part.pins["sda"]
+            )
+            claims[address] = False
         if len(part.pins) != len(set(part.pins.values())):
             raise ConfigError(said("{parameter}: two wires are at one pin; give each its own", parameter=parameter))
         for claim, shared in claims.items():
@@ -141,7 +148,7 @@ def _pins(number: str, spec: DriverSpec, wires: Mapping[str, str]) -> dict[str, 
         if name not in known:
             more = [ADDRESS] if BOARD_DRIVERS[spec.board.driver].on_i2c else []
             words = [*known, *more, *(option.name for option in spec.options)]
-            right = suggestion(name, words, none_known="leave it out")
+            right = suggestion(name, words, none_known=said("leave it out"))
             raise ConfigError(
                 said('part {number} has no wire or option "{name}"; {right}', number=number, name=name, right=right)
             )
@@ -194,11 +201,12 @@ def _options(spec: DriverSpec, given: Mapping[str, str]) -> dict[str, Scalar]:
     for option in spec.options:
         text = given.get(option.name)
         value = option.default if text is None else option.kind.parse(text)
-        fault = f"must be {option.kind.words}" if value is None else option.fault(value)
+        wrong = said("must be {wanted}", wanted=option.kind.words)
+        fault = wrong if value is None else option.fault(value)
         if value is None or fault is not None:
             raise ConfigError(said("option {name} {fault}", name=option.name, fault=fault))
         values[option.name] = value
     return values
 
 
-__all__ = ["EXAMPLE", "I2C_WIRES", "MOST_PARTS", "BoardPin", "WiredPart", "wired_part", "wired_parts"]
+__all__ = ["EXAMPLE", "I2C_WIRES", "MOST_PARTS", "BoardPin", "WiredPart", "shown_by", "wired_part", "wired_parts"]

@@ -104,8 +104,18 @@ class Library:
         number, version = split_number(shown)
         known = self.get(number)
         if known is not None:
-            raise ConfigError(f"part {number} is known, but not in version {version!r}; known: {known.versions}")
-        raise ConfigError(f'the library has no part number "{shown}"; {self.suggest(number)}')
+            raise ConfigError(
+                said(
+                    "part {number} is known, but not in version {version!r}; known: {versions}",
+                    number=number,
+                    version=version,
+                    versions=known.versions,
+                )
+            )
+        right = self.suggest(number)
+        raise ConfigError(
+            said('the library has no part number "{part_number}"; {right}', part_number=shown, right=right)
+        )
 
     def with_type(self, part_type: PartType, messages: Iterable[MessageType] = ()) -> Library:
         """A library with one part type more, or another one of that number, and its message types."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import secrets
 from pathlib import Path
@@ -25,6 +26,11 @@ def parse_uid(text: str) -> bytes:
     if len(uid) != UID_OCTETS:
         raise ConfigError(f"UID {text!r}: write {2 * UID_OCTETS} hexadecimal digits, for example 0011223344556677")
     return uid
+
+
+def uid_on_board(board: bytes, part_number: str, local_name: str) -> bytes:
+    """The UID of a part that is wired to a generic board, from the board's (docs/explain/generic_board.md)."""
+    return hashlib.sha256(board + f"{part_number}\0{local_name}".encode()).digest()[:UID_OCTETS]
 
 
 def kept_file(what: str, part_number: str, local_name: str, folder: Path | None = None) -> Path:
