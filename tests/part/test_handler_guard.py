@@ -114,6 +114,27 @@ def test_a_slow_handler_is_reported_once(caplog: pytest.LogCaptureFixture) -> No
     ]
 
 
+def test_a_slow_function_of_msbot_is_told_of_by_its_part(caplog: pytest.LogCaptureFixture) -> None:
+    def _say() -> None:
+        loop = asyncio.get_running_loop()
+        loop._now += 0.8  # type: ignore[attr-defined]  # as on a computer that has much else to do
+        assert guard.running is not None
+        running.append(guard.running[0])
+
+    _say.__module__ = "msbot.sim.model_part"
+    guard, running = Guard(lambda _: None), list[str]()
+
+    async def main() -> None:
+        guard.part = "SONAR-1"
+        guard.call(_say)
+
+    run_virtual(main())
+    assert running == ["a step of SONAR-1"]
+    assert [record.getMessage() for record in caplog.records] == [
+        "SONAR-1: one of its steps took 0.8 s, and it cannot beat meanwhile: this computer may be too busy"
+    ]
+
+
 def test_reports_are_bounded(caplog: pytest.LogCaptureFixture) -> None:
     guard = Guard(lambda _: None)
     for number in range(500):

@@ -56,6 +56,8 @@ class Guard:
         Args:
             mistake: called with a ConfigError raised by a handler: a mistake that must be fixed in the program.
         """
+        self.part = ""
+        """What the part is called; known when it runs."""
         self.errors = 0
         """Calls that ended with an error."""
         self.running: tuple[str, float] | None = None
@@ -68,7 +70,7 @@ class Guard:
         clock = asyncio.get_running_loop().time
         began_at = clock()
         failed = False
-        before, self.running = self.running, (_name(function), began_at)
+        before, self.running = self.running, (self._shown(function), began_at)
         try:
             function(*arguments)
         except Exception as error:
@@ -77,7 +79,10 @@ class Guard:
         finally:
             self.running = before
         took_s = clock() - began_at
-        if took_s > SLOW_S:
+        if took_s > SLOW_S and _is_own(function):
+            words = f"one of its steps took {took_s:.1f} s, and it cannot beat meanwhile: this computer may be too busy"
+            self.report(self.part or "a part", words, kind="slow")
+        elif took_s > SLOW_S:
             words = f"took {took_s:.1f} s, and the part cannot beat meanwhile: keep it below {SLOW_S} s"
             self.report(_name(function), words, kind="slow")
         return not failed
@@ -89,15 +94,24 @@ class Guard:
             self._reported.add(key)
             _log.error("%s: %s", where, what)
 
+    def _shown(self, function: Callable[..., object]) -> str:
+        """What people know it by: a function of theirs by its name, one of MsBOT's by its part."""
+        return f"a step of {self.part or 'the part'}" if _is_own(function) else _name(function)
+
     def _failed(self, function: Callable[..., object], error: Exception) -> None:
         self.errors += 1
-        where = line_of(error) or _name(function)
+        where = line_of(error) or self._shown(function)
         if isinstance(error, ConfigError):
             self._mistake(ConfigError(f"{where}: {error}"))
             return
         words = f"{type(error).__name__}: {error} (said once, counted from now on)"
         self.report(where, words, kind=type(error).__name__)
         _log.debug("%s: the whole story (-v)", where, exc_info=error)
+
+
+def _is_own(function: Callable[..., object]) -> bool:
+    """Whether it is one of MsBOT's, as those of a simulated part: its name means nothing to people."""
+    return (getattr(function, "__module__", None) or "").partition(".")[0] == "msbot"
 
 
 def _name(function: Callable[..., object]) -> str:

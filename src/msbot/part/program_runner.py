@@ -161,7 +161,7 @@ class ProgramRunner:
         if self._membership is not None:
             raise LocalProtocolError(f"part {self._local_name} runs already")
         self._loop_thread = threading.get_ident()
-        self._local_name = identity.local_name
+        self._local_name = self.guard.part = identity.local_name
         self.joining = Joining(identity.robot, PATIENT if link.info.shared_bus else QUICK)
         self._mistake = None
         self._configurations = 0

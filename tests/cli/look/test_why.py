@@ -9,7 +9,10 @@ from random import Random
 
 import pytest
 from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
 
+from msbot.cli.look.folding import folded
 from msbot.cli.look.why import command
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.errors import ConfigError, RegistryError
@@ -30,6 +33,15 @@ EFGH, KEY = b"EFGH-one", bytes(range(16))
 @pytest.fixture(autouse=True)
 def _nobody_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+@given(st.lists(st.text("abc-/.é", min_size=1, max_size=60), min_size=1, max_size=30), st.integers(40, 120))
+def test_a_long_sentence_goes_on_between_two_words(words: list[str], columns: int) -> None:
+    lines = folded("  - " + " ".join(words), columns).split("\n")
+    assert " ".join(lines).split() == ["-", *words]
+    assert all(len(line) <= columns or len(line.split()) <= 2 for line in lines)
+    assert lines[0].startswith("  - ")
+    assert all(line.startswith(" " * 6) for line in lines[1:])
 
 
 class Counter:

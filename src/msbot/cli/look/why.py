@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.robot_access import perform, running_master, until_stored
+from msbot.cli.look.folding import for_terminal
 from msbot.cli.look.looking import Look, looking_at
 from msbot.cli.look.one_robot import one_robot
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, existing_database, json_option, robot_options
@@ -45,7 +46,7 @@ def command(part: str, last: int, db: str | None, robot: str | None, *, as_json:
             click.echo(json.dumps({"history": [], "now": lines, "troubles": troubles}))
             return
         for line in lines:
-            click.echo(line)
+            click.echo(for_terminal(line))
         return
     if as_json:
         history = [_as_json(entry) for entry in entries]
@@ -54,13 +55,13 @@ def command(part: str, last: int, db: str | None, robot: str | None, *, as_json:
     for entry in entries:
         when = datetime.fromtimestamp(entry.at_ns / 1e9).strftime("%Y-%m-%d %H:%M:%S")
         first, *evidence = entry.event.sentences()
-        click.echo(f"{when}  {entry.robot}: {first}" if several else f"{when}  {first}")
+        click.echo(for_terminal(f"{when}  {entry.robot}: {first}" if several else f"{when}  {first}"))
         for line in evidence:
-            click.echo(line)
+            click.echo(for_terminal(line))
     if lines:
-        click.echo(f"now: {lines[0]}")
+        click.echo(for_terminal(f"now: {lines[0]}"))
     for line in troubles:
-        click.echo(f"now: {line}")
+        click.echo(for_terminal(f"now: {line}"))
 
 
 def _as_json(entry: JournalEntry) -> dict[str, object]:
