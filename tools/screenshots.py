@@ -13,11 +13,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from threading import Thread
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
@@ -125,10 +127,13 @@ def demo(folder: str) -> Iterator[str]:
     process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
     try:
         assert process.stdout is not None
-        yield next(found[0] for line in process.stdout if (found := re.search(r"https?://\S+", line)))
+        link = next(found[0] for line in process.stdout if (found := re.search(r"https?://\S+", line)))
+        # The rest is read and thrown away: a demo whose pipe is full stands still.
+        Thread(target=deque, args=(process.stdout, 0), daemon=True).start()
+        yield link
     finally:
         process.terminate()
-        process.communicate()
+        process.wait()
 
 
 def take(browser: Browser, link: str, shots: list[Shot], form: tuple[str, str], folder: Path, *, locale: str) -> None:

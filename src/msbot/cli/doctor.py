@@ -84,7 +84,8 @@ def lines(found: Examination, *, verbose: bool) -> list[str]:
     said: list[str] = []
     for check, finding in found.findings:
         note = "" if finding.must else "(note) "
-        said.append(f"{note}{finding.about} ({check}): {finding.saw}")
+        where = finding.about if finding.about == check else f"{finding.about} ({check})"
+        said.append(f"{note}{where}: {finding.saw}")
         rows = (("why", finding.why), ("wire", finding.wire), ("first", finding.first), ("mend", finding.mend))
         said += [f"    {title.ljust(6)} {text}" for title, text in rows if text]
     if verbose:
