@@ -23,6 +23,7 @@ from msbot.errors import ConfigError
 from msbot.link import Link, Peer, Signal
 from msbot.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
 from msbot.ros.graph import RosGraph
+from msbot.runtime.patient_output import patient_output
 from msbot.space import MEMORY, SharedSpace, Space, SpaceAddress, open_space
 from msbot.xrce import References
 
@@ -84,7 +85,7 @@ def serve(link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hin
     references = None if wishes.refs is None else read_references(wishes.refs)
     if isinstance(link, TcpServerLink):
         _allow_connections()
-    with contextlib.suppress(KeyboardInterrupt):
+    with contextlib.suppress(KeyboardInterrupt), patient_output():
         asyncio.run(_main(link, wishes, references, discovery, hint))
 
 

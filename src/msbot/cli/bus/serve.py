@@ -10,6 +10,7 @@ import click
 
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.link.can.sim import SimBus, SimBusDriver, SimBusServer, rates_words
+from msbot.runtime.patient_output import patient_output
 from msbot.runtime.terminal_log import TerminalHandler
 
 
@@ -21,7 +22,7 @@ def serve(name: str, bitrate: int, data_bitrate: int | None) -> None:
         LinkDown: another process serves a bus of that name.
     """
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])
-    with contextlib.suppress(KeyboardInterrupt):
+    with contextlib.suppress(KeyboardInterrupt), patient_output():
         asyncio.run(_main(name, bitrate, data_bitrate))
 
 

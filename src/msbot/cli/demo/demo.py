@@ -40,6 +40,7 @@ from msbot.master import StopSocket, first_error, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.registry import Registry, RobotRecord, RobotStore, StoredNodeIds, open_registry
 from msbot.ros.robot_in_ros import RobotInRos
+from msbot.runtime.patient_output import patient_output
 from msbot.space import SharedSpace, SpaceAddress
 
 if TYPE_CHECKING:
@@ -145,7 +146,10 @@ def command(
         with open_registry(address) as registry:  # may be slow, so no event loop waits for it
             robot = registry.robots.apply_blueprint(blueprint, library)
             store, node_ids = registry.runs.begin(robot), registry.runs.node_ids(robot, "demo")
-            asyncio.run(_main(options, blueprint, library, (registry, store, node_ids, address), Path(folder) / "rec"))
+            with patient_output():
+                asyncio.run(
+                    _main(options, blueprint, library, (registry, store, node_ids, address), Path(folder) / "rec")
+                )
 
 
 async def _main(

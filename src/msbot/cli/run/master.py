@@ -44,6 +44,7 @@ from msbot.registry.database_identity import database_identity
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.ros.description import read_description
 from msbot.ros.robot_in_ros import RobotInRos
+from msbot.runtime.patient_output import patient_output
 from msbot.space import SharedSpace, SpaceAddress
 from msbot.xrce import compress, decompress, is_whole
 
@@ -142,9 +143,10 @@ def _with_database(  # noqa: PLR0917 - what the command was given
         can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.runs.node_ids, robot))
         links = [open_link(address, serve=True, can=can) for address in addresses]
         try:
-            asyncio.run(
-                _main(blueprint, library, links, where, (registry, store, db), page, beside, description, lease)
-            )
+            with patient_output():
+                asyncio.run(
+                    _main(blueprint, library, links, where, (registry, store, db), page, beside, description, lease)
+                )
         except LeaseLost as error:
             click.echo(str(error))
             return True

@@ -15,6 +15,7 @@ from msbot.cli.run.until_ended import run_until_signal
 from msbot.link import Link, open_link
 from msbot.link.can import CanSettings, Codec
 from msbot.link.relay import PartsRelay
+from msbot.runtime.patient_output import patient_output
 from msbot.runtime.terminal_log import TerminalHandler
 from msbot.xrce import compress, decompress, is_whole
 
@@ -38,7 +39,7 @@ def command(parts: str, master: str, name: str) -> None:
         return open_link(parts, serve=True, can=replace(_CAN, profile_hash=profile_hash))
 
     open_parts(0)  # report mistakes before anything runs
-    with contextlib.suppress(KeyboardInterrupt):
+    with contextlib.suppress(KeyboardInterrupt), patient_output():
         asyncio.run(_main(open_parts, open_link(master), name))
 
 

@@ -1,0 +1,172 @@
+"""Standard output and standard error that never make a robot wait.
+
+A terminal stands still when somebody presses Ctrl-S, marks text in a window of Windows, or leaves a pager open; a pipe
+does when nobody reads it. Whoever writes to it then waits, and a robot whose loop waits neither hears beats nor obeys
+STOP. Here a thread writes, and what it cannot get rid of is bounded: beyond that, lines are counted and not kept.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import sys
+import threading
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import monotonic
+from typing import Final, TextIO
+
+MOST_WAITING: Final = 1 << 18
+"""Characters that wait to be written."""
+PATIENCE_S: Final = 2.0
+"""At the end of a program, the time for what still waits."""
+
+
+class PatientOutput(io.TextIOBase):
+    """Looks like the stream that it stands for; `write` returns at once."""
+
+    def __init__(self, stream: TextIO, thread: _Thread) -> None:
+        self._stream = stream
+        self._thread = thread
+
+    def write(self, text: str, /) -> int:
+        """Have the text written soon.
+
+        Raises:
+            OSError: an earlier text could not be written, for example because the reader has gone.
+        """
+        if not isinstance(text, str):
+            raise TypeError(f"a text is needed, not {type(text).__name__}")
+        return self._thread.take(self._stream, text)
+
+    def flush(self) -> None:
+        """Nothing: the thread writes as soon as it can."""
+
+    def isatty(self) -> bool:
+        """As the stream."""
+        return self._stream.isatty()
+
+    def fileno(self) -> int:
+        """As the stream."""
+        return self._stream.fileno()
+
+    def writable(self) -> bool:
+        """Yes."""
+        return True
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """As the stream."""
+        return self._stream.encoding
+
+    @property
+    def errors(self) -> str | None:  # type: ignore[override]
+        """As the stream."""
+        return self._stream.errors
+
+
+class _Thread:
+    """Writes for both streams, in the order in which the texts came."""
+
+    def __init__(self) -> None:
+        self._change = threading.Condition()
+        self._texts: deque[tuple[TextIO, str]] = deque()
+        self._waiting = 0
+        self._left_out = 0
+        self._error: OSError | None = None
+        self._is_over = False
+        threading.Thread(target=self._run, name="msbot output", daemon=True).start()
+
+    def take(self, stream: TextIO, text: str) -> int:
+        with self._change:
+            if self._error is not None:
+                raise self._error
+            if self._is_over:
+                _write(stream, text)
+            elif self._left_out or self._waiting + len(text) > MOST_WAITING:
+                # Until all that waits is written: one gap, not many.
+                self._left_out += max(1, text.count("\n"))
+            else:
+                self._texts.append((stream, text))
+                self._waiting += len(text)
+                self._change.notify_all()
+        return len(text)
+
+    def end(self, patience_s: float) -> None:
+        """Write what waits; what is written later is written at once."""
+        until = monotonic() + patience_s
+        with self._change:
+            while self._waiting and self._error is None and (left := until - monotonic()) > 0:
+                self._change.wait(left)
+            self._is_over = not self._waiting  # else the thread still has the stream, and stands still with it
+
+    def _gap(self) -> int:
+        """How many lines were left out after what was written, if that was all."""
+        with self._change:
+            if self._texts:
+                return 0
+            left_out, self._left_out = self._left_out, 0
+            return left_out
+
+    def _run(self) -> None:
+        while True:
+            with self._change:
+                while not self._texts:
+                    self._change.wait()
+                stream, text = self._texts.popleft()
+            try:
+                _write(stream, text)
+                if left_out := self._gap():
+                    _write(stream, f"({left_out} lines are not shown: nobody took them)\n")
+            except OSError as error:
+                with self._change:
+                    self._error = error
+                    self._texts.clear()
+                    self._waiting = 0
+                    self._change.notify_all()
+                return
+            with self._change:
+                self._waiting -= len(text)
+                self._change.notify_all()
+
+
+def _write(stream: TextIO, text: str) -> None:
+    if sys.platform == "win32":  # a console there takes texts, not octets
+        stream.write(text)
+        stream.flush()
+        return
+    # Past Python's own buffer: a thread that stands still in it would keep the program from ending.
+    octets = text.encode(stream.encoding, stream.errors or "strict")
+    while octets:
+        octets = octets[os.write(stream.fileno(), octets) :]
+
+
+@contextmanager
+def patient_output(patience_s: float = PATIENCE_S) -> Iterator[None]:
+    """Within this, `sys.stdout` and `sys.stderr` never make their writer wait.
+
+    Args:
+        patience_s: how long the end waits until everything is written.
+    """
+    before = sys.stdout, sys.stderr
+    try:
+        for stream in before:
+            stream.flush()
+            stream.fileno()
+    except (OSError, ValueError):  # not streams of the system, as in a test: nobody waits for them
+        yield
+        return
+    thread = _Thread()
+    sys.stdout, sys.stderr = PatientOutput(before[0], thread), PatientOutput(before[1], thread)
+    logs = [one for one in logging.getLogger().handlers if getattr(one, "stream", None) is before[1]]
+    for log in logs:
+        log.setStream(sys.stderr)  # type: ignore[attr-defined]
+    try:
+        yield
+    finally:
+        thread.end(patience_s)
+        sys.stdout, sys.stderr = before
+        for log in logs:
+            log.setStream(before[1])  # type: ignore[attr-defined]
