@@ -371,4 +371,4 @@ def test_a_program_file_is_started_with_its_fields_and_runs_until_ctrl_c(
     )
     package.start("part.py")
     assert len(sent) == 11  # a login at once and every half second
-    assert said == [f"Light(lux=2.5) is {words}" for words in ("ended: ended",)]
+    assert said == ["Light(lux=2.5) has ended"]
