@@ -358,6 +358,9 @@ def test_a_form_wires_parts_to_a_board_and_sees_pins_that_are_taken_or_cannot(pa
     lamp = page.get_by_label(re.compile("^part_1"))
     lamp.fill("LED lamp: s=2")
     lamp.press("Enter")
+    expect(
+        page.get_by_role("dialog").get_by_text("hand", exact=True)
+    ).to_be_visible()  # it is stored: the form reads it
     page.get_by_role("button", name="Choose part and pins: part_2").click()
     form = page.get_by_role("dialog").filter(has_text="What is wired to front board: part_2")
     form.get_by_label("Part type").fill("SG90")
