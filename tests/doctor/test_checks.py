@@ -125,7 +125,7 @@ PLANTED: dict[str, tuple[str, Looked]] = {
     "packets-lost": ("Rover", robot(lost_packets={"the queue was full": 500})),
     "slot-empty": ("BB", robot(parts=ROBOT.parts[:1])),
     "often-late": ("lamp", robot(late={"lamp": 9})),
-    "often-refused": ("knob", robot(parts=(*ROBOT.parts, LOST_PART), refused={"knob": 8})),
+    "often-refused": ("knob", robot(parts=(*ROBOT.parts, LOST_PART), refused={"knob": ("wrong number",) * 8})),
     "blocked": ("mole", robot(parts=(*ROBOT.parts, replace(LOST_PART, name="mole", slot="", uid="ff" * 8)),
                               blocked=frozenset({"ff" * 8}))),
     "key-missing": ("lamp", robot(blueprint=replace(BLUEPRINT, options=Options(authentication="key")),

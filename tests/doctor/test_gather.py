@@ -8,6 +8,7 @@ import socket
 import sqlite3
 import time
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,11 +17,13 @@ from click.testing import CliRunner
 from msbot.cli.doctor import command
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.doctor import CHECKS, Check, Finding, Patient, examine
+from msbot.doctor.checks.robot import check_robot
 from msbot.doctor.finding import CannotSee, NotNeeded
 from msbot.doctor.gather.network import bound_ports, iptables_rules, missing_files, nft_rules, ports, ufw_ports
 from msbot.doctor.gather.robot import robot
 from msbot.doctor.gather.storage import database, network_drive, newest_backup_s
 from msbot.errors import ConfigError
+from msbot.pnp import PartEvent, PartState
 from msbot.registry import open_registry
 
 NFT = {
@@ -223,3 +226,18 @@ def test_a_port_that_this_process_has_open_is_known_as_its_own() -> None:
         port = server.getsockname()[1]
         (page,) = ports(Patient(None, page_port=port))
     assert (page.port, page.pid) == (port, os.getpid())
+
+
+def test_a_part_that_was_refused_and_then_left_is_told_of_with_the_reason_of_the_refusal(rover: Path) -> None:
+    with open_registry(rover) as registry:
+        record = registry.robots.all()[0]
+        store = registry.runs.begin(record)
+        event = partial(PartEvent, at=0.0, part="mole", slot=None, from_state=PartState.CHECKING, part_number="KNOB",
+                        local_name="mole", uid=b"the mole")  # fmt: skip
+        for _ in range(6):
+            store.journal(event(to_state=PartState.REFUSED, reason="the slot is taken"))
+        store.journal(event(to_state=PartState.LEFT, reason="session deleted"))
+    facts = robot(Patient(str(rover)))
+    assert facts.refused == {"mole": ("the slot is taken",) * 6}
+    (finding,) = [one for one in check_robot(facts) if isinstance(one, Finding) and one.problem == "often-refused"]
+    assert "6 times in the last hour: the slot is taken" in finding.saw

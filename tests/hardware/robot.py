@@ -10,7 +10,7 @@ from random import Random
 
 from msbot.config import Direction, PartType, Scalar
 from msbot.hardware import HardwarePart, Machine, PartWiring, Workbench, make_wiring
-from msbot.link import InprocHub
+from msbot.link import InprocHub, Link
 from msbot.master import Master
 from msbot.part import JoinState, Message, Part
 from msbot.part.messages.message import fields_of
@@ -71,8 +71,9 @@ def play(
     settings: Mapping[str, Scalar] | None = None,
     wiring: PartWiring | None = None,
     joins: bool = True,
+    around: Callable[[Link], Link] = lambda link: link,
 ) -> Bench:
-    """Run a part of that number through a scene, which begins when it is active."""
+    """Run a part of that number through a scene, which begins when it is active; `around` wraps its link."""
     part_type = LIBRARY.require(number)
 
     async def main() -> Bench:
@@ -93,7 +94,7 @@ def play(
                     heard = bench.heard.setdefault(port.name, [])
                     desk.on(port.name, message_class(port.message))(heard.append)
             at_desk = tasks.create_task(desk.run_async(hub.connect(), epoch_ns=lambda: 0))
-            at_work = tasks.create_task(unit.run(hub.connect))
+            at_work = tasks.create_task(unit.run(lambda: around(hub.connect())))
             if joins:
                 await bench.until_active()
             await scene(bench)

@@ -17,6 +17,8 @@ from msbot.config import Scalar
 from msbot.hardware import PartWiring, make_wiring
 from msbot.hardware.drivers.lcd1602 import character
 from msbot.hardware.drivers.light import bh1750_lux, colour_octet, tcs34725_lux
+from msbot.link import Peer
+from msbot.link.disturbed import DisturbedLink
 from msbot.pnp import PartState
 from tests.hardware.chips import Bus, Chip, bh1750, bmp280, ina219, mpu6050, tcs34725
 from tests.hardware.robot import Bench, machine_at, play
@@ -76,6 +78,47 @@ def test_a_chip_that_vanishes_is_said_and_comes_back(number: str, tmp_path: Path
         assert [len(heard) for heard in bench.heard.values()] != said
 
     play(number, machine_at(tmp_path, bus), scene, wiring=wiring_of(number))
+
+
+class Deaf:
+    """Loses what the part says until `until` (a treatment of `DisturbedLink`)."""
+
+    until = 0.0
+
+    def concerns(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
+        return not inward
+
+    def waits(self, peer: Peer, now: float, *, inward: bool) -> tuple[float, ...]:
+        return () if now < self.until else (0.0,)
+
+    def free_at(self, peer: Peer, now: float) -> float:
+        return now
+
+
+def test_the_reason_reaches_the_robot_also_when_it_has_to_be_said_again(tmp_path: Path) -> None:
+    bus, deaf = Bus(at_76=bmp280()), Deaf()
+
+    async def scene(bench: Bench) -> None:
+        deaf.until = asyncio.get_running_loop().time() + 1.5
+        del bus.chips[0x76]
+        await bench.until(lambda: bench.master.inventory.view(0.0)[-1].state is PartState.LEFT)
+        assert "it said: no BMP280 answers at 0x76" in bench.master.why("unit")[0]
+        assert bench.unit.part.trouble_heard
+
+    play("BMP280", machine_at(tmp_path, bus), scene, around=lambda link: DisturbedLink(link, deaf))
+
+
+def test_a_reason_that_the_robot_has_not_heard_is_told_when_it_hears_again(tmp_path: Path) -> None:
+    bus, deaf = Bus(at_76=bmp280()), Deaf()
+
+    async def scene(bench: Bench) -> None:
+        deaf.until = asyncio.get_running_loop().time() + 30
+        del bus.chips[0x76]
+        await bench.until_gone()
+        await asyncio.sleep(60)
+        assert "it said: no BMP280 answers at 0x76" in bench.master.why("BMP280")[0]
+
+    play("BMP280", machine_at(tmp_path, bus), scene, around=lambda link: DisturbedLink(link, deaf))
 
 
 @pytest.mark.parametrize("number", SENSORS)

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.config import PartType, Slot
+from msbot.part.join.trouble import trouble_pieces
 from msbot.pnp import FAST_TIMING, LifeTiming, MemoryStore, PartState, Refusal, Verdict
 from tests.pnp.robot import Rig, configuration
 
@@ -247,13 +248,35 @@ def test_a_polite_goodbye_is_noticed_at_once() -> None:
     assert rig.claim(DD, "ABCD").lease
 
 
-@pytest.mark.parametrize(("number", "state"), [("ABCD", PartState.LOST), ("NOPE", PartState.LEFT)])
-def test_a_part_that_vanishes_is_lost_if_it_had_something_to_lose(number: str, state: PartState) -> None:
+@pytest.mark.parametrize(
+    ("number", "state", "reason"),
+    [
+        ("ABCD", PartState.LOST, "gone: unplugged"),
+        ("NOPE", PartState.LEFT, "gone: unplugged; it was refused: part number NOPE is not in the library"),
+    ],
+)
+def test_a_part_that_vanishes_is_lost_if_it_had_something_to_lose(number: str, state: PartState, reason: str) -> None:
     rig = Rig()
     rig.claim(AA, number)
     rig.leave(AA, "gone: unplugged", politely=False)
     assert rig.events[-1].to_state is state
-    assert rig.events[-1].reason == "gone: unplugged"
+    assert rig.events[-1].reason == reason
+
+
+def test_what_a_part_has_said_of_its_hardware_outlives_its_goodbye_and_its_silence() -> None:
+    for leaves in (True, False):
+        rig = Rig()
+        lease = rig.claim(AA, "ABCD").lease
+        record = rig.inventory.with_lease(lease, AA)
+        assert record is not None
+        for piece in trouble_pieces(lease, "its chip does not answer"):
+            record.take_trouble(piece.place, piece.text)
+        if leaves:
+            rig.leave(AA)
+        else:
+            rig.run(60.0)
+        assert rig.events[-1].to_state is (PartState.LEFT if leaves else PartState.LOST)
+        assert rig.events[-1].reason.endswith("; it said: its chip does not answer")
 
 
 def test_a_session_that_never_claimed_leaves_no_line_behind() -> None:

@@ -226,8 +226,8 @@ class RobotFacts:
     parts: tuple[PartSeen, ...]
     late: Mapping[str, int]
     """How often each part was late in the last hour, by name."""
-    refused: Mapping[str, int]
-    """How often each part was refused in the last hour, by name."""
+    refused: Mapping[str, tuple[str, ...]]
+    """Why each part was refused in the last hour, by name: each time, the newest last."""
     blocked: frozenset[str]
     """UIDs of parts that are blocked."""
     keys: frozenset[str]

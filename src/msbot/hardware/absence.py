@@ -35,7 +35,8 @@ class Absence:
         if self._task is not None and self._task.done():
             task, self._task = self._task, None
             task.result()
-            self.is_told(now)
+            if self._messenger is not None and self._messenger.trouble_heard:
+                self.is_told(now)
         if self._task is None and (self._told_at is None or now - self._told_at >= AGAIN_S):
             made = Part(part.part_number, uid=part.uid, local_name=part.local_name, robot=part.robot, describes=False)
             made.key, made.nature = part.key, part.nature

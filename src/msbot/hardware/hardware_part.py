@@ -29,7 +29,6 @@ from msbot.hardware.faults import HardwareFault
 from msbot.link import Link
 from msbot.part import ExpectedRobot, JoinState
 from msbot.part.beginner import part_is_run
-from msbot.part.join.membership import TELL_S
 from msbot.part.join.plug import UID_OCTETS, Nature
 from msbot.sim import ModelPart
 
@@ -111,8 +110,7 @@ class HardwarePart(ModelPart):
         self._events: deque[Values] = deque(maxlen=MOST_EVENTS)
         self._said_fault = ""
         self._absence = Absence()
-        self._leaving: asyncio.TimerHandle | None = None
-        """Set while the robot is told why the part ends."""
+        self._is_leaving = False
         self.part.every(self._tick_s() if not self._driver.drives else 0.02)(self._tick)
         self.part.on_join(self._joined)
 
@@ -131,6 +129,8 @@ class HardwarePart(ModelPart):
                 if await self._opened():
                     await self._absence.end()
                     await self.part.run_async(connect())
+                    if self.part.trouble_heard:
+                        self._absence.is_told(self._time())
                     await self._close()
                 else:
                     self._tell_absence(connect)
@@ -180,9 +180,7 @@ class HardwarePart(ModelPart):
         if not self._touched:
             return
         self._open = self._touched = False
-        if self._leaving is not None:
-            self._leaving.cancel()
-            self._leaving = None
+        self._is_leaving = False
         self._sampling = self._driving = None
         with contextlib.suppress(HardwareFault):  # closed because it does not answer
             await self._in_bus(self._driver.close)
@@ -223,11 +221,10 @@ class HardwarePart(ModelPart):
             _log.debug("%s: %s", self.part.local_name, fault)
             return
         self._note(str(fault))
-        if self._leaving is None:
-            assert self._loop is not None
+        if not self._is_leaving:
+            self._is_leaving = True
             self.part.trouble(str(fault))
-            self._absence.is_told(self._time())
-            self._leaving = self._loop.call_later(TELL_S, self.part.end)
+            self.part.end()
 
     # Reading.
 

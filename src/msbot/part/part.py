@@ -362,11 +362,22 @@ class Part:
         await self._runner.run(link, identity, random=self._random, settings=settings, epoch_ns=epoch_ns)
 
     def trouble(self, sentence: str) -> None:
-        """Say what is wrong with the part's hardware, before `end`: the robot shows it (up to 180 octets)."""
+        """Say what is wrong with the part's hardware, before `end`: the robot shows it (up to 180 octets).
+
+        Nothing is said while the part has no place in a robot.
+        """
         self._runner.say_trouble(sentence)
 
+    @property
+    def trouble_heard(self) -> bool:
+        """Whether the robot has acknowledged what `trouble` said in the run that ended last."""
+        return self._runner.trouble_heard
+
     def end(self) -> None:
-        """End `run_async` cleanly: the session is deleted, so the master knows at once."""
+        """End `run_async` cleanly: the session is deleted, so the master knows at once.
+
+        After `trouble`, the session stays until the robot has acknowledged what was said, but at most 6 s.
+        """
         self._runner.end()
 
     def _remember(self, when: When, function: _A | None) -> _A:

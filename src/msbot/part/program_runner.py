@@ -94,6 +94,8 @@ class ProgramRunner:
         """The state of the part; between runs, that of the last run."""
         self.slot = ""
         """The slot that the part is in, "" before it is active for the first time."""
+        self.trouble_heard = False
+        """See `Part.trouble_heard`."""
         self._local_name = ""
         self._counters = PartCounters()
         self._configurations = 0
@@ -164,6 +166,7 @@ class ProgramRunner:
         self._local_name = self.guard.part = identity.local_name
         self.joining = Joining(identity.robot, PATIENT if link.info.shared_bus else QUICK)
         self._mistake = None
+        self.trouble_heard = False
         self._configurations = 0
         self.settings.forget()
         # Not derived from the UID: two devices with the same UID must be seen as two (else they would silently take
@@ -209,6 +212,7 @@ class ProgramRunner:
             for timer in told:
                 timer.cancel()
             membership.end("ended")
+            self.trouble_heard = membership.trouble_heard
             self._ports = self._membership = None
         if self._mistake is not None:
             raise self._mistake
@@ -219,10 +223,9 @@ class ProgramRunner:
             self._membership.say_trouble(sentence)
 
     def end(self) -> None:
-        """End `run` cleanly: the session is deleted, so the master knows at once."""
+        """End `run` cleanly (`Part.end`)."""
         if self._membership is not None:
-            self._membership.end("ended")
-            self._membership.client.close_soon()
+            self._membership.leave("ended")
 
     def _default_of(self, setting: str) -> str | None:
         declared = self.program.declared.get(setting)

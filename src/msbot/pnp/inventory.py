@@ -188,8 +188,7 @@ class Inventory:
         if session is None or session.record is None:
             return
         record = session.record
-        if record.trouble:
-            reason = said("{reason}; it said: {trouble}", reason=reason, trouble=record.trouble)
+        reason = record.with_what_was_said(reason)
         if record.state is not None and not record.state.is_over:
             lost = not politely and (record.holds_slot or record.state is PartState.STANDBY)
             self._changes.retire(

@@ -186,6 +186,14 @@ class InventoryRecord:
             text = self.trouble_pieces.rstrip(b"\0").decode(errors="replace")
             self.trouble = "".join(letter for letter in text if letter.isprintable())
 
+    def with_what_was_said(self, reason: str) -> str:
+        """Why the part has gone, with what explains it: its own words, or why it had no place."""
+        if self.trouble:
+            return said("{reason}; it said: {trouble}", reason=reason, trouble=self.trouble)
+        if self.state is PartState.REFUSED:
+            return said("{reason}; it was refused: {why}", reason=reason, why=self.reason)
+        return reason
+
     def note_duplicate(self, address: str) -> None:
         """Remember where a device with the same UID was seen; each address once."""
         if address not in self.duplicates:

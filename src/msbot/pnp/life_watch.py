@@ -94,9 +94,8 @@ class LifeWatch:
                 self._late(record, now)
             silence = said("no beat for {seconds:.1f} s", seconds=record.life.silence_s(now))
             rule = said("{life} ticks of {tick_s:g} s without a beat", life=self.timing.life, tick_s=self.timing.tick_s)
-            self._changes.retire(
-                record, PartState.LOST, now, said("{silence}: life status 0", silence=silence), ((rule, silence),)
-            )
+            reason = record.with_what_was_said(said("{silence}: life status 0", silence=silence))
+            self._changes.retire(record, PartState.LOST, now, reason, ((rule, silence),))
 
     def _listen(self, record: InventoryRecord, now: float) -> None:
         """Take any packet of a thesis program as a sign of life."""

@@ -52,6 +52,11 @@ async def open_session(link: HandLink) -> None:
     link.take()
 
 
+def acknack(first: int, missing: int = 0) -> bytes:
+    """The agent has everything before `first`; of what follows, the bits of `missing` are missing."""
+    return b"\x81\0\0\0\x0a\x01\x05\0" + first.to_bytes(2, "little") + missing.to_bytes(2, "big") + b"\x80"
+
+
 def test_the_login_is_what_a_c_client_sends_and_is_repeated() -> None:
     async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
         assert link.take() == [LOGIN_81]
@@ -332,6 +337,63 @@ def test_closing_does_not_wait_for_ever() -> None:
         await client.close()
 
     assert play(scenario)[-1] == (1.01, "closed", "closed")
+
+
+async def write_twice(client: HearingClient, link: HandLink) -> None:
+    """Have two messages on their way that nobody has acknowledged."""
+    await open_session(link)
+    entity = client.create_participant("x")
+    await asyncio.sleep(0.001)
+    client.write(entity, b"last words")
+    await asyncio.sleep(0.001)
+    assert len(link.take()) == 2
+
+
+def test_a_goodbye_waits_until_the_agent_has_heard_everything() -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+        await write_twice(client, link)
+        client.close_soon(deliver_s=3.0)
+        await asyncio.sleep(0.5)
+        sent = link.take()
+        assert DELETE_SESSION not in sent
+        assert sent, "the agent is asked what it has heard"
+        link.receive(acknack(first=1, missing=1))
+        await asyncio.sleep(0.001)
+        (again,) = link.take()
+        assert bytes("last words", "ascii").hex() in again
+        link.receive(acknack(first=2))
+        await asyncio.sleep(0.001)
+        assert link.take() == [DELETE_SESSION]
+        assert client.was_heard
+        link.receive(SESSION_DELETED)
+
+    assert play(scenario)[-1] == (0.514, "closed", "closed")
+
+
+def test_a_goodbye_does_not_wait_for_ever_for_an_agent_that_hears_nothing() -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+        await write_twice(client, link)
+        client.close_soon(deliver_s=1.0)
+        await asyncio.sleep(0.999)
+        assert DELETE_SESSION not in link.take()
+        await asyncio.sleep(0.002)
+        assert link.take()[0] == DELETE_SESSION
+        assert not client.was_heard
+        await client.close()
+
+    assert play(scenario)[-1] == (2.012, "closed", "closed")
+
+
+def test_a_session_that_is_lost_while_its_goodbye_waits_needs_none() -> None:
+    async def scenario(client: HearingClient, link: HandLink, changes: list[tuple[float, str, str]]) -> None:
+        await write_twice(client, link)
+        client.close_soon(deliver_s=3.0)
+        link.signal(Signal.LINK_DOWN, "unplugged")
+        await client.close()
+        assert link.take() == []
+        assert not client.was_heard
+
+    assert play(scenario)[-1] == (0.012, "closed", "closed")
 
 
 def test_closing_without_a_session_is_immediate() -> None:

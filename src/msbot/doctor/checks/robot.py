@@ -96,7 +96,7 @@ def _parts(facts: RobotFacts) -> Iterator[Finding]:
                 first=said("look at its supply and cable first, then for loops and waits in its program"),
             )  # fmt: skip
     for part in facts.parts:
-        count = facts.refused.get(part.name, 0)
+        reasons = facts.refused.get(part.name, ())
         is_blocked = part.uid in facts.blocked
         if is_blocked and part.state == PartState.REFUSED.value:
             yield Finding(
@@ -105,11 +105,11 @@ def _parts(facts: RobotFacts) -> Iterator[Finding]:
                 said("its claim, and a refusal, again and again"), f"msbot unblock {part.uid}", must=False,
                 mending=Mending("unblock", {"part": part.uid}),
             )  # fmt: skip
-        elif count >= OFTEN_REFUSED and not PartState(part.state).is_registered:
+        elif len(reasons) >= OFTEN_REFUSED and not PartState(part.state).is_registered:
             yield Finding(
                 "often-refused", part.name,
-                said("{part} was refused {count} times in the last hour: {reason}", part=part.name, count=count,
-                     reason=part.reason),
+                said("{part} was refused {count} times in the last hour: {reason}", part=part.name,
+                     count=len(reasons), reason=reasons[-1]),
                 said("it is plugged in and takes no part in the robot"),
                 said("its claim, and a refusal, again and again"), f"msbot why {part.name}",
             )  # fmt: skip

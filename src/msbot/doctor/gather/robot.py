@@ -50,6 +50,10 @@ def robot(patient: Patient) -> RobotFacts:
         is_run = registry.runs.is_run(record)
     since_ns = time.time_ns() - int(LATELY_S * 1e9)
     recent = [line.event for line in lines if line.at_ns >= since_ns]
+    refused: dict[str, tuple[str, ...]] = {}
+    for event in recent:
+        if event.to_state is PartState.REFUSED:
+            refused[event.part] = (*refused.get(event.part, ()), event.reason)
     blueprint = memory.blueprint
     known = [one for one in patient.masters if _is_of(one, record.name, record.serial_number)]
     stop = memory.stop
@@ -62,7 +66,7 @@ def robot(patient: Patient) -> RobotFacts:
         stopped_by=stop.by if stop is not None and stop.holds else "",
         parts=parts,
         late=Counter(event.part for event in recent if event.to_state is PartState.LATE),
-        refused=Counter(event.part for event in recent if event.to_state is PartState.REFUSED),
+        refused=refused,
         blocked=frozenset(key for kind, key in memory.blocks if kind == "uid"),
         keys=frozenset(memory.keys),
     )
@@ -81,7 +85,7 @@ def _is_of(master: AgentStatus, name: str, serial_number: str) -> bool:
 
 def _facts(
     patient: Patient, blueprint: Blueprint, library: Library, *, is_run: bool, masters: list[AgentStatus],
-    stopped_by: str, parts: tuple[PartSeen, ...], late: Mapping[str, int], refused: Mapping[str, int],
+    stopped_by: str, parts: tuple[PartSeen, ...], late: Mapping[str, int], refused: Mapping[str, tuple[str, ...]],
     blocked: frozenset[str], keys: frozenset[str],
 ) -> RobotFacts:  # fmt: skip
     bitrate, data_bitrate = _bitrates(patient)

@@ -171,9 +171,19 @@ class Client:
         """Delete the session at the agent and end `run`; waits until both are done, at most `settings.close_s`."""
         await self._connection.close()
 
-    def close_soon(self) -> None:
-        """Start closing; `close` waits until it is done."""
-        self._connection.close_soon()
+    def close_soon(self, *, deliver_s: float = 0.0) -> None:
+        """Start closing; `close` waits until it is done.
+
+        Args:
+            deliver_s: how long the goodbye may wait until the agent has acknowledged everything. It overtakes what has
+                to be sent again, and what comes after it counts for nothing.
+        """
+        self._connection.close_soon(deliver_s=deliver_s)
+
+    @property
+    def was_heard(self) -> bool:
+        """Whether the agent had acknowledged everything when the session was deleted."""
+        return self._connection.was_heard
 
     async def ping(self, timeout_s: float = 1.0) -> PingAnswer:
         """Ask the agent whether it is there and knows us.

@@ -74,6 +74,8 @@ class Connection:
         self.key = key
         self.settings = settings
         self.counters = ClientCounters()
+        self.was_heard = False
+        """Whether the agent had acknowledged everything when the session was deleted."""
         self.news = News()
         self.link = link
         self._on_state = on_state
@@ -90,6 +92,8 @@ class Connection:
         self._gone: str | None = None
         self._login_at: float | None = None
         self._lost_at: float | None = None
+        self._goodbye_at: float | None = None
+        """When to delete the session even if not everything has been acknowledged; None: nothing is waited for."""
         self._close_at: float | None = None
         self._pong: PingAnswer | None = None
         self._offset: TimeSynchronised | None = None
@@ -133,16 +137,28 @@ class Connection:
         self.close_soon()
         await self.news.until(lambda: not self._turn.is_running, None, "not closed")
 
-    def close_soon(self) -> None:
-        """Start closing; `close` waits until it is done."""
+    def close_soon(self, *, deliver_s: float = 0.0) -> None:
+        """Start closing; `close` waits until it is done.
+
+        The goodbye overtakes what has to be sent again. It is held back until the agent has acknowledged everything,
+        but no longer than `deliver_s`.
+        """
         if self._close_at is not None or not self._turn.is_running:
             return
         now = self._turn.now()
         self._close_at = now
         if self.state is ConnectionState.CONNECTED:
-            self._close_at = now + self.settings.close_s
-            self.session.close(now)
+            self._close_at = now + deliver_s + self.settings.close_s
+            self._goodbye_at = now + deliver_s
+            if not deliver_s:
+                self._say_goodbye(now)
         self._turn.book()
+
+    def _say_goodbye(self, now: float) -> None:
+        self._goodbye_at = None
+        self._close_at = now + self.settings.close_s
+        self.was_heard = self.session.is_delivered
+        self.session.close(now)
 
     async def ping(self, timeout_s: float) -> PingAnswer:
         """Ask the agent whether it is there and knows us."""
@@ -172,7 +188,11 @@ class Connection:
         self._watch.cancel()
         self._on_session_over()
         self._set_state(ConnectionState.LOST, reason)
-        self._login(now)
+        if self._goodbye_at is None:
+            self._login(now)
+            return
+        self._goodbye_at, self._close_at = None, now  # there is nobody left to say goodbye to
+        self._turn.book()
 
     def now(self) -> float:
         """The loop's time."""
@@ -321,13 +341,16 @@ class Connection:
                 self._send_ping(now)
             case WatchStep.GIVE_UP:
                 self.lose("the agent does not answer any more", now)
+        if self._goodbye_at is not None and (now >= self._goodbye_at or self.session.is_delivered):
+            self._say_goodbye(now)
         self.session.handle_timer(now)
         self._take_events(now)
         more_at = self._before_sending(now) if self.is_open else None
         self._send(now)
         self._turn.set_timer(
-            self.session.timer(), more_at, self._watch.timer(), self._login_at, self._lost_at, self._close_at
-        )
+            self.session.timer(), more_at, self._watch.timer(), self._login_at, self._lost_at, self._goodbye_at,
+            self._close_at,
+        )  # fmt: skip
 
     def _send(self, now: float) -> None:
         # One packet at a time: what the link has no room for waits in the session, where it stays fresh.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections import deque
 from collections.abc import Callable
 
 from msbot.errors import LinkFull, LocalProtocolError, RemoteProtocolError
@@ -47,8 +48,8 @@ ONE_SAMPLE = None
 NO_MORE = DeliveryControl(max_samples=0)
 """Delivery control that only ends the running read."""
 
-TELL_S = 0.25
-"""Time that the robot has to hear why a part ends before its session is over."""
+TELL_S = 3.0
+"""Longest time that a part stays for the robot to hear why it ends; on CAN, what was lost is asked for after 1 s."""
 
 SHORTEST_BEAT_MS = 20
 """A master cannot ask for beats more often; a blueprint cannot either."""
@@ -102,8 +103,9 @@ class Membership:
         self.dropped = 0
         """Profiles and replies that made no sense."""
         self.client = client = make_client(
-            on_state=self._client_changed, on_reply=self._reply_received, on_topic=self._sample_received
-        )
+            on_state=self._client_changed, on_reply=self._reply_received, on_topic=self._sample_received,
+            on_room=self._say_on,
+        )  # fmt: skip
         self._claim = claim.encode()
         self._profile_once = profile_once
         self._changed = changed
@@ -118,7 +120,11 @@ class Membership:
         self._nature = nature
         self._description = description
         self._absent = absent
+        self._unsaid: deque[bytes] = deque()
+        self._has_trouble = False
+        self._end_reason = ""
         self._leaving: asyncio.TimerHandle | None = None
+        """Set while it stays only to say what is unsaid."""
         self._turn = Turn(self._work)
         # Without a name: nobody learns who the part is before it has recognised its robot.
         self.participant = client.create_participant()
@@ -141,6 +147,19 @@ class Membership:
         self.joining.end(reason, self._turn.now())
         self._drain()
         self._turn.cancel()
+
+    def leave(self, reason: str) -> None:
+        """The part ends, and its session with it, as soon as the robot has heard what `say_trouble` said."""
+        self._end_reason = reason
+        if not self._unsaid:
+            self._go()
+        elif self._leaving is None:
+            self._leaving = asyncio.get_running_loop().call_later(TELL_S, self._go)
+
+    @property
+    def trouble_heard(self) -> bool:
+        """After the end: whether the robot has heard what `say_trouble` said."""
+        return self._has_trouble and not self._unsaid and self.client.was_heard
 
     def beat_soon(self) -> None:
         """Send a beat at once: the master waits for a sign that STOP has arrived."""
@@ -175,6 +194,7 @@ class Membership:
             self.seals.session_lost()
             self._read_replies(STREAM_RELIABLE)
             self.joining.agent_lost(reason, now)
+            self._forget_trouble()
         self._drain()
 
     def _reply_received(self, _object_id: int, _request_id: int, payload: bytes) -> None:
@@ -254,30 +274,46 @@ class Membership:
     def say_trouble(self, sentence: str) -> None:
         """Tell the robot what is wrong with the part's hardware; only a part that has a lease can."""
         if self.joining.lease:
-            for piece in trouble_pieces(self.joining.lease, sentence):
-                self._send(piece.encode(), STREAM_RELIABLE)
+            self._unsaid = deque(piece.encode() for piece in trouble_pieces(self.joining.lease, sentence))
+            self._has_trouble = bool(self._unsaid)
+            self._say_on()
+
+    def _say_on(self) -> None:
+        while self._unsaid and self._send(self._unsaid[0], STREAM_RELIABLE):
+            self._unsaid.popleft()
+        if self._leaving is not None and not self._unsaid:
+            self._go()
+
+    def _forget_trouble(self) -> None:
+        """The session is gone, and with it what was said of the hardware."""
+        self._unsaid.clear()
+        self._has_trouble = False
+        if self._leaving is not None:
+            self._go()
 
     def _say_absence(self) -> None:
-        """Say why the part's hardware is not there, and end once the robot has had time to hear it."""
-        self.say_trouble(self._absent)
-        if self._leaving is None:
-            self._leaving = asyncio.get_running_loop().call_later(TELL_S, self._leave)
+        """Say why the part's hardware is not there, and end once the robot has heard it."""
+        if not self._has_trouble:
+            self.say_trouble(self._absent)
+            self.leave("its hardware is not there")
 
-    def _leave(self) -> None:
-        self.end("its hardware is not there")
-        self.client.close_soon()
+    def _go(self) -> None:
+        self.end(self._end_reason)
+        self.client.close_soon(deliver_s=TELL_S if self._has_trouble else 0.0)
 
     def _send_beat(self, lease: int) -> None:
         number = self._obeyed_stop()
         beat = plug.StoppedBeat(lease=lease, number=number & 0xFFFF) if number else plug.Beat(lease=lease)
         self._send(beat.encode(), STREAM_BEST_EFFORT)
 
-    def _send(self, request: bytes, stream_id: int) -> None:
+    def _send(self, request: bytes, stream_id: int) -> bool:
         try:
             self.client.write(self._requester, self.seals.seal_request(request), stream_id=stream_id)
         except (LinkFull, LocalProtocolError) as error:
             # No room, or the session is closing: `joining` asks again in time.
             _log.debug("not sent to the inventory: %s", error)
+            return False
+        return True
 
     def _read_profile(self, state: JoinState) -> None:
         reading = self._profile_reader.reading

@@ -133,6 +133,11 @@ class Session(ABC, Generic[Event]):
         stream.refused = True
         return False
 
+    @property
+    def is_delivered(self) -> bool:
+        """Whether the peer has acknowledged everything that was booked on reliable streams."""
+        return self._sender.is_delivered
+
     def packets_to_send(self, now: float, limit: int | None = None) -> list[bytes]:
         """The next messages for the link, all or at most `limit`; they count as sent.
 

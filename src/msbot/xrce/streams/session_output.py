@@ -186,6 +186,11 @@ class SessionOutput:
         return states + [stream.state for stream in self._reliable.values()]
 
     @property
+    def is_delivered(self) -> bool:
+        """Whether the peer has acknowledged everything that was booked on reliable streams."""
+        return not any(stream.waiting or stream.unacked for stream in self._reliable.values())
+
+    @property
     def is_idle(self) -> bool:
         """Whether nothing waits to be pulled."""
         return not self.outbox.items and not any(stream.missed for stream in self._reliable.values())
