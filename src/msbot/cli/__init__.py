@@ -37,6 +37,7 @@ COMMANDS = {
     "host": ("run.host", "Run all parts that are wired to this computer, from one file."),
     "board": ("board.board", "Put MsBOT and programs on boards with MicroPython; run them, open a prompt."),
     "hardware": ("run.hardware", "Find what is plugged into this computer."),
+    "arena": ("arena.arena", "List, check and show the worlds that simulated robots drive in."),
     "library": ("library.library", "List, search, check and add part types."),
     "parts": ("look.parts", "List the parts a robot's database knows, and how they are."),
     "key": ("key", "Make, list and remove the keys of parts, for robots with authentication."),

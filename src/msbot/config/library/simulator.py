@@ -21,10 +21,6 @@ Operand = float | str
 """A number, or the name of a source that gives one."""
 
 
-FUNCTIONS = ("none", "sin", "cos")
-"""Functions that a reading can apply to a number in degrees."""
-
-
 class ControlKind(Enum):
     """What a person can do with a control."""
 
@@ -32,6 +28,47 @@ class ControlKind(Enum):
     NUMBER = "number"
     CHOICE = "choice"
     TEXT = "text"
+
+
+SENSES = {
+    "distance": ControlKind.NUMBER,
+    "near": ControlKind.BOOL,
+    "touch": ControlKind.BOOL,
+    "line.place": ControlKind.NUMBER,
+    "line.seen": ControlKind.BOOL,
+    "colour.red": ControlKind.NUMBER,
+    "colour.green": ControlKind.NUMBER,
+    "colour.blue": ControlKind.NUMBER,
+    "light": ControlKind.NUMBER,
+    "sound": ControlKind.NUMBER,
+    "magnet": ControlKind.BOOL,
+    "heading": ControlKind.NUMBER,
+    "pitch": ControlKind.NUMBER,
+    "roll": ControlKind.NUMBER,
+    "spin": ControlKind.NUMBER,
+    "push.ahead": ControlKind.NUMBER,
+    "push.left": ControlKind.NUMBER,
+    "wheel": ControlKind.NUMBER,
+    "grip.thing": ControlKind.NUMBER,
+}
+"""What a part can sense in an arena, and the kind of control that it sets; units: docs/howto/arena.md."""
+
+DRIVES = (
+    "motor.left",
+    "motor.right",
+    "servo",
+    "grip.opening",
+    "tone",
+    "loudness",
+    "lamp",
+    "lamp.red",
+    "lamp.green",
+    "lamp.blue",
+)
+"""What a part can do in an arena."""
+
+FUNCTIONS = ("none", "sin", "cos")
+"""Functions that a reading can apply to a number in degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +89,8 @@ class Control:
     """The values of a choice."""
     momentary: bool = False
     """Goes back to `start` when released, like a push button."""
+    senses: str = ""
+    """What of an arena sets it, one of `SENSES`; "" = only a person does."""
 
     def fault(self, value: Scalar) -> str | None:
         """Why the control cannot have this value, with what would be right; None when it can."""
@@ -143,6 +182,8 @@ class Reading:
     rows: int = 0
     columns: int = 0
     """A text is shown in this many rows and columns; what does not fit is cut off."""
+    drives: str = ""
+    """What it does in an arena, one of `DRIVES`; "" = nothing."""
 
 
 @dataclass(frozen=True, slots=True)

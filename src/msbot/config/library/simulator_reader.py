@@ -11,7 +11,17 @@ from collections.abc import Collection, Mapping, Sequence
 
 from msbot.config.library.message_types import FieldKind, MessageType
 from msbot.config.library.part_types import Direction, Parameter, Port
-from msbot.config.library.simulator import FUNCTIONS, Control, ControlKind, Operand, Output, Reading, Simulator
+from msbot.config.library.simulator import (
+    DRIVES,
+    FUNCTIONS,
+    SENSES,
+    Control,
+    ControlKind,
+    Operand,
+    Output,
+    Reading,
+    Simulator,
+)
 from msbot.config.library.text_templates import PLACEHOLDER, can_format
 from msbot.config.toml.problems import suggestion
 from msbot.config.toml.table import Scalar, Table, kind_words
@@ -64,8 +74,11 @@ class SimulatorReader:
             words=table.text("words", "Light that falls on the sensor"),
             choices=choices,
             momentary=table.flag("momentary", default=False),
+            senses=table.choice("senses", tuple(SENSES)) if "senses" in table else "",
         )
         table.finish()
+        if control.senses and SENSES[control.senses] is not kind:
+            table.problem(f'"{control.senses}" is for a control of type "{SENSES[control.senses].value}"', "senses")
         if start is None and kind is ControlKind.NUMBER:
             table.problem("is missing; add the value before anybody does something", "start")
         elif start is not None and (fault := control.fault(start)):
@@ -109,6 +122,7 @@ class SimulatorReader:
             step=_or(self._operand(table, "step"), 0.0),
             rows=table.whole("rows", default=0, least=0, most=200),
             columns=table.whole("columns", default=0, least=0, most=1000),
+            drives=table.choice("drives", DRIVES) if "drives" in table else "",
         )
         table.finish()
         ways = [bool(reading.follows), bool(reading.text), reading.random_every is not None]

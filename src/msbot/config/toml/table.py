@@ -229,6 +229,10 @@ class Table:
         values = {name: table.scalar(name) for name in table.present_keys()}
         return {name: value for name, value in values.items() if value is not None}
 
+    def item(self, key: str) -> object:
+        """The value as the file has it, for forms that no other method knows; None when absent."""
+        return self._get(key)
+
     def is_empty(self, key: str) -> bool:
         """Whether there is an empty list under `key`."""
         return self._values.get(key) == []

@@ -1,0 +1,1 @@
+"""`msbot arena`: worlds for simulated robots."""
