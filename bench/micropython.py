@@ -44,7 +44,7 @@ PAGE = Path(__file__).parents[1] / "docs/explain/micropython.md"
 BEGIN, END = "<!-- made by bench/micropython.py --write -->", "<!-- end of what is made -->"
 PIECES = {
     "core": "__init__ errors running cdr message standards xrce membership part declaring configuring words "
-    "annotations keys links board",
+    "annotations keys links board objects",
     "CAN": "can compact squeeze",
     "`ws:`": "websocket",
     "sealed samples": "seal",
@@ -54,6 +54,7 @@ PIECES = {
 }
 """What belongs together; each module is in one of them."""
 FOR_A_MOMENT = (
+    "objects",
     "configuring",
     "squeeze",
     "words",

@@ -12,6 +12,7 @@ import time
 from micropython import const, schedule
 
 from .errors import ConfigError
+from .running import once
 
 FILE = "msbot.json"
 
@@ -29,9 +30,7 @@ def open_for(part):
     if wrong:
         raise ConfigError(FILE + " " + wrong + ': write {"link": "can:1?bitrate=500000"} into it')
     if part.key is None and "key" in settings:
-        from .keys import parse_key
-
-        part.key = parse_key(settings["key"])
+        part.key = once("keys").parse_key(settings["key"])
     if part.uid is None:
         part.uid = _uid(settings["uid"]) if "uid" in settings else _board_uid()
     return open_link(settings.get("link", ""), settings.get("wifi"), settings.get("token", ""))

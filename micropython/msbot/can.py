@@ -50,19 +50,15 @@ def check_byte(message):
     return crc ^ 0xFF
 
 
-def split(packet, counter):
-    """The data fields of the frames of a packet; the counter of the first is `counter`."""
-    body = packet if len(packet) <= 7 else packet + bytes((check_byte(packet),))
-    frames = []
-    for at in range(0, len(body), 7):
-        header = counter & _COUNTER
-        if at == 0:
-            header |= _FIRST
-        if at + 7 >= len(body):
-            header |= _LAST
-        frames.append(bytes((header,)) + body[at : at + 7])
-        counter += 1
-    return frames
+def body_of(packet):
+    """What the frames of a packet carry together."""
+    return packet if len(packet) <= 7 else packet + bytes((check_byte(packet),))
+
+
+def frame_of(body, at, counter):
+    """The data field of the frame that begins at that octet of a body."""
+    first, last = _FIRST if at == 0 else 0, _LAST if at + 7 >= len(body) else 0
+    return bytes((counter & _COUNTER | first | last,)) + body[at : at + 7]
 
 
 class Joiner:
@@ -124,10 +120,10 @@ class CanLink:
         self._more = False  # frames may wait in the controller
         self._leaving = False  # a JOIN is on its way out of the controller
         self._refused = False
-        self._queue = []
         self._counter = 0
         self._joiner = None
         self._short = False
+        self._empty()
 
     def branch(self, _number):
         """A link for another part over the same controller, with an address of its own."""
@@ -152,13 +148,12 @@ class CanLink:
 
     def has_room(self):
         """Whether another packet is accepted now."""
-        return bool(self.node) and len(self._queue) < _QUEUE
+        return bool(self.node) and self._frames < _QUEUE
 
     def send(self, packet, now):
-        """Queue the frames of a packet."""
-        frames = split(compress(packet) if self._short else packet, self._counter)
-        self._counter = self._counter + len(frames) & _COUNTER
-        self._queue += frames
+        """Queue a packet; its frames are made when the controller takes them."""
+        self._queue.append(body_of(compress(packet) if self._short else packet))
+        self._frames += (len(self._queue[-1]) + 6) // 7
 
     def poll(self, now):
         """Receive the frames from the controller."""
@@ -182,8 +177,15 @@ class CanLink:
             if self._bus.send(identifier, True, self._part.uid):
                 self._join_at = None
                 self._leaving = True
-        while self._queue and self._bus.send(_UP + self.node, False, self._queue[0]):
-            self._queue.pop(0)
+        while self._queue:
+            if not self._bus.send(_UP + self.node, False, frame_of(self._queue[0], self._sent, self._counter)):
+                break
+            self._counter += 1
+            self._frames -= 1
+            self._sent += 7
+            if self._sent >= len(self._queue[0]):
+                self._queue.pop(0)
+                self._sent = 0
 
     def due(self):
         """When `step` must be called, or None; a time in the past while there is something to do."""
@@ -247,7 +249,7 @@ class CanLink:
             self._robot = self._join_at = None
             self._leaving = self._refused = False
             self._deadline = now + _BEACON_TIMEOUT
-            self._queue = []
+            self._empty()
             self._counter = 0
             self._joiner = Joiner(_MTU + 1)
             self._bus.listen(node)
@@ -259,7 +261,12 @@ class CanLink:
 
     def _join(self, now):
         self.node = 0
-        self._queue = []
+        self._empty()
         self._deadline = None
         self._pause = _FIRST_PAUSE
         self._join_at = now
+
+    def _empty(self):
+        self._queue = []  # of what packets carry
+        self._sent = 0  # octets of its first
+        self._frames = 0  # still to send

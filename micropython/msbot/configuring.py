@@ -2,10 +2,12 @@
 
 from .cdr import Reader
 from .errors import ConfigError, LocalProtocolError
-from .membership import PARTICIPANT, PUBLISHER, SUBSCRIBER
 from .message import fields_of, type_name_of
-from .part import read_setting, stream_of
-from .xrce import endpoint_blob, topic_blob
+from .objects import PARTICIPANT, PUBLISHER, SUBSCRIBER, endpoint_blob, topic_blob
+from .part import Timed, read_setting, stream_of
+from .running import forget
+
+forget("objects")
 
 
 def read(octets):
@@ -48,7 +50,7 @@ def configure(part, slot, bindings, settings, now):
         elif bound[0][2] != name:
             words = "carries {}, but its function expects {}".format(bound[0][2], name)
             part.report("port {!r}".format(port), words)
-    _tell_settings(part)
+    _tell_settings(part, now)
 
 
 def bind(part, bindings):
@@ -82,7 +84,7 @@ def bind(part, bindings):
         client.delete(PUBLISHER)
 
 
-def _tell_settings(part):
+def _tell_settings(part, now):
     told, part._told = part._told, {}
     for name, kind, function in part._followers:
         text = part._told[name] = part.settings.get(name, part._defaults.get(name))
@@ -94,12 +96,25 @@ def _tell_settings(part):
             except ConfigError as error:
                 part.report("setting {!r}".format(name), str(error))
             else:
-                part._call(function, value)
+                if isinstance(function, Timed):
+                    _pace(part, function, name, value, now)
+                else:
+                    part._call(function, value)
+
+
+def _pace(part, timed, name, seconds, now):
+    if not 0.001 <= seconds < 1e9:
+        words = "{} s is not a period; {} s stays".format(seconds, timed.period / 1000)
+        part.report("setting {!r}".format(name), words)
+    elif int(seconds * 1000 + 0.5) != timed.period:
+        timed.period = int(seconds * 1000 + 0.5)
+        if timed.due_at is not None:
+            timed.due_at = now
 
 
 def _make_safe(part, port, fields):
     message_class = part._listeners[port][0]
-    kinds = {name: kind for name, kind, _ in fields_of(message_class)}
+    kinds = dict(fields_of(message_class))
     try:
         values = {}
         for name, text in fields.items():

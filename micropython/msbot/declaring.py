@@ -5,28 +5,51 @@ Nothing that stays may be defined here: a function keeps its whole module in mem
 
 from .errors import ConfigError
 from .message import Message
-from .part import KINDS, Timed, check_function, milliseconds
+from .part import KINDS, Timed
+
+_WHEN = {
+    "on_join": "join",  # whenever the part has become active
+    "on_lost": "lost",  # whenever it stops being active without ending; see `reason`
+    "on_end": "end",  # once when it ends
+    "on_stop": "stop",  # on STOP, after every port has its safe value
+    "on_go": "go",  # on GO: messages reach the part's functions again
+    "on_identify": "identify",  # when somebody asks which part this is
+    "safe_state": "safe",  # when nothing controls the part any more
+    "on_partner_lost": "partner",  # with the name of a port whose senders have all gone
+}
 
 
-def every(part, period, default):
-    """See `Part.every`."""
+def verb(part, name):
+    """What a part's program calls by that name."""
+    if name in _WHEN:
+        return lambda function: _remember(part._when.setdefault(_WHEN[name], []), function)
+    if name == "board":
+        words = "part {} has no board: make it with Part(..., board=SimGpio())"
+        raise ConfigError(words.format(part.local_name))
+    function = {"every": every, "on": on, "on_setting": on_setting, "publishes": publishes}.get(name)
+    if function is None:
+        raise AttributeError("'Part' object has no attribute '{}'".format(name))
+    return lambda *values, **options: function(part, *values, **options)
+
+
+def every(part, period, *, default=None):
+    """Call the function below every `period` seconds while the part is active; a text names a setting."""
     if not isinstance(period, str) and not period > 0:
         raise ConfigError("every({}): the period must be more than 0 seconds".format(period))
 
     def remember(function):
-        check_function(function)
-        timed = Timed(1000 if isinstance(period, str) else milliseconds(period), function)
-        part._timed.append(timed)
+        timed = Timed(1000 if isinstance(period, str) else max(1, int(period * 1000 + 0.5)), function)
+        _remember(part._timed, function, timed)
         if isinstance(period, str):
             _declare(part, period, float, default, 0.001, None, "s")
-            part._followers.append((period, float, part._pace_of(timed, period)))
+            part._followers.append((period, float, timed))
         return function
 
     return remember
 
 
-def on(part, port, message_class, optional, safe):
-    """See `Part.on`."""
+def on(part, port, message_class, *, optional=False, safe=None):
+    """Call the function below with each message that arrives at the port."""
     if not (isinstance(message_class, type) and issubclass(message_class, Message)):
         words = "@part.on({!r}, ...) needs the class of the message, not {!r}: on({!r}, HelloWorld)"
         raise ConfigError(words.format(port, message_class, port))
@@ -34,25 +57,35 @@ def on(part, port, message_class, optional, safe):
         raise ConfigError("port {!r} has a function already: one function per port".format(port))
 
     def remember(function):
-        check_function(function)
+        _remember(part.declared, function, ("subscribe", port, message_class, safe))
         part._listeners[port] = (message_class, function, optional)
-        part.declared.append(("subscribe", port, message_class, safe))
         return function
 
     return remember
 
 
-def on_setting(part, name, kind, default, least, most, unit):
-    """See `Part.on_setting`."""
+def publishes(part, port, message_class):
+    """Declare that the part publishes such messages at that port; a part that describes itself must."""
+    part.declared.append(("publish", port, message_class, None))
+
+
+def on_setting(part, name, kind=str, *, default=None, least=None, most=None, unit=""):
+    """Call the function below with the setting's value, before `on_join`, and whenever it changes."""
     check_kind(name, kind)
 
     def remember(function):
-        check_function(function)
+        _remember(part._followers, function, (name, kind, function))
         _declare(part, name, kind, default, least, most, unit)
-        part._followers.append((name, kind, function))
         return function
 
     return remember
+
+
+def _remember(where, function, what=None):
+    if not callable(function):
+        raise ConfigError("a handler must be a function, not {!r}".format(function))
+    where.append(function if what is None else what)
+    return function
 
 
 def _declare(part, name, kind, default, least, most, unit):

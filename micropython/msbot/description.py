@@ -24,7 +24,7 @@ def describe(part):
                 out += ["", "[[port]]", "name = " + _value(port), "direction = " + _value(way)]
                 out.append("type = " + _value(type_name_of(message_class)))
                 if safe is not None:
-                    out.append("safe = " + _table([(name, _field(safe, name, of)) for name, of, _ in _fields(safe)]))
+                    out.append("safe = " + _table([(name, _field(safe, name, of)) for name, of in _fields(safe)]))
                 if message_class not in classes:
                     classes.append(message_class)
     for kind, name, of, setting in part.declared:
@@ -38,11 +38,11 @@ def describe(part):
     for message_class in classes:
         out += ["", "[[type]]", "name = " + _value(type_name_of(message_class))]
         out.append(
-            "fields = " + _table([(name, _word(message_class, name, of)) for name, of, _ in fields_of(message_class)])
+            "fields = " + _table([(name, _word(message_class, name, of)) for name, of in fields_of(message_class)])
         )
         units = getattr(message_class, "units", None)
         if isinstance(units, dict) and units:
-            names = [name for name, _, _ in fields_of(message_class) if name in units]
+            names = [name for name, _ in fields_of(message_class) if name in units]
             out.append("units = " + _table([(name, units[name]) for name in names]))
     text = "\n".join(out) + "\n"
     size = len(text.encode())

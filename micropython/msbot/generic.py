@@ -19,7 +19,7 @@ from micropython import const
 from .driver import Fault
 from .errors import MsbotError, say
 from .membership import JoinState
-from .message import Message, limits, zero
+from .message import Message, limits
 from .running import once
 from .model import Model, number
 from .part import Part
@@ -254,7 +254,7 @@ class Unit:
         def take(message):
             now = part._now
             self.model.settings(part.settings, now)
-            fields = {field: getattr(message, field) for field, _, _ in self._classes[name]._fields}
+            fields = {field: getattr(message, field) for field, _ in self._classes[name]._fields}
             self.model.receive(name, fields, now)
             self.model.look()
             self._move()
@@ -331,7 +331,7 @@ class Unit:
 
     def _fit(self, port, field, value):
         """A value in the form that a message's field takes."""
-        for name, kind, _ in self._classes[port]._fields:
+        for name, kind in self._classes[port]._fields:
             if name == field:
                 return fit(kind, value)
         raise ValueError(field)
@@ -355,7 +355,7 @@ def message_class(port):
         return known
     kinds = [pair.split(":") for pair in coded.split(" ") if pair]
     kinds = [(name, {"s": str, "?": bool}.get(code, code)) for name, code in kinds]
-    return type(type_name, (Message,), {"_fields": [(name, kind, zero(kind)) for name, kind in kinds]})
+    return type(type_name, (Message,), {"_fields": tuple(kinds)})
 
 
 def fit(kind, value):

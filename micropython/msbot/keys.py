@@ -1,4 +1,4 @@
-"""Keys: imported by parts that have one (docs/explain/security.md)."""
+"""Keys: imported for a proof, and forgotten again (docs/explain/security.md)."""
 
 import hashlib
 import struct
@@ -8,26 +8,32 @@ from .errors import ConfigError
 
 def prove(key, nonce, uid, part_number, local_name, session_key):
     """The answer to a challenge: 16 octets of HMAC-SHA-256 (RFC 2104), see docs/explain/security.md."""
-    return hmac(key, b"MsBOT claim 1\0" + claimed(nonce, uid, part_number, local_name, session_key))[:16]
+    return _hmac(key, b"MsBOT claim 1\0" + _claimed(nonce, uid, part_number, local_name, session_key))[:16]
 
 
-def claimed(nonce, uid, part_number, local_name, session_key):
-    """What a proof is about."""
+def prove_sealed(key, nonce, uid, part_number, local_name, session_key, session_nonce):
+    """The proof, 24 octets, in a robot with sealed samples, and the pads of both directions' seals."""
+    message = _claimed(nonce, uid, part_number, local_name, session_key) + struct.pack(">I", session_nonce)
+    secret = _hmac(key, b"MsBOT data 1\0" + message)
+    # Padded once, so that a sample costs only two hashes.
+    pads = [_padded(_hmac(secret, way)) for way in (b"MsBOT from the part\0", b"MsBOT to the part\0")]
+    return _hmac(key, b"MsBOT claim 2\0" + message)[:24], pads
+
+
+def _claimed(nonce, uid, part_number, local_name, session_key):
     message = nonce + uid
     for text in (part_number.encode(), local_name.encode()):
         message += struct.pack(">H", len(text)) + text
     return message + struct.pack(">I", session_key)
 
 
-def padded(key):
-    """A key for the inner and for the outer hash."""
+def _padded(key):
     key += bytes(64 - len(key))
     return bytes([octet ^ 0x36 for octet in key]), bytes([octet ^ 0x5C for octet in key])
 
 
-def hmac(key, message):
-    """HMAC-SHA-256."""
-    inside, outside = padded(key)
+def _hmac(key, message):
+    inside, outside = _padded(key)
     return hashlib.sha256(outside + hashlib.sha256(inside + message).digest()).digest()
 
 

@@ -12,7 +12,7 @@ from micropython import const
 from .cdr import Reader, put, put_text
 from .errors import RemoteProtocolError
 from .running import load, once
-from .xrce import BEST_EFFORT, ENDLESS, RELIABLE, Client, endpoint_blob, service_blob, topic_blob
+from .xrce import BEST_EFFORT, ENDLESS, RELIABLE, Client
 
 
 class State:
@@ -41,12 +41,8 @@ _CLAIMS = (_S.CLAIMING, _S.REFUSED)
 _BEATS = (_S.CONFIGURING, _S.ACTIVE)
 _AFTER_PROFILE = (_S.RECOGNISING, _S.CLAIMING, _S.REFUSED, _S.CONFIGURING, _S.ACTIVE)
 
-PARTICIPANT = const(0x0011)
-SUBSCRIBER = const(0x0014)
-_PROFILE_TOPIC = const(0x0012)
 _PROFILE_READER = const(0x0016)
 _REQUESTER = const(0x0017)
-PUBLISHER = const(0x0013)
 
 _REFUSED_RETRY = const(2000)
 _SHORTEST_BEAT = const(20)
@@ -94,13 +90,7 @@ class Membership:
         self._nonce = random.getrandbits(32)
         put(claim, "I", self._nonce)
         self._claim = bytes(claim)
-        client.create(PARTICIPANT)  # without a name: nothing reveals the part before it knows its robot
-        client.create(SUBSCRIBER, b"\0\0", PARTICIPANT)
-        client.create(_PROFILE_TOPIC, topic_blob("msbot_masterTopic", "msbot_master"), PARTICIPANT)
-        client.create(_PROFILE_READER, endpoint_blob(_PROFILE_TOPIC, True, b"\0\0"), SUBSCRIBER)
-        client.create(_REQUESTER, service_blob("msbot_inventory"), PARTICIPANT)
-        client.read(_PROFILE_READER, RELIABLE, None if self._shared else ENDLESS)
-        client.read(_REQUESTER)
+        once("objects").create(client, self._shared)
 
     # Events.
 

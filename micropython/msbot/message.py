@@ -27,7 +27,7 @@ class _Field:
 
 def field(kind, default=None):
     """One field of a message class; without a default it is zero."""
-    return _Field(kind, zero(kind) if default is None else default)
+    return _Field(kind, default)
 
 
 def zero(kind):
@@ -38,7 +38,7 @@ def zero(kind):
 
 
 def fields_of(message_class):
-    """The fields `(name, kind, default)` of a message class in the order of the wire."""
+    """The fields `(name, kind)` of a message class in the order of the wire; its `_defaults` are those that differ."""
     found = message_class.__dict__.get("_fields")
     if found is None:
         own = [
@@ -46,11 +46,17 @@ def fields_of(message_class):
         ]
         own.sort(key=lambda item: item[0])
         found = [item for base in message_class.__bases__ if base not in (object, Message) for item in fields_of(base)]
-        found += [(name, value.kind, value.default) for _, name, value in own]
+        found += [(name, value.kind) for _, name, value in own]
         if not found:
             words = "class {} has no fields: MicroPython forgets annotations; start the file with msbot.start"
             raise LocalProtocolError(words.format(message_class.__name__))
-        message_class._fields = found
+        message_class._fields = tuple(found)
+        message_class._defaults = dict(message_class._defaults)
+        for _, name, value in own:
+            delattr(message_class, name)  # each takes some 80 octets
+            message_class._defaults.pop(name, None)
+            if value.default is not None:
+                message_class._defaults[name] = value.default
     return found
 
 
@@ -62,27 +68,28 @@ def type_name_of(message_class):
 class Message:  # noqa: PLW1641 - it can change, and has no hash
     """Base of everything that travels on a topic."""
 
+    _defaults = {}  # noqa: RUF012 - never changed: a class with fields has its own
+
     def __init__(self, **values):
-        for name, kind, default in fields_of(type(self)):
-            value = values.pop(name, default)
-            if isinstance(default, Message) and value is default:
-                value = kind()
-            setattr(self, name, value)
+        for name, kind in fields_of(type(self)):
+            if name not in values:
+                values[name] = self._defaults[name] if name in self._defaults else zero(kind)
+            setattr(self, name, values.pop(name))
         for name in values:
             raise TypeError("{} has no field {!r}".format(type(self).__name__, name))
         self._check()
 
     def __eq__(self, other):
         return type(other) is type(self) and all(
-            getattr(self, name) == getattr(other, name) for name, _, _ in fields_of(type(self))
+            getattr(self, name) == getattr(other, name) for name, _ in fields_of(type(self))
         )
 
     def __repr__(self):
-        inside = ", ".join("{}={!r}".format(name, getattr(self, name)) for name, _, _ in fields_of(type(self)))
+        inside = ", ".join("{}={!r}".format(name, getattr(self, name)) for name, _ in fields_of(type(self)))
         return "{}({})".format(type(self).__name__, inside)
 
     def _check(self):
-        for name, kind, _ in fields_of(type(self)):
+        for name, kind in fields_of(type(self)):
             value = getattr(self, name)
             if not fits(kind, value):
                 raise LocalProtocolError(once("words").misfit(type(self).__name__, name, kind, value))
@@ -95,7 +102,7 @@ class Message:  # noqa: PLW1641 - it can change, and has no hash
 
     def _write(self, out):
         self._check()  # again: a field can be set to anything
-        for name, kind, _ in fields_of(type(self)):
+        for name, kind in fields_of(type(self)):
             value = getattr(self, name)
             if isinstance(kind, str):
                 put(out, kind, value)
@@ -133,7 +140,7 @@ def read(kind, reader):
         return reader.text()
     if kind is bytes:
         return reader.take(reader.number("I"))
-    return kind(**{name: read(inner, reader) for name, inner, _ in fields_of(kind)})
+    return kind(**{name: read(inner, reader) for name, inner in fields_of(kind)})
 
 
 def limits(code):

@@ -18,7 +18,10 @@ _NO_PORT = (("", "", "", True, True), 0, 0)  # (port, topic, type, subscribes, r
 _SLOW = const(500)
 _REPORTS = const(30)
 KINDS = (bool, int, float, str)  # of settings
-_PARTNER_LOST, _, _IDENTIFY, _STOP, _GO = range(1, 6)
+_PARTNER_LOST = const(1)
+_IDENTIFY = const(3)
+_STOP = const(4)
+_GO = const(5)
 
 
 class Counters:
@@ -36,17 +39,6 @@ class Timed:
         self.due_at = None
 
 
-def _verb(when):
-    """A decorator: call the function below at that time."""
-
-    def remember(self, function):
-        check_function(function)
-        self._when.setdefault(when, []).append(function)
-        return function
-
-    return remember
-
-
 class Part:
     """One part of a robot: a part number, ports, and functions that are called when something happens."""
 
@@ -59,9 +51,7 @@ class Part:
         self.uid = uid
         self.key = None
         if key is not None:
-            from .keys import parse_key
-
-            self.key = parse_key(key)
+            self.key = once("keys").parse_key(key)
         self.nature = 0  # what is behind its ports: 1 = hardware, 2 = a model of it; the robot shows it
         self.describes = describes is not False
         self.called = describes if isinstance(describes, str) else self.local_name
@@ -71,7 +61,8 @@ class Part:
         self.stopped = False
         self.counters = Counters()
         self.clock = None  # ms; set by the runner of the part, to find functions that are slow
-        self._board = board
+        if board is not None:
+            self.board = board
         self._timed = []
         self._listeners = {}
         self._when = {}
@@ -91,30 +82,9 @@ class Part:
 
     # Called by a student's program.
 
-    def every(self, period, *, default=None):
-        """Call the function below every `period` seconds while the part is active; a text names a setting."""
-        return _declaring().every(self, period, default)
-
-    def on(self, port, message_class, *, optional=False, safe=None):
-        """Call the function below with each message that arrives at the port."""
-        return _declaring().on(self, port, message_class, optional, safe)
-
-    def publishes(self, port, message_class):
-        """Declare that the part publishes such messages at that port; a part that describes itself must."""
-        self.declared.append(("publish", port, message_class, None))
-
-    def on_setting(self, name, kind=str, *, default=None, least=None, most=None, unit=""):
-        """Call the function below with the setting's value, before `on_join`, and whenever it changes."""
-        return _declaring().on_setting(self, name, kind, default, least, most, unit)
-
-    on_join = _verb("join")  # whenever the part has become active
-    on_lost = _verb("lost")  # whenever it stops being active without ending; see `reason`
-    on_end = _verb("end")  # once when it ends
-    on_stop = _verb("stop")  # on STOP, after every port has its safe value
-    on_go = _verb("go")  # on GO: messages reach the part's functions again
-    on_identify = _verb("identify")  # when somebody asks which part this is
-    safe_state = _verb("safe")  # when nothing controls the part any more
-    on_partner_lost = _verb("partner")  # with the name of a port whose senders have all gone
+    def __getattr__(self, name):
+        """`every`, `on`, `on_join` and so on: they are forgotten when the part begins."""
+        return load("declaring").verb(self, name)
 
     def publish(self, port, message):
         """Send a message out of a port; False when there was no room for it."""
@@ -138,7 +108,7 @@ class Part:
     def setting(self, name, kind=str, default=None):
         """The value of a setting; a missing one without a default is an error."""
         if kind not in KINDS:
-            _declaring().check_kind(name, kind)
+            load("declaring").check_kind(name, kind)
         text = self.settings.get(name)
         if text is not None:
             return read_setting(name, text, kind)
@@ -155,13 +125,6 @@ class Part:
     def reason(self):
         """Why it is in that state, in words."""
         return self._membership.reason if self._membership else "looking for an agent"
-
-    @property
-    def board(self):
-        """The GPIO board the part was made with."""
-        if self._board is None:
-            raise ConfigError(once("words").no_board(self))
-        return self._board
 
     def run(self):
         """Run the part until it ends; the last line of a program."""
@@ -307,18 +270,6 @@ class Part:
     def _bound_words(self):
         return once("words").bound([self._ports[port][0] for port in self._places if port in self._ports])
 
-    def _pace_of(self, timed, name):
-        return lambda seconds: self._pace(timed, name, seconds)
-
-    def _pace(self, timed, name, seconds):
-        if not seconds >= 0.001:
-            words = "{} s is not a period; {} s stays".format(seconds, timed.period / 1000)
-            self.report("setting {!r}".format(name), words)
-        elif milliseconds(seconds) != timed.period:
-            timed.period = milliseconds(seconds)
-            if timed.due_at is not None:
-                timed.due_at = self._now
-
     def _enter_safe_state(self, port=None):
         """Enter it; False: a function ended with an error, so the part may not be safe."""
         errors = self.counters.handler_errors
@@ -352,15 +303,6 @@ class Part:
             say("error", "{}: {}".format(where, what))
 
 
-def milliseconds(seconds):
-    """At least one."""
-    return max(1, int(seconds * 1000 + 0.5))
-
-
-def _declaring():
-    return load("declaring")  # forgotten when the part begins
-
-
 def stream_of(binding):
     """The stream of a port's samples."""
     return RELIABLE if binding[4] else BEST_EFFORT
@@ -371,12 +313,6 @@ def _name(what, text):
     if not text or size > 254 or "\0" in text:
         raise ConfigError("the {} must have 1 to 254 octets, not {}".format(what, size))
     return text
-
-
-def check_function(function):
-    """Raise ConfigError if it is none."""
-    if not callable(function):
-        raise ConfigError("a handler must be a function, not {!r}".format(function))
 
 
 def read_setting(name, text, kind):

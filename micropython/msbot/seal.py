@@ -3,7 +3,7 @@
 import hashlib
 import struct
 
-from .keys import claimed, hmac, padded
+from .running import once
 
 
 class Seals:
@@ -13,11 +13,11 @@ class Seals:
         self._present = self._proved = None
         self._insists = False  # a part that was in a robot with seals joins none without
 
-    def prove(self, key, nonce, uid, part_number, local_name, session_key, session_nonce):
-        """The proof, 24 octets; its secret counts from the first reply that it opens."""
-        message = claimed(nonce, uid, part_number, local_name, session_key) + struct.pack(">I", session_nonce)
-        self._proved = _Seal(hmac(key, b"MsBOT data 1\0" + message))
-        return hmac(key, b"MsBOT claim 2\0" + message)[:24]
+    def prove(self, *claimed):
+        """The proof (`keys.prove_sealed`); its secret counts from the first reply that it opens."""
+        proof, pads = once("keys").prove_sealed(*claimed)
+        self._proved = _Seal(*pads)
+        return proof
 
     def session_lost(self):
         """Forget what was agreed in the session."""
@@ -61,10 +61,9 @@ class Seals:
 
 
 class _Seal:
-    def __init__(self, secret):
-        # Padded once, so that a sample costs only two hashes.
-        self._up = padded(hmac(secret, b"MsBOT from the part\0"))
-        self._down = padded(hmac(secret, b"MsBOT to the part\0"))
+    def __init__(self, up, down):
+        self._up = up
+        self._down = down
         self._sent = {}
         self._received = {}
 

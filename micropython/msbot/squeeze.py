@@ -10,9 +10,11 @@ from io import BytesIO
 from micropython import const
 
 from .errors import RemoteProtocolError
-from .xrce import (
-    BEST_EFFORT, ENDLESS, RELIABLE, create_message, endpoint_blob, read_message, service_blob, topic_blob
-)  # fmt: skip
+from .objects import endpoint_blob, service_blob, topic_blob
+from .running import forget
+from .xrce import BEST_EFFORT, ENDLESS, RELIABLE, create_message, read_message
+
+forget("objects")
 
 _LARGEST = const(1024)  # octets that may come out: more than our MTU and its form need
 

@@ -1,6 +1,6 @@
 """The standard messages: a table; a class is made when a program asks for it, then the table is forgotten."""
 
-from .message import Message, zero
+from .message import Message
 
 _STANDARD = (
     "HelloWorld index:I message:s;Switch on:?;Number value:f;Count value:i;Level percent:f;Text text:s;Light lux:f;"
@@ -16,6 +16,6 @@ def standard(name):
     for entry in _STANDARD.split(";"):
         if entry.startswith(name + " "):
             pairs = [pair.split(":") for pair in entry.split(" ")[1:]]
-            kinds = [(field_name, {"s": str, "?": bool}.get(code, code)) for field_name, code in pairs]
-            return type(name, (Message,), {"_fields": [(field_name, kind, zero(kind)) for field_name, kind in kinds]})
+            fields = tuple([(field_name, {"s": str, "?": bool}.get(code, code)) for field_name, code in pairs])
+            return type(name, (Message,), {"_fields": fields})
     return None

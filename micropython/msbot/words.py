@@ -81,11 +81,6 @@ def no_value(name, text, kind):
     return "setting {!r} is {!r}, which is not {}".format(name, text, wanted)
 
 
-def no_board(part):
-    """What is wrong with asking for the pins of a part without."""
-    return "part {} has no board: make it with Part(..., board=SimGpio())".format(part.local_name)
-
-
 def misfit(message, field, kind, value):
     """Why a field of a message cannot hold a value."""
     shown = repr(value)

