@@ -42,6 +42,15 @@ static const char FIXED[] =
     "\376\1\0\0\0\6\1\10\0\0\0\377\376\0\0\0\0\3\1\4\0\0\2\377\376\5\1\6\0\0\2\377\376\0\0\14\1\0\0";
 static const uint8_t FIXED_SIZES[] = {15, 12, 32, 32, 12, 12, 8, 10, 4};
 
+static const uint8_t *fixed_message(unsigned number)
+{
+    const char *fixed = FIXED;
+    for (unsigned i = 0; i < number; i++) {
+        fixed += FIXED_SIZES[i];
+    }
+    return (const uint8_t *)fixed;
+}
+
 static const uint8_t LOGIN[] = {0x80, 0, 0, 0, 0, 1, 16, 0, 'X', 'R', 'C', 'E', 1, 0, 1, 15};
 
 /* A short form: a few octets of its own (head), then some of the packet (tail). */
@@ -52,16 +61,11 @@ typedef struct {
     size_t tails;
 } short_form;
 
-/* Sets head and tail; the code and up to two octets. */
-static void set_form(short_form *form, uint8_t code, const uint8_t *sequence, const uint8_t *tail, size_t tails)
+/* A code, and what follows it. */
+static void set_form(short_form *form, unsigned code, const uint8_t *tail, size_t tails)
 {
-    form->head[0] = code;
+    form->head[0] = (uint8_t)code;
     form->heads = 1;
-    if (sequence != NULL) {
-        form->head[1] = sequence[0];
-        form->head[2] = sequence[1];
-        form->heads = 3;
-    }
     form->tail = tail;
     form->tails = tails;
 }
@@ -71,7 +75,7 @@ static uint16_t request_by_rule(uint8_t stream, uint16_t sequence)
     return (uint16_t)((stream >= 0x80 ? 0xA000U : 0x8000U) | (sequence & 0x1FFFU));
 }
 
-static bool shorten_write(short_form *form, const uint8_t *packet, size_t size, uint8_t code)
+static bool shorten_write(short_form *form, const uint8_t *packet, size_t size, unsigned code)
 {
     size_t length = u16(packet + 6);
     size_t end = 8 + length;
@@ -93,44 +97,44 @@ static bool shorten_write(short_form *form, const uint8_t *packet, size_t size, 
         which = FORM_REQUEST + place;
     }
     size_t skip = which == FORM_WRITE_DATA ? 8 : 12;
-    set_form(form, (uint8_t)(code | which), packet + 2, packet + skip, end - skip);
+    set_form(form, code | which, packet + skip, end - skip);
+    memcpy(form->head + 1, packet + 2, 2); /* the sequence number */
+    form->heads = 3;
     return true;
 }
 
-static void shorten_on_stream(short_form *form, const uint8_t *packet, size_t size, uint8_t code)
+static void shorten_on_stream(short_form *form, const uint8_t *packet, size_t size, unsigned code)
 {
     code |= packet[1] == 0x80 ? 0x20U : 0U;
     if (packet[4] == WRITE_DATA && shorten_write(form, packet, size, code)) {
         return;
     }
-    set_form(form, code | FORM_ON_STREAM, NULL, packet + 2, size - 2);
+    set_form(form, code | FORM_ON_STREAM, packet + 2, size - 2);
 }
 
 static int fixed_number(const uint8_t *body, size_t size)
 {
-    const char *fixed = FIXED;
-    for (size_t i = 0; i < sizeof FIXED_SIZES; i++) {
-        if (size == FIXED_SIZES[i] && memcmp(body, fixed, size) == 0) {
+    for (unsigned i = 0; i < sizeof FIXED_SIZES; i++) {
+        if (size == FIXED_SIZES[i] && memcmp(body, fixed_message(i), size) == 0) {
             return (int)i;
         }
-        fixed += FIXED_SIZES[i];
     }
     return -1;
 }
 
-static void shorten_outside(short_form *form, const uint8_t *packet, size_t size, uint8_t code)
+static void shorten_outside(short_form *form, const uint8_t *packet, size_t size, unsigned code)
 {
     int number = fixed_number(packet + 4, size - 4);
     bool report = size == 13 && packet[5] == 1 && u16(packet + 6) == 5;
     if (report && (packet[4] == ACKNACK || packet[4] == HEARTBEAT)) {
         uint16_t usual = packet[4] == ACKNACK ? 0 : u16(packet + 8);
         size_t tails = packet[12] != 0x80 ? 5 : u16(packet + 10) == usual ? 2 : 4;
-        set_form(form, code | (packet[4] == ACKNACK ? FORM_ACKNACK : FORM_HEARTBEAT), NULL, packet + 8, tails);
+        set_form(form, code | (packet[4] == ACKNACK ? FORM_ACKNACK : FORM_HEARTBEAT), packet + 8, tails);
     } else if (number >= 0) {
-        set_form(form, code | FORM_FIXED, NULL, NULL, 0);
+        set_form(form, code | FORM_FIXED, packet, 0);
         form->head[form->heads++] = (uint8_t)number;
     } else {
-        set_form(form, code | FORM_NO_STREAM, NULL, packet + 4, size - 4);
+        set_form(form, code | FORM_NO_STREAM, packet + 4, size - 4);
     }
 }
 
@@ -141,18 +145,18 @@ static void shorten(short_form *form, const uint8_t *packet, size_t size)
     form->tail = packet;
     form->tails = size;
     if (size == 0 || packet[0] < 0x80) {
-        set_form(form, ESCAPE, NULL, packet, size);
+        set_form(form, ESCAPE, packet, size);
         return;
     }
     if (size < 8 || packet[0] > 0x82) {
         return;
     }
     bool no_stream = packet[1] == 0 && packet[2] == 0 && packet[3] == 0;
-    uint8_t code = packet[0] == 0x82 ? 0x40U : 0U;
+    unsigned code = packet[0] == 0x82 ? 0x40U : 0U;
     if (packet[0] == 0x80) {
         if (size == 24 && memcmp(packet, LOGIN, sizeof LOGIN) == 0 && packet[21] == 0 &&
             (packet[20] == 0x81 || packet[20] == 0x82)) {
-            set_form(form, (packet[20] == 0x82 ? 0x40U : 0U) | FORM_LOGIN, NULL, NULL, 0);
+            set_form(form, (packet[20] == 0x82 ? 0x40U : 0U) | FORM_LOGIN, packet, 0);
             memcpy(form->head + 1, packet + 16, 4);
             memcpy(form->head + 5, packet + 22, 2);
             form->heads = 7;
@@ -180,9 +184,7 @@ size_t msbot_compress(uint8_t *form, const uint8_t *packet, size_t size)
         }
     }
     memcpy(form, made.head, made.heads);
-    if (made.tails > 0) {
-        memcpy(form + made.heads, made.tail, made.tails);
-    }
+    memcpy(form + made.heads, made.tail, made.tails);
     return shorter;
 }
 
@@ -193,9 +195,7 @@ static int put_packet(uint8_t *packet, size_t room, const uint8_t *head, size_t 
     if (heads + tails + zeros > room) {
         return -1;
     }
-    if (tails > 0) {
-        memmove(packet + heads, tail, tails);
-    }
+    memmove(packet + heads, tail, tails);
     memcpy(packet, head, heads);
     memset(packet + heads + tails, 0, zeros);
     return (int)(heads + tails + zeros);
@@ -213,9 +213,9 @@ static int expand_on_stream(uint8_t *packet, size_t room, const uint8_t *form, s
     size_t heads = 8;
     size_t zeros = 0;
     if (kind == FORM_ON_STREAM) {
-        return put_packet(packet, room, head, 4, tail, tails, 0);
-    }
-    if (kind == FORM_STATUS) {
+        head[4] = 0; /* the submessages are in the tail */
+        heads = 4;
+    } else if (kind == FORM_STATUS) {
         if (tails != 3 && tails != 4 && tails != 6) {
             return -1;
         }
@@ -273,47 +273,43 @@ static int expand_outside(uint8_t *packet, size_t room, const uint8_t *form, siz
 {
     uint8_t kind = form[0] & 0x1FU;
     uint8_t head[24] = {form[0] & 0x40U ? 0x82 : 0x81, 0, 0, 0};
-    const uint8_t *rest = form + 1;
-    size--;
-    if (kind == FORM_NO_STREAM) {
-        return put_packet(packet, room, head, 4, rest, size, 0);
-    }
+    const uint8_t *tail = form + 1;
+    size_t tails = size - 1;
+    size_t heads = 4;
     if (kind == FORM_FIXED) {
-        if (size != 1 || (rest[0] & 0x7FU) >= sizeof FIXED_SIZES) {
+        if (tails != 1 || (tail[0] & 0x7FU) >= sizeof FIXED_SIZES) {
             return -1;
         }
-        const char *fixed = FIXED;
-        unsigned number = rest[0] & 0x7FU;
-        for (unsigned i = 0; i < number; i++) {
-            fixed += FIXED_SIZES[i];
-        }
-        head[0] = rest[0] & 0x80U ? 0x80 : head[0];
-        return put_packet(packet, room, head, 4, (const uint8_t *)fixed, FIXED_SIZES[number], 0);
-    }
-    if (kind == FORM_LOGIN) {
-        if (size != 6) {
+        unsigned number = tail[0] & 0x7FU;
+        head[0] = tail[0] & 0x80U ? 0x80 : head[0];
+        tail = fixed_message(number);
+        tails = FIXED_SIZES[number];
+    } else if (kind == FORM_LOGIN) {
+        if (tails != 6) {
             return -1;
         }
-        uint8_t session = head[0];
+        head[20] = head[0]; /* the session */
         memcpy(head, LOGIN, sizeof LOGIN);
-        memcpy(head + 16, rest, 4);
-        head[20] = session;
-        head[21] = 0;
-        memcpy(head + 22, rest + 4, 2);
-        return put_packet(packet, room, head, 24, NULL, 0, 0);
+        memcpy(head + 16, tail, 4);
+        memcpy(head + 22, tail + 4, 2);
+        heads = 24;
+        tails = 0;
+    } else if (kind != FORM_NO_STREAM) {
+        if (tails != 2 && tails != 4 && tails != 5) {
+            return -1;
+        }
+        head[4] = kind == FORM_ACKNACK ? ACKNACK : HEARTBEAT;
+        head[5] = 1;
+        head[6] = 5;
+        memcpy(head + 8, tail, tails);
+        if (tails == 2 && kind == FORM_HEARTBEAT) {
+            memcpy(head + 10, tail, 2);
+        }
+        head[12] = tails == 5 ? tail[4] : 0x80;
+        heads = 13;
+        tails = 0;
     }
-    if (size != 2 && size != 4 && size != 5) {
-        return -1;
-    }
-    head[4] = kind == FORM_ACKNACK ? ACKNACK : HEARTBEAT;
-    head[5] = 1;
-    head[6] = 5;
-    memcpy(head + 8, rest, size);
-    if (size == 2 && kind == FORM_HEARTBEAT) {
-        memcpy(head + 10, rest, 2);
-    }
-    head[12] = size == 5 ? rest[4] : 0x80;
-    return put_packet(packet, room, head, 13, NULL, 0, 0);
+    return put_packet(packet, room, head, heads, tail, tails, 0);
 }
 
 int msbot_decompress(uint8_t *packet, size_t room, const uint8_t *form, size_t size)
