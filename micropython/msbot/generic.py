@@ -53,9 +53,10 @@ def run_board(part_number="BOARD-8", local_name=None):
     due = 0
     while due is not None:
         try:
-            due = board.step(clock.now())
-            if due is not None:
-                time.sleep_ms(max(0, min(due - clock.now(), 1)))
+            while due is not None:  # inside: MicroPython may raise it where a loop begins again
+                due = board.step(clock.now())
+                if due is not None:
+                    time.sleep_ms(max(0, min(due - clock.now(), 1)))
         except KeyboardInterrupt:
             board.end()
 

@@ -13,6 +13,7 @@ from click.testing import CliRunner, Result
 
 from msbot.cli.key import command, qr_code
 from msbot.config import SAMPLES, load_blueprint, load_library, parse_blueprint, write_sample
+from msbot.errors import ConfigError
 from msbot.part.join.keys import given_key, parse_key
 from msbot.part.join.uid import uid_on_board
 from msbot.pnp import Claim, PartEvent, PartState
@@ -92,6 +93,62 @@ def test_the_parts_of_a_board_get_its_key(folder: Path) -> None:
     ]
     with open_registry(folder / "robot.db", read_only=True) as registry:
         assert [registry.keys.find(uid) for uid in uids] == [key, key]
+
+
+BOARDS = """
+[robot]
+name = "R"
+
+[[slot]]
+name = "front board"
+part = "BOARD-8"
+
+[slot.settings]
+part_1 = "HC-SR04 eye: trigger=5, echo=18"
+part_3 = "LED lamp: s=2"
+
+[[slot]]
+name = "rear board"
+part = "BOARD-8"
+"""
+BOARD = "8877665544332211"
+
+
+@pytest.fixture
+def two_boards(folder: Path) -> Path:
+    """A robot with two boards; nobody has seen the first, the second was refused because it has no key."""
+    library, uid = load_library(), bytes.fromhex(BOARD)
+    with open_registry(folder / "robot.db") as registry:
+        store = registry.runs.begin(registry.robots.apply_blueprint(parse_blueprint(BOARDS, library=library), library))
+        store.journal(PartEvent(1.0, "rear board", None, None, PartState.REFUSED, "no key", part_number="BOARD-8",
+                                local_name="rear board", uid=uid))  # fmt: skip
+    return folder
+
+
+def test_the_parts_that_the_slot_of_a_board_says_get_its_key(two_boards: Path) -> None:
+    run("new", "BOARD-8", "--uid", "0102030405060708", "--no-qr")
+    output = run("board", "0102030405060708", "--slot", "Front Board").output
+    uids = [uid_on_board(bytes.fromhex("0102030405060708"), *one) for one in (("HC-SR04", "eye"), ("LED", "lamp"))]
+    assert [line.split("  ")[0] for line in output.splitlines()] == [uid.hex() for uid in uids]
+    with pytest.raises(ConfigError, match=r'which slot is this board\'s\? .* "front board" of R, "rear board" of R'):
+        run("board", "0102030405060708")
+    with pytest.raises(ConfigError, match='there is no slot "back" for a board; there are "front board" of R'):
+        run("board", "0102030405060708", "--slot", "back")
+    with pytest.raises(ConfigError, match="give either what is wired to the board, or --slot"):
+        run("board", "0102030405060708", "LED", "--slot", "rear board")
+
+
+def test_a_board_that_was_refused_is_known_by_the_slot_it_asked_for(two_boards: Path) -> None:
+    run("new", "rear board", "--no-qr")
+    with pytest.raises(ConfigError, match='nothing is wired to slot "rear board" yet: `msbot set "rear board" part_1'):
+        run("board", "rear board")
+    assert len(run("board", "rear board", "--slot", "front board").output.splitlines()) == 2
+
+
+def test_without_a_slot_for_a_board_one_has_to_say_what_is_wired(folder: Path) -> None:
+    run("new", "eye", "--no-qr")
+    with pytest.raises(ConfigError, match="no robot of this database has a slot for a board: say what is wired to it"):
+        run("board", "eye")
 
 
 def test_the_list_shows_whose_keys_there_are_and_no_key(folder: Path) -> None:

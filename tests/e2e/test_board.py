@@ -5,6 +5,7 @@ pseudo terminal, at whose other end the master is.
 """
 
 import json
+import re
 import signal
 import time
 from contextlib import ExitStack
@@ -34,6 +35,61 @@ def speak():
 
 part.run()
 """
+
+
+PINS = Path(micro.__file__).with_name("fake_machine.py")
+KEYS = """
+[robot]
+name = "R"
+
+[options]
+authentication = "key"
+
+[[slot]]
+name = "front board"
+part = "BOARD-8"
+
+[slot.settings]
+part_1 = "LED lamp: s=2"
+part_2 = "RELAY-1 relay: s=12"
+
+[[slot]]
+name = "lamp"
+part = "LED"
+
+[[slot]]
+name = "relay"
+part = "RELAY-1"
+"""
+BOOT = """\
+import machine, pins
+for name in dir(pins):
+    if name not in dir(machine):
+        setattr(machine, name, getattr(pins, name))
+"""
+
+
+def test_one_command_gives_the_key_of_a_generic_board_to_all_parts_that_are_wired_to_it(tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text(KEYS)
+    assert run("apply", "--yes", cwd=tmp_path).returncode == 0
+    new = run("key", "new", "BOARD-8", "--no-qr", cwd=tmp_path).stdout
+    uid, key = (found[1] for word in ("UID", "key  ") if (found := re.search(rf"{word} +([0-9a-f-]+)", new)))
+    assert len(run("key", "board", uid, cwd=tmp_path).stdout.splitlines()) == 2
+    line = tmp_path / "uart"
+    files = {
+        "/msbot.json": json.dumps({"link": "serial:1", "uid": uid, "key": key.replace("-", "")}),
+        "/pins.py": PINS.read_text(),
+        "/boot.py": BOOT,
+        "/main.py": 'import msbot\nmsbot.run_board(local_name="front board")\n',
+    }
+    with ExitStack() as stack:
+        master = stack.enter_context(running("master", "--no-page", "--link", f"pty:{line}", cwd=tmp_path))
+        master.wait_for("is up on")
+        board = stack.enter_context(simulated_board(uart=str(line.resolve()), lib=str(micro.FOLDER), files=files))
+        for slot in ("front board", "lamp", "relay"):
+            master.wait_for(slot, "active")
+        again = run("board", "reset", "--port", board.port)
+        assert (again.returncode, again.stderr) == (0, "")
 
 
 def test_a_board_joins_publishes_is_listed_and_leaves_by_ctrl_c(tmp_path: Path) -> None:

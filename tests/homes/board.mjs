@@ -32,7 +32,7 @@ def unique_id():
     return b"simulated"
 `;
 
-let mp = null, isRunning = false, isOkHidden = false, polledAt = 0;
+let mp = null, isRunning = false, isFile = false, isOkHidden = false, polledAt = 0;
 const received = [], waiting = [];
 const flash = new Map(); // path: octets, null = folder
 const realNow = Date.now;
@@ -64,7 +64,7 @@ function writeTo(descriptor, octets) {
 function receive() {
   const room = settings.buffer ? 4096 : 4096 - received.length; // USB leaves the rest with the sender
   for (const octet of room > 0 ? readFrom(0, room) : []) {
-    if (octet === INTERRUPT && isRunning && mp._module._mp_hal_get_interrupt_char() === INTERRUPT) {
+    if (octet === INTERRUPT && isRunning && (isFile || mp._module._mp_hal_get_interrupt_char() === INTERRUPT)) {
       mp._module._mp_sched_keyboard_interrupt();
     } else if (!settings.buffer || received.length < settings.buffer) {
       received.push(octet);
@@ -172,11 +172,11 @@ async function start() {
 }
 
 function run(code) {
-  isRunning = true;
+  isRunning = isFile = true; // Ctrl-C also ends boot.py and main.py; this VM says so only of what its prompt runs
   try {
     mp.runPython(code);
   } finally {
-    isRunning = false;
+    isRunning = isFile = false;
   }
 }
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 
+from msbot.cli.key_of_board import slot_of_board
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, existing_database
 from msbot.config import shown_by
 from msbot.errors import ConfigError
@@ -65,20 +66,30 @@ def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no
 
 @command.command("board")
 @click.argument("board")
-@click.argument("wired", nargs=-1, required=True)
+@click.argument("wired", nargs=-1)
+@click.option("--slot", default="", help="Slot of the board, if the robot has not seen the board in it.")
 @db_option
-def board(board: str, wired: tuple[str, ...], db: str | None) -> None:
-    """Let the parts that are WIRED to a generic BOARD in with the board's key.
+def board(board: str, wired: tuple[str, ...], slot: str, db: str | None) -> None:
+    """Let the parts that are wired to a generic BOARD in with the board's key.
 
-    BOARD is its UID, or its name or slot if the robot has seen it. WIRED are texts as in part_1, "HC-SR04 eye"; they
-    may go on with the wires.
+    BOARD is its UID, or its name or slot if the robot has seen it. Which parts: all that its slot says now (part_1 to
+    part_8), or only those that are WIRED: texts as in part_1, "HC-SR04 eye"; they may go on with the wires.
     """
+    if wired and slot:
+        raise ConfigError("give either what is wired to the board, or --slot")
     with open_registry(existing_database(db)) as registry:
         known = _known(registry, board)
         uid = parse_uid(board) if known is None else known.uid
         key = registry.keys.find(uid)
         if key is None:
             raise ConfigError(f"board {board} has no key yet: `msbot key new BOARD-8 --uid {uid.hex()}` makes one")
+        if not wired:
+            found = slot_of_board(registry, known, slot)
+            wired = found.texts
+            if not wired:
+                raise ConfigError(
+                    f'nothing is wired to slot "{found.name}" yet: `msbot set "{found.name}" part_1 "LED lamp: s=2"`'
+                )
         shown = [shown_by(text) for text in wired]
         if not all(number for number, _ in shown):
             raise ConfigError('a text is empty: write part number and name, for example "HC-SR04 eye"')
