@@ -9,6 +9,7 @@ from random import Random
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.demo import DemoRobot
+from msbot.lab.curves.measuring import keep_measuring
 from msbot.lab.recorder.batch import Item, Kind, RecordedChannel, Unpacker
 from msbot.lab.recorder.recorder import Recorder
 from msbot.lab.recorder.ring import RingLimits
@@ -55,10 +56,12 @@ def record_demo(
             recorder.watch(robot.master, operations)
             async with asyncio.TaskGroup() as tasks:
                 running = tasks.create_task(robot.run())
+                measuring = tasks.create_task(keep_measuring(robot.master.inventory.view, recorder.measured))
                 await robot.master.ready.wait()
                 await scene(robot, operations)
                 robot.finish()
                 await running
+                measuring.cancel()
         store(Unpacker().feed(recorder.drain()), target)
         return robot
 

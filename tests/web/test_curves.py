@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from msbot.config import Library
 from msbot.errors import ConfigError
 from msbot.lab.curves.names import FRAMES, LATE
 from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_object
@@ -74,7 +75,7 @@ def ring(folder: Path, seconds: int) -> None:
 
 async def test_the_past_is_read_by_another_process_thinned_and_with_figures_of_everything(tmp_path: Path) -> None:
     ring(tmp_path / "ring", 700)
-    past = RecordedPast(lambda: str(tmp_path / "ring"))
+    past = RecordedPast(lambda: str(tmp_path / "ring"), Library, tuple)
     began_s = BEGAN_NS / NS
     turns = 0
 
@@ -97,4 +98,4 @@ async def test_the_past_is_read_by_another_process_thinned_and_with_figures_of_e
 
 async def test_what_is_not_recorded_is_said() -> None:
     with pytest.raises(ConfigError, match="--rec off"):
-        await RecordedPast(str).curves(["@late"], 0.0, 1.0)
+        await RecordedPast(str, Library, tuple).curves(["@late"], 0.0, 1.0)

@@ -11,7 +11,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from msbot.config import Library
+from msbot.config import Blueprint, Library
 from msbot.errors import ConfigError, MsbotError
 from msbot.master import Master
 from msbot.operations.applying import BlueprintChange
@@ -171,6 +171,11 @@ class RunningOperations(Operations):
             self.applying, self.by_hand, self.recording, self.faults, Blocking(running), Wires(running), described,
             self.stand_ins, BusObjects(running),
         )  # fmt: skip
+
+    @property
+    def blueprint(self) -> Blueprint:
+        """What the robot is at present, with all that people have changed."""
+        return self._running.blueprint
 
     def on_library(self, listener: Callable[[Library], object]) -> None:
         """Call the listener with each new library: part types were added while the robot runs."""

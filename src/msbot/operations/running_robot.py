@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Coroutine, Iterable, Sequence
 from typing import TypeVar
 
-from msbot.config import Library
+from msbot.config import Blueprint, Library
 from msbot.errors import ConfigError
 from msbot.master import Master
 from msbot.operations.part_names import one_part, uid_of
@@ -41,6 +41,13 @@ class RunningRobot:
         self._tasks: set[asyncio.Task[None]] = set()
         if registry is not None and robot is not None:
             registry.runs.on_news(robot, lambda: self.loop.call_soon_threadsafe(self.follow_database))
+
+    @property
+    def blueprint(self) -> Blueprint:
+        """What the robot is at present; without a database what it was started with."""
+        if self.registry is None or self.robot is None:
+            return self.master.blueprint
+        return self.registry.runs.store(self.robot).blueprint
 
     def now(self) -> float:
         """The present time, seconds."""

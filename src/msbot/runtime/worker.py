@@ -117,36 +117,48 @@ def _too_much(words: str) -> TooMuchWork:
     return TooMuchWork(f"what was sent {words}, and is refused: no text of a person does that")
 
 
-def _main(cpu_s: int, memory_mb: int, source: BinaryIO, target: BinaryIO) -> None:
-    _limit(cpu_s, memory_mb)
+def answer_of(call: bytes) -> bytes:
+    """Do what a pickled call asks for: the answer, pickled, as a pair of its kind and what was given or raised."""
     try:
-        module, name, args, kwargs = pickle.load(source)
+        module, name, args, kwargs = pickle.loads(call)  # from this program's other process
         function: object = importlib.import_module(module)
         for step in name.split("."):
             function = getattr(function, step)
         assert callable(function)
-        answer = ("given", function(*args, **kwargs))
-        octets = pickle.dumps(answer)
+        return pickle.dumps(("given", function(*args, **kwargs)))
     except MsbotError as error:
-        octets = pickle.dumps(("refused", error))
+        return pickle.dumps(("refused", error))
     except MemoryError:
-        octets = pickle.dumps(("memory", None))
+        return pickle.dumps(("memory", None))
     except Exception:
-        octets = pickle.dumps(("failed", traceback.format_exc()))
-    target.write(octets)
+        return pickle.dumps(("failed", traceback.format_exc()))
+
+
+def _main(cpu_s: int, memory_mb: int, source: BinaryIO, target: BinaryIO) -> None:
+    limit_memory(memory_mb)
+    _limit_time(cpu_s)
+    target.write(answer_of(source.read()))
     target.flush()
 
 
-def _limit(cpu_s: int, memory_mb: int) -> None:
-    """Have the system end this process when it uses more, and give the robot priority."""
+def limit_memory(memory_mb: int) -> None:
+    """Have the system refuse this process more memory than that, and give the robot priority."""
+    try:
+        import resource
+    except ImportError:
+        return
+    os.nice(10)
+    with contextlib.suppress(ValueError, OSError):  # macOS refuses a limit below what a process has mapped
+        resource.setrlimit(resource.RLIMIT_AS, (memory_mb << 20, memory_mb << 20))
+
+
+def _limit_time(cpu_s: int) -> None:
+    """Have the system end this process when it needs longer."""
     try:
         import resource
     except ImportError:
         return  # Windows: only the caller's wait limits the time
-    os.nice(10)
     resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
-    with contextlib.suppress(ValueError, OSError):  # macOS refuses a limit below what a process has mapped
-        resource.setrlimit(resource.RLIMIT_AS, (memory_mb << 20, memory_mb << 20))
 
 
 if __name__ == "__main__":

@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from msbot.agent import SessionWear
 from msbot.config import Binding, Blueprint, Library, PartType, Port, Slot, scalar_text
-from msbot.master import Master
 from msbot.pnp import PartInfo, PartState, SelfDescription, StopStatus
 from msbot.runtime.sentence import said
 from msbot.web.api.models import (
@@ -25,7 +25,6 @@ from msbot.web.api.models import (
 from msbot.web.api.says import Says, SaysPort, SaysSetting
 from msbot.web.api.wear import Wear
 from msbot.web.live import Live, TopicWatch
-from msbot.web.simulated.bench import Bench
 
 STALE_PERIODS = 3
 """A value is stale when this many of its periods have passed without a new one."""
@@ -35,6 +34,11 @@ SHORTEST_PERIOD_S = 0.2
 
 SaidByHand = Callable[[], Mapping[tuple[str, str], Mapping[str, Scalar]]]
 """What people say to the ports that they drive by hand: `(slot, port)` -> fields."""
+
+
+def no_wear(_client_key: int) -> SessionWear | None:
+    """For who does not know how a session fared."""
+    return None
 
 
 def stop_state(status: StopStatus, epoch_ns: Callable[[], int] = time.time_ns) -> StopState:
@@ -48,17 +52,28 @@ def stop_state(status: StopStatus, epoch_ns: Callable[[], int] = time.time_ns) -
 
 
 class SlotCards:
-    """See the module's docstring; the arguments are those of `Views`."""
+    """See the module's docstring; the other arguments are those of `Views`.
+
+    Args:
+        parts: all parts, at a time of the robot's clock.
+        beat_s: seconds between two beats of a part.
+        plugged: the slots whose parts are simulated in this process, and whether these are on the wire.
+        wear: what went wrong in the session of that client.
+    """
 
     def __init__(
-        self, *, master: Master, blueprint: Callable[[], Blueprint], library: Library, live: Live, bench: Bench,
-        clock: Callable[[], float], ignored: Callable[[PartInfo], bool], stop: Callable[[], StopState],
-        by_hand: SaidByHand, planted: Callable[[str], Sequence[str]] = lambda _: (),
+        self, *, parts: Callable[[float], Sequence[PartInfo]], beat_s: Callable[[], float],
+        blueprint: Callable[[], Blueprint], library: Library, live: Live, clock: Callable[[], float],
+        ignored: Callable[[PartInfo], bool], stop: Callable[[], StopState], by_hand: SaidByHand,
+        plugged: Callable[[], Mapping[str, bool]] = dict, wear: Callable[[int], SessionWear | None] = no_wear,
+        planted: Callable[[str], Sequence[str]] = lambda _: (),
     ) -> None:  # fmt: skip
         self.live = live
         self.library = library
-        self.bench = bench
-        self._master = master
+        self._parts = parts
+        self._beat_s = beat_s
+        self._plugged = plugged
+        self._wear_of = wear
         self._blueprint = blueprint
         self._clock = clock
         self._ignored = ignored
@@ -84,10 +99,10 @@ class SlotCards:
         if blueprint is not self._ends_are_of:
             self._ends_are_of, self._ends = blueprint, _ends_of(blueprint)
             self._slots = {slot.name: slot for slot in blueprint.slots}
-        view = self._master.inventory.view(now)
+        view = self._parts(now)
         infos = {info.slot: info for info in view if info.slot}
         spares = self._spares(info for info in view if info.state is PartState.STANDBY)
-        return _Look(now, infos, spares, frozenset(self.bench.slots()), self._ends, self._stop(), self._by_hand())
+        return _Look(now, infos, spares, self._plugged(), self._ends, self._stop(), self._by_hand())
 
     def _spares(self, waiting: Iterable[PartInfo]) -> Mapping[str, list[str]]:
         """The names of the parts that stand by, by the part numbers of the slots that they can fill."""
@@ -99,11 +114,11 @@ class SlotCards:
         return found
 
     def _card(self, slot: Slot, look: _Look) -> SlotCard:
-        info, is_here = look.infos.get(slot.name), slot.name in look.here
+        info = look.infos.get(slot.name)
         part_type = self.library.get(slot.part_number)
         # An adopted part may be of another type than the slot is for, also of one that the library does not know.
         own_type = self.library.get(info.part_number) if info is not None and info.part_number else part_type
-        beat_s = self._master.inventory.timing.beat_s
+        beat_s = self._beat_s()
         is_counted = info is not None and info.state.is_registered and info.beat_age_s is not None
         return SlotCard(
             name=slot.name,
@@ -119,15 +134,15 @@ class SlotCards:
             if is_counted and info is not None and info.beat_age_s is not None
             else None,
             spares=list(look.spares.get(slot.part_number, ())),
-            simulated=is_here,
-            plugged=self.bench.is_plugged(slot.name) if is_here else None,
+            simulated=slot.name in look.plugged,
+            plugged=look.plugged.get(slot.name),
             faults=list(self._planted(slot.name)),
             wear=self._wear(info),
         )
 
     def _wear(self, info: PartInfo | None) -> Wear | None:
         """What went wrong between agent and part in its session."""
-        wear = None if info is None or not info.state.is_registered else self._master.agent.wear(info.client_key)
+        wear = None if info is None or not info.state.is_registered else self._wear_of(info.client_key)
         return None if wear is None else Wear(repeated=wear.repeated, resent=wear.resent, unread=wear.unread)
 
     def _port(self, end: _End, slot: Slot, part_type: PartType | None, look: _Look) -> PortLine:
@@ -227,8 +242,8 @@ class _Look:
     """By slot."""
     spares: Mapping[str, list[str]]
     """Names of parts that stand by, by the part number of the slots that they fit."""
-    here: frozenset[str]
-    """Slots whose parts are simulated in this process."""
+    plugged: Mapping[str, bool]
+    """Slots whose parts are simulated in this process, and whether these are on the wire."""
     ends: Mapping[str, list[_End]]
     stop: StopState
     by_hand: Mapping[tuple[str, str], Mapping[str, Scalar]]

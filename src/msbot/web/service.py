@@ -83,7 +83,10 @@ class Service:
         self._doctor = doctor
         self._figures = figures
         self._neighbours = neighbours or LocalMasters()
-        self.past = RecordedPast(lambda: str(operations.recording.recording().answer.get("folder") or ""))
+        self.past = RecordedPast(
+            lambda: str(operations.recording.recording().answer.get("folder") or ""), lambda: views.library,
+            views.endpoints,
+        )  # fmt: skip
         """What the recorder has."""
         self.programs = ProgramDeeds(programs or NoShelf(), accounts)
         self._looking_around = asyncio.Lock()

@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from msbot.config import Blueprint, Direction, Library
+from msbot.config import Blueprint, Library
 from msbot.errors import NotThere
 from msbot.master import Master
+from msbot.operations.bus_objects import known_object
 from msbot.pnp import PartInfo
 from msbot.runtime.sentence import said
 from msbot.web.api.models import (
@@ -26,10 +27,12 @@ from msbot.web.api.models import (
 )
 from msbot.web.cards import SaidByHand, SlotCards, part_line
 from msbot.web.curves import LiveCurves
-from msbot.web.frames import FrameRing, FrameRow
+from msbot.web.frames import FrameRing
 from msbot.web.live import Live
+from msbot.web.past_robot import KnownEndpoint
 from msbot.web.simulated.bench import Bench
 from msbot.web.timeline import Timeline
+from msbot.web.wiring_lines import frame_line_of, spark_of, topic_lines, wire_ports
 
 ARRIVING = ("new", "checking", "refused", "standby")
 """States of parts that hold no slot and are there: they wait in the arrivals tray."""
@@ -89,8 +92,9 @@ class Views:
         self._ignored = ignored
         self._bus = bus or BusMeter()
         self._cards = SlotCards(
-            master=master, blueprint=blueprint, library=library, live=live, bench=bench, clock=clock, ignored=ignored,
-            stop=stop, by_hand=by_hand, planted=planted,
+            parts=master.inventory.view, beat_s=lambda: master.inventory.timing.beat_s, blueprint=blueprint,
+            library=library, live=live, clock=clock, ignored=ignored, stop=stop, by_hand=by_hand, planted=planted,
+            plugged=lambda: {slot: bench.is_plugged(slot) for slot in bench.slots()}, wear=master.agent.wear,
         )  # fmt: skip
         self.curves = LiveCurves(
             master, blueprint=blueprint, library=lambda: self.library, live=live, timeline=timeline,
@@ -193,22 +197,7 @@ class Views:
 
     def topics(self) -> list[TopicLine]:
         """All bound topics."""
-        now = self._clock()
-        lines = []
-        for binding in self._blueprint().bindings:
-            watch = self.live.topic(binding.topic)
-            lines.append(
-                TopicLine(
-                    topic=binding.topic,
-                    type_name=binding.type_name,
-                    publishers=[str(binding.source)] if binding.source.slot else [],
-                    subscribers=[str(target) for target in binding.targets],
-                    rate_hz=0.0 if watch is None else watch.rate_hz(now),
-                    count=0 if watch is None else watch.count,
-                    fields={} if watch is None else self.live.fields(watch),
-                )
-            )
-        return lines
+        return topic_lines(self._blueprint(), self.live, self._clock())
 
     def mark(self) -> object:
         """A mark that is a new object whenever somebody has changed the robot's slots, wires or settings."""
@@ -216,25 +205,16 @@ class Views:
 
     def ports(self) -> list[WirePort]:
         """All ports of all slots, in the order of the blueprint, with the topics they are wired to."""
-        blueprint = self._blueprint()
-        wired = {str(end): binding for binding in blueprint.bindings for end in (binding.source, *binding.targets)}
-        lines: dict[str, WirePort] = {}
-        for slot in blueprint.slots:
-            part_type = self.library.get(slot.part_number)
-            for port in () if part_type is None else part_type.ports:
-                end = f"{slot.name}.{port.name}"
-                lines[end] = WirePort(
-                    slot=slot.name, port=port.name, type_name=port.type_name,
-                    publishes=port.direction is Direction.PUBLISH, topic=wired[end].topic if end in wired else "",
-                )  # fmt: skip
-        for end, binding in wired.items():  # of parts that the library does not know
-            slot_name, _, port_name = end.rpartition(".")
-            if end not in lines:
-                lines[end] = WirePort(
-                    slot=slot_name, port=port_name, type_name=binding.type_name,
-                    publishes=str(binding.source) == end, topic=binding.topic,
-                )  # fmt: skip
-        return list(lines.values())
+        return wire_ports(self._blueprint(), self.library)
+
+    def endpoints(self) -> list[KnownEndpoint]:
+        """What is known of the objects of parts on CAN buses: for frames of sessions whose beginning is long ago."""
+        master = self._master
+        return [
+            KnownEndpoint(key, node, object_id, known)
+            for _, node, object_id, key, _ in master.agent.bus_endpoints()
+            if (known := known_object(master, node, object_id)) is not None
+        ]
 
     def units(self, type_name: str) -> Mapping[str, str]:
         """The units of a message type's fields, by field."""
@@ -242,12 +222,7 @@ class Views:
 
     def spark(self, topic: str) -> list[float]:
         """The first number on a topic over the last minute, oldest first."""
-        watch = self.live.topic(topic)
-        if watch is None:
-            return []
-        fields = self.live.fields(watch)
-        field = next((name for name, value in fields.items() if not isinstance(value, bool | str)), None)
-        return [] if field is None else self.live.spark(watch, field)
+        return spark_of(self.live, topic)
 
     def bus(self) -> BusFigures:
         """How busy the bus is."""
@@ -278,12 +253,12 @@ class Views:
     def frame_lines(self, after: int, limit: int) -> list[FrameLine]:
         """The newest frames with a number above `after`, oldest first."""
         now = self._clock()
-        return [_frame_line(row, now) for row in self.frames.rows(after, limit)]
+        return [frame_line_of(row, now) for row in self.frames.rows(after, limit)]
 
     def frame_line(self, number: int) -> FrameLine | None:
         """One frame by its number, or None when it is no longer kept."""
         row = self.frames.row(number)
-        return None if row is None else _frame_line(row, self._clock())
+        return None if row is None else frame_line_of(row, self._clock())
 
     def timeline(self) -> list[TimelineLane]:
         """The states of every slot over time."""
@@ -332,16 +307,3 @@ class Views:
                     )
                 )
         return sorted(lines, key=lambda line: line.name)
-
-
-def _frame_line(row: FrameRow, now: float) -> FrameLine:
-    return FrameLine(
-        number=row.number,
-        age_s=max(now - row.at, 0.0),
-        sender=row.sender,
-        text=row.text,
-        node=row.node,
-        plain=list(row.plain),
-        about=list(row.about),
-        words=list(row.words),
-    )

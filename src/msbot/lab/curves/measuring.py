@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Final
 
 from msbot.pnp import PartInfo
@@ -54,13 +54,15 @@ class Lateness:
 
 
 async def keep_measuring(
-    view: Callable[[float], Iterable[PartInfo]], tell: Callable[[float, Mapping[str, float]], None]
+    view: Callable[[float], Sequence[PartInfo]],
+    tell: Callable[[float, Sequence[PartInfo], Sequence[tuple[str, float, float]]], None],
 ) -> None:
     """Tell a robot's recorder once a second what was measured.
 
     Args:
         view: the parts, at a time of the robot's clock.
-        tell: takes milliseconds of lateness, and seconds between beats by slot.
+        tell: takes milliseconds of lateness, the parts, and for each slot with a beat since the last time what
+            `Beats.look` gives.
     """
     loop, beats, lateness = asyncio.get_running_loop(), Beats(), Lateness()
     async with asyncio.TaskGroup() as tasks:
@@ -68,4 +70,5 @@ async def keep_measuring(
         while True:
             await asyncio.sleep(LOOK_S)
             now = loop.time()
-            tell(lateness.take_ms(), {slot: seconds for slot, _, seconds in beats.look(view(now), now)})
+            infos = view(now)
+            tell(lateness.take_ms(), infos, [*beats.look(infos, now)])

@@ -73,7 +73,7 @@ def ring_files(folder: Path, from_s: float | None = None, to_s: float | None = N
         return []  # nothing was recorded yet
     except OSError as error:
         raise ConfigError(f"cannot read the recorder's folder {folder}: {error.strerror}") from None
-    begins = [_began_s(segment.path.name) for segment in found]
+    begins = [file_began_s(segment.path.name) for segment in found]
     ends = [*begins[1:], float("inf")]
     return [
         segment.path
@@ -82,7 +82,8 @@ def ring_files(folder: Path, from_s: float | None = None, to_s: float | None = N
     ]
 
 
-def _began_s(name: str) -> float:
+def file_began_s(name: str) -> float:
+    """When a file of a ring begins, by its name: whole seconds since 1970."""
     from datetime import UTC, datetime
 
     return datetime.strptime(name.split("-")[1], "%Y%m%dT%H%M%S").replace(tzinfo=UTC).timestamp()

@@ -7,16 +7,17 @@ calls `drain` has only to join them. A sample costs some 0.4 µs.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from typing import Final, Protocol
 
 from msbot.agent import client_key_of
-from msbot.config import Library
+from msbot.config import Blueprint, Library
 from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_began, encode_object, encode_state, head
 from msbot.lab.recorder.can_frames import FRAME, FRAME_DEFINITION, FRAME_TYPE
+from msbot.lab.recorder.robot_words import blueprint_words, event_words, shown_words
 from msbot.lab.recorder.schemas import ENCODING, ros_definition, ros_name
-from msbot.lab.recorder.topics import BITRATE, MEASURED
+from msbot.lab.recorder.topics import BITRATE, BLUEPRINT, MEASURED, SHOWN
 from msbot.link import Link
 from msbot.link.can import CanEnd
 from msbot.link.can.protocol import Frame
@@ -24,7 +25,7 @@ from msbot.master import Master
 from msbot.operations.dispatch import Deed, Operations, RunningOperations
 from msbot.part import HelloWorld, Message
 from msbot.part.join.plug import ProfileMessage
-from msbot.pnp import Configuration, PartEvent, PartState
+from msbot.pnp import Configuration, PartEvent, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopStatus
 from msbot.sim.message_classes import message_class
 from msbot.space import THIS_PROGRAM, Deliver, Guid, Owner, Qos, Reader, Space, Topic, Writer
@@ -55,8 +56,13 @@ class Recorder:
         self._numbers: dict[RecordedChannel, int] = {}
         self._next = count(1)
         self._master: Master | None = None
-        self._told: dict[str, int] = {}
-        """Slot -> version of the configuration that was recorded last."""
+        self._operations: RunningOperations | None = None
+        self._blueprint: Blueprint | None = None
+        """As it was recorded last."""
+        self._shown: Mapping[str, object] = {}
+        self._stop = StopStatus()
+        self._told: dict[str, tuple[int, str]] = {}
+        """Slot -> version of the configuration that was recorded last, and the nature of its part."""
         self._tapped: set[Link] = set()
 
     # For the one who hands over to the recorder's process.
@@ -98,6 +104,7 @@ class Recorder:
         master.on_stop(self._stopped)
         operations.on_done(self._done)
         if isinstance(operations, RunningOperations):
+            self._operations = operations
             operations.faults.on_change(self._fault_changed)
         self._say_all(master)
         for link in master.links:
@@ -109,10 +116,23 @@ class Recorder:
         """Something that the recorder itself has to say."""
         self.put(Kind.OBJECT, self._json_channel("/msbot/recorder"), self.clock(), encode_object(words))
 
-    def measured(self, late_ms: float, beats: Mapping[str, float]) -> None:
-        """How late the master was at most since the last time, and seconds between the latest beats by slot."""
-        value = {"late_ms": round(late_ms, 3), "beats": {slot: round(seconds, 4) for slot, seconds in beats.items()}}
-        self.put(Kind.OBJECT, self._json_channel(MEASURED), self.clock(), encode_object(value))
+    def measured(self, late_ms: float, infos: Sequence[PartInfo], beats: Sequence[tuple[str, float, float]]) -> None:
+        """How the robot is at this moment; to be called about once a second.
+
+        Args:
+            late_ms: how late the master was at most since the last time.
+            infos: its parts.
+            beats: those that came since: slot, when by the robot's clock, seconds since the one before.
+        """
+        now = self.clock()
+        value = {
+            "late_ms": round(late_ms, 3),
+            "beats": {slot: round(seconds, 4) for slot, _, seconds in beats},
+            "ages": {slot: round(now - at, 3) for slot, at, _ in beats},
+            "lives": {info.slot: info.life for info in infos if info.slot and info.state is PartState.LATE},
+        }
+        self.put(Kind.OBJECT, self._json_channel(MEASURED), now, encode_object(value))
+        self._look(infos)
 
     def start(self, path: str) -> None:
         """Record in one more file from now on."""
@@ -172,51 +192,66 @@ class Recorder:
             "/msbot/stop",
             "/msbot/recorder",
             "/msbot/faults",
+            BLUEPRINT,
+            SHOWN,
             MEASURED,
         ):
             self._json_channel(topic)
         self._state("/msbot/robot", "robot", dataclasses.asdict(master.profile))
         self._stopped(master.stop)
-        for info in master.inventory.view(self.clock()):
+        self._blueprint, self._shown = None, {}
+        self._look(master.inventory.view(self.clock()))
+
+    def _look(self, infos: Sequence[PartInfo]) -> None:
+        """Record what has changed and nobody tells: wires and slots, what is in a slot, what people do by hand."""
+        if self._master is None:
+            return
+        if self._master.stop != self._stop:  # somebody has confirmed it
+            self._stopped(self._master.stop)
+        blueprint = self._master.blueprint if self._operations is None else self._operations.blueprint
+        if blueprint is not self._blueprint:
+            self._blueprint = blueprint
+            links = [link.info.name for link in self._master.links]
+            self._state(BLUEPRINT, "blueprint", blueprint_words(blueprint, links))
+        for info in infos:
             if info.slot is not None and info.state.is_registered:
-                self._slot(master.inventory.configuration_of(info.client_key), info.part_number)
+                self._slot(self._master.inventory.configuration_of(info.client_key), info.part_number, info.nature.word)
+        if self._operations is not None:
+            shown = shown_words(self._operations.by_hand.said(), self._operations.faults.told, blueprint)
+            if shown != self._shown:
+                self._shown = shown
+                self._state(SHOWN, "shown", shown)
 
     def _state(self, topic: str, key: str, value: object) -> None:
         self.put(Kind.STATE, self._json_channel(topic), self.clock(), encode_state(key, value))
 
     def _part_changed(self, event: PartEvent) -> None:
-        value = {
-            "part": event.part, "slot": event.slot, "part_number": event.part_number,
-            "from": None if event.from_state is None else event.from_state.value, "to": event.to_state.value,
-            "reason": event.reason, "evidence": [list(pair) for pair in event.evidence], "uid": event.uid.hex(),
-            "client_key": event.client_key, "words": event.sentences()[0],
-        }  # fmt: skip
         key = event.identity.hex() or f"{event.client_key:08x}"
-        self.put(Kind.STATE, self._json_channel("/msbot/events"), event.at, encode_state(key, value))
+        self.put(Kind.STATE, self._json_channel("/msbot/events"), event.at, encode_state(key, event_words(event)))
         if event.to_state is PartState.ACTIVE and self._master is not None:
             self._slot(self._master.inventory.configuration_of(event.client_key), event.part_number)
 
-    def _slot(self, held: Configuration | None, number: str) -> None:
-        if held is None or self._told.get(held.slot) == held.version:
+    def _slot(self, held: Configuration | None, number: str, nature: str = "") -> None:
+        if held is None or self._told.get(held.slot) == (held.version, nature):
             return
-        self._told[held.slot] = held.version
+        self._told[held.slot] = (held.version, nature)
         ports = [
             {"port": one.port, "topic": one.topic, "type": one.type_name, "publishes": one.publishes}
             for one in held.bindings
         ]
-        value = {"slot": held.slot, "part_number": number, "ports": ports, "settings": dict(held.settings)}
+        value = {"slot": held.slot, "part_number": number, "ports": ports, "settings": dict(held.settings),
+                 "nature": nature}  # fmt: skip
         self._state("/msbot/slots", held.slot, value)
 
     def _stopped(self, status: StopStatus) -> None:
+        self._stop = status
         self._state("/msbot/stop", "stop", dataclasses.asdict(status))
 
     def _done(self, deed: Deed) -> None:
         value = {"who": deed.who, "operation": deed.operation, "arguments": dict(deed.arguments), "words": deed.words}
         self.put(Kind.OBJECT, self._json_channel("/msbot/acts"), self.clock(), encode_object(value))
         if self._master is not None:
-            for info in self._master.inventory.view(self.clock()):
-                if info.state.is_registered:
-                    self._slot(self._master.inventory.configuration_of(info.client_key), info.part_number)
+            self._look(self._master.inventory.view(self.clock()))
 
     def _fault_changed(self, change: Mapping[str, object]) -> None:
         self.put(Kind.OBJECT, self._json_channel("/msbot/faults"), self.clock(), encode_object(change))

@@ -3,6 +3,10 @@
 from typing import Final
 
 MEASURED: Final = "/msbot/measured"
-"""What was measured at the robot itself: how late the master is, and the time between the beats of each slot."""
+"""What was measured at the robot itself: how late the master is, and the beats of each slot."""
+BLUEPRINT: Final = "/msbot/blueprint"
+"""The robot's slots and wires."""
+SHOWN: Final = "/msbot/shown"
+"""What people do by hand, and planted faults."""
 BITRATE: Final = "bits_per_second"
 """In the metadata of a bus' channel."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from struct import error as StructError
 
 from msbot.lab.recorder.can_frames import FRAME
+from msbot.lab.recorder.topics import BLUEPRINT, SHOWN
 from msbot.lab.recordings.reading import FRAMES, OWN, Decoder, RecordedMessage
 from msbot.link.can.protocol import Frame
 
@@ -30,7 +31,11 @@ def line_of(message: RecordedMessage, decoder: Decoder) -> str | None:
         end = "begins" if fields.get("begins") else f"is over ({fields.get('reason')})"
         return f"fault {fields.get('number')} of {fields.get('who')} {end}: {fields.get('words')}"
     if topic == f"{OWN}stop":
-        return f"STOP by {fields.get('by')}" if fields.get("stopped") else "no STOP"
+        return _stop_words(fields)
+    if topic == BLUEPRINT:
+        return f"the robot has {_count(fields, 'slots')} slots and {_count(fields, 'wires')} wires"
+    if topic == SHOWN:
+        return f"{_count(fields, 'by_hand')} ports driven by hand, {_count(fields, 'faults')} places with faults"
     return f"{_who(message)}{', '.join(f'{name} {_short(value)}' for name, value in fields.items())}"
 
 
@@ -55,6 +60,18 @@ def frame_of(message: RecordedMessage) -> Frame | None:
         can_id, data, bool(extended), bool(fd), bool(brs), bool(remote), bool(error), bool(esi),
         remote_length=dlc if remote else 0, long_dlc=0 if remote else dlc,
     )  # fmt: skip
+
+
+def _stop_words(fields: Mapping[str, object]) -> str:
+    if not fields.get("stopped"):
+        return "no STOP"
+    confirmed = _count(fields, "confirmed")
+    return f"STOP by {fields.get('by')}" + (f", confirmed by {confirmed}" if confirmed else "")
+
+
+def _count(fields: Mapping[str, object], name: str) -> int:
+    found = fields.get(name)
+    return len(found) if isinstance(found, list | dict) else 0
 
 
 def _who(message: RecordedMessage) -> str:

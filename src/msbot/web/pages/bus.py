@@ -14,6 +14,7 @@ from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
+from msbot.web.sight import Sight
 
 ROWS = 60
 """Rows that are shown; the counters beside them count every frame."""
@@ -36,7 +37,7 @@ def _load(page: Page) -> None:
     shown = ui.html("", sanitize=False).classes("w-full")
 
     def show() -> None:
-        bus = page.service.views.bus()
+        bus = page.sight.bus()
         share = min(bus.load_percent, 100.0)
         colour = "good" if share < 50 else "warn" if share < 80 else "bad"
         set_html(
@@ -47,6 +48,7 @@ def _load(page: Page) -> None:
                 number=page.number,
                 counted=page.language.count,
                 bus=bus,
+                is_past=page.is_past,
                 share=share,
                 colour=colour,
             ),
@@ -68,9 +70,11 @@ class _Table:
                     "dense clearable outlined"
                 )
                 self._find.on_value_change(lambda: self._show(force=True))
-                for title, name, lines in (("Table (CSV)", "bus.csv", page.service.views.frames_as_csv),
-                                           ("candump", "bus.log", page.service.views.frames_as_candump)):  # fmt: skip
-                    ui.button(page.say(title), icon="download", on_click=partial(_download, name, lines)).props("flat")
+                for title, name, lines in (("Table (CSV)", "bus.csv", lambda sight: sight.frames_as_csv()),
+                                           ("candump", "bus.log", lambda sight: sight.frames_as_candump())):  # fmt: skip
+                    ui.button(page.say(title), icon="download", on_click=partial(_download, page, name, lines)).props(
+                        "flat"
+                    )
             with ui.element("div").classes("ms-split"):
                 with ui.element("div").classes("scroll").props("tabindex=0"):
                     self._table = (
@@ -81,11 +85,19 @@ class _Table:
                     )
                 self._detail = ui.html("", sanitize=False).classes("ms-side").props("aria-live=polite")
         page.every_look(self._show)
+        if page.looking_back is not None:
+            page.looking_back.on_change(self._other_moment)
+
+    def _other_moment(self, at_s: float | None) -> None:  # noqa: ARG002 - the sight has it
+        """What was paused, or taken apart, is of another time."""
+        self._rows = []
+        self._paused.set_value(False)
+        self._detail.set_content("")
 
     def _pause(self) -> None:
         """Keep what the server still has of the past, for filtering at leisure."""
         if self._paused.value:
-            self._rows = self._page.service.views.frame_lines(0, KEPT_ROWS)
+            self._rows = self._page.sight.frame_lines(0, KEPT_ROWS)
         self._show(force=True)
 
     def _show(self, *, force: bool = False) -> None:
@@ -93,27 +105,28 @@ class _Table:
             return
         words = str(self._find.value or "").casefold().split()
         if not self._paused.value:
-            self._rows = self._page.service.views.frame_lines(0, KEPT_ROWS if words else ROWS)
+            self._rows = self._page.sight.frame_lines(0, KEPT_ROWS if words else ROWS)
         rows = [row for row in self._rows if all(word in _text_of(row) for word in words)][-ROWS:]
         heads = [self._page.say(title) for title in ("No.", "Age", "Sender", "Frame", "What it says")]
         lines = [(row, _colour_of(row)) for row in reversed(rows)]
         # Rows that stand still can be reached by the keyboard; others would lose it twice a second.
-        self._table.set_content(
+        set_html(
+            self._table,
             render(
                 "frames",
                 say=self._page.say,
                 number=self._page.number,
                 heads=heads,
                 rows=lines,
-                is_still=bool(self._paused.value),
-            )
+                is_still=bool(self._paused.value) or self._page.is_past,
+            ),
         )
 
     def _clicked(self, event: GenericEventArguments) -> None:
         number = event.args
         # The row may have left the table between the click and now.
         shown = next((row for row in self._rows if row.number == number), None)
-        row = shown or self._page.service.views.frame_line(int(number))
+        row = shown or self._page.sight.frame_line(int(number))
         if row is None:
             return
         identifier, _, data = row.text.strip().partition("  ")
@@ -138,5 +151,5 @@ def _colour_of(row: FrameLine) -> str:
     return f"hsl({row.node * 360 // COLOURS % 360} 60% 50%)" if row.node else "transparent"
 
 
-def _download(name: str, lines: Callable[[], str]) -> None:
-    ui.download.content(lines(), name)
+def _download(page: Page, name: str, lines: Callable[[Sight], str]) -> None:
+    ui.download.content(lines(page.sight), name)

@@ -27,9 +27,9 @@ WHY_LINES = 40
 
 
 def open_drawer(page: Page, slot: str) -> None:
-    """Open the drawer of a slot; Back closes it."""
+    """Open the drawer of a slot; Back closes it. Of the past it has what was so, and nothing that can be done."""
     try:
-        page.service.views.check_slot(slot)
+        page.sight.slot(slot)
     except MsbotError as error:
         ui.notify(page.say(str(error)), type="negative")
         return
@@ -38,27 +38,42 @@ def open_drawer(page: Page, slot: str) -> None:
             heading(slot).classes("ellipsis").style("font-size:1.35rem")
             close = ui.button(icon="close", on_click=dialog.close).props("flat round dense")
             close.props["aria-label"] = close.props["title"] = page.say("Close")
-        _state(page, slot)
-        if page.may(Right.OPERATE):
-            _following(page, slot, lambda card: card.simulated, lambda card: _simulator(page, card))
-        _ports(page, slot)
-        _following(page, slot, lambda card: card.part_number, lambda card: hand_panel(page, slot, card.part_number))
-        heading(page.say("Settings"))
-        values_panel(page, slot)
-        _following(page, slot, lambda card: card.part_number, partial(_wires, page))
-        _rhythm(page, slot)
-        _following(page, slot, partial(_doable, page), partial(_deeds, page))
-        _why(page, slot)
+        if page.is_past:
+            ui.label(page.say("This was so at the chosen moment.")).classes("ms-banner info")
+            _state(page, slot)
+            _ports(page, slot)
+        else:
+            _present(page, slot)
+
+    at_s = page.at_s
 
     def look_whether_there() -> None:
+        if page.at_s != at_s:
+            dialog.close()
+            return
         try:
-            page.service.views.check_slot(slot)
+            page.sight.slot(slot)
         except NotThere as error:  # another blueprint holds by now
             ui.notify(page.say(str(error)), type="warning")
             dialog.close()
 
     page.every_look(look_whether_there, dialog)
     show_dialog(dialog, f"/?slot={quote(slot)}")
+
+
+def _present(page: Page, slot: str) -> None:
+    """All about the slot as it is now."""
+    _state(page, slot)
+    if page.may(Right.OPERATE):
+        _following(page, slot, lambda card: card.simulated, lambda card: _simulator(page, card))
+    _ports(page, slot)
+    _following(page, slot, lambda card: card.part_number, lambda card: hand_panel(page, slot, card.part_number))
+    heading(page.say("Settings"))
+    values_panel(page, slot)
+    _following(page, slot, lambda card: card.part_number, partial(_wires, page))
+    _rhythm(page, slot)
+    _following(page, slot, partial(_doable, page), partial(_deeds, page))
+    _why(page, slot)
 
 
 def _following(
@@ -89,16 +104,20 @@ def _simulator(page: Page, card: SlotCard) -> None:
 def _state(page: Page, slot: str) -> None:
     shown = ui.html("", sanitize=False).classes("w-full")
 
+    is_past = page.is_past
+
     def show() -> None:
-        card = page.service.views.slot(slot)
+        if page.is_past != is_past:
+            return  # the drawer is being closed
+        card = page.sight.slot(slot)
         part = card.part
         rows = [(page.say("part number"), f"{card.shown_number} {page.say(card.type_name)}".strip())]
         if part is not None:
             rows += [(page.say("part"), part.part), (page.say("UID"), part.uid or "–")]
-            if page.may(Right.ARRANGE):  # knowing them lets somebody impersonate that part
+            if page.may(Right.ARRANGE) and not is_past:  # knowing them lets somebody impersonate that part
                 rows += [(page.say("address"), part.address), (page.say("session"), part.client_key)]
+            rows += [] if is_past else [(page.say("beats"), f"{part.beats}")]
             rows += [
-                (page.say("beats"), f"{part.beats}"),
                 (page.say("last beat"), "–" if part.beat_age_s is None else f"{page.number(part.beat_age_s, '.1f')} s"),
             ]
             if part.plug_in_to_active_ms is not None:
@@ -115,15 +134,22 @@ def _ports(page: Page, slot: str) -> None:
     heading(page.say("Topics"))
     shown = ui.html("", sanitize=False).classes("w-full")
 
+    is_past = page.is_past
+
     def show() -> None:
         ports = []
-        for port in page.service.views.slot(slot).ports:
+        for port in () if page.is_past != is_past else page.sight.slot(slot).ports:
             fields = port.safe or ({} if port.held == "unconfirmed" else port.fields)
             ports.append({
                 "line": port, "drawing": draw(port.type_name, fields, page.language), "fields": fields_html(fields, page.language),
                 "held": page.say(HELD_WORDS[port.held]) if port.held else "",
             })  # fmt: skip
-        set_html(shown, render("slot_ports", say=page.say, number=page.number, count=page.language.count, ports=ports))
+        set_html(
+            shown,
+            render(
+                "slot_ports", say=page.say, number=page.number, count=page.language.count, ports=ports, is_past=is_past
+            ),
+        )
 
     page.every_look(show, shown)
 

@@ -15,19 +15,22 @@ from typing import Any
 from fastapi import Request
 from nicegui import Client, ui
 
-from msbot.errors import MsbotError, NotThere
+from msbot.errors import ConfigError, MsbotError, NotThere
 from msbot.operations.rights import Right
 from msbot.pnp import PartState
+from msbot.runtime.sentence import said
 from msbot.web.access.accounts import SignedOut
 from msbot.web.access.sessions import Session
-from msbot.web.api.models import Done, Robot, StopState
+from msbot.web.api.models import Done, Robot
 from msbot.web.api.session import words_for
-from msbot.web.html import Markup, render
+from msbot.web.html import render
 from msbot.web.language import COOKIE as LANGUAGE_COOKIE
 from msbot.web.language import Language, language_of, languages
+from msbot.web.pages.banner import show_banner
 from msbot.web.pages.help import help_button, offer_tour
-from msbot.web.pages.page_elements import set_html
+from msbot.web.pages.looking_back import PATHS, LookingBack
 from msbot.web.service import Service, done_of
+from msbot.web.sight import LiveSight, Sight
 
 _log = logging.getLogger(__name__)
 
@@ -85,6 +88,20 @@ class Page:
     """The browser's page, for what is shown after waiting."""
     tasks: set[asyncio.Task[None]] = field(default_factory=set)
     """What waits."""
+    at_s: float | None = None
+    """Which moment it shows, seconds since 1970; None: the present."""
+    looking_back: LookingBack | None = None
+    """Its time slider; None: it shows the present only."""
+    sight: Sight = field(init=False)
+    """What it looks at."""
+
+    def __post_init__(self) -> None:
+        self.sight = LiveSight(self.service)
+
+    @property
+    def is_past(self) -> bool:
+        """Whether it shows the past: then nothing can be done to the robot but STOP."""
+        return self.at_s is not None
 
     def say(self, text: str, **values: object) -> str:
         """A text in the person's language; students read no addresses of parts in it."""
@@ -113,6 +130,9 @@ class Page:
 
     async def do(self, deed: Callable[[Session], Done | Awaitable[Done]], *, quiet: bool = False) -> Done | None:
         """Do something for the person and say what came of it; None when it was refused."""
+        if self.is_past:
+            self._refused(ConfigError(said("this page shows the past: go back to now before you change the robot")))
+            return None
         try:
             result = deed(self.session)
             done = await result if inspect.isawaitable(result) else result
@@ -261,10 +281,12 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     menu.on_click(drawer.toggle)
     with ui.column().classes("w-full").style("gap: 1rem").props("role=main id=content tabindex=-1"):
         banner = ui.column().classes("w-full ms-banners").style("gap:.5rem")
-        _banner(page, banner)
+        show_banner(page, banner)
         if path == "/":
             offer_tour(page, request)
         ui.html(render("title", words=page.say(title)), sanitize=False)
+        if path in PATHS:
+            page.looking_back = LookingBack(page, request.query_params.get("at", ""), reads=path != "/plots")
         yield page
     ui.timer(LOOK_S, page.refresh)
     ui.timer(CHECK_S, page.check_session)
@@ -333,46 +355,6 @@ def _who(page: Page, dark: ui.dark_mode) -> None:
         ui.menu_item(page.say("Sign out"), lambda: ui.run_javascript(
             "const f=document.createElement('form');f.method='post';f.action='/logout';document.body.append(f);f.submit()"
         ))  # fmt: skip
-
-
-def _banner(page: Page, banner: ui.column) -> None:
-    """What everybody must know, on every page: STOP and who has confirmed it, and what is not being stored."""
-    shown: list[object] = []
-
-    def show() -> None:
-        robot = page.service.robot()
-        wanted: list[object] = [robot.stop.stopped, robot.trouble, robot.stop.trouble, *robot.faults]
-        if wanted != shown:
-            shown[:] = wanted
-            banner.clear()
-            with banner:
-                if robot.stop.stopped:
-                    with ui.element("div").classes("ms-banner bad row spread").props("role=alert"):
-                        said.append(ui.html("", sanitize=False).style("flex:1;min-width:min(18rem,100%)"))
-                        if page.may(Right.ARRANGE):
-                            ui.button(page.say("Go on"), on_click=lambda: page.act("go")).props("outline dense")
-                for words in (robot.trouble, robot.stop.trouble, *robot.faults):
-                    if words:
-                        with ui.element("div").classes("ms-banner warn").props("role=alert"):
-                            ui.label(page.say(words))
-        if robot.stop.stopped and said:
-            content = stop_html(page, robot.stop)
-            set_html(said[-1], content)
-
-    said: list[ui.html] = []
-    page.every_look(show)
-
-
-def stop_html(page: Page, stop: StopState) -> Markup:
-    """The state of STOP: who said it, who has confirmed it in how long, and who has not."""
-    slowest = max((one.ms for one in stop.confirmed), default=0.0)
-    return render(
-        "stop_state",
-        say=page.say,
-        stop=stop,
-        slowest=page.number(slowest, ".0f"),
-        told=len(stop.confirmed) + len(stop.silent),
-    )
 
 
 def _dark_of(request: Request) -> bool | None:

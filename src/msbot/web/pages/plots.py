@@ -25,6 +25,7 @@ from msbot.web.html import render
 from msbot.web.live import HISTORY_S
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
+from msbot.web.pages.plot_views import SavedViews
 from msbot.web.service import Service
 
 SPANS_S = {"10 s": 10.0, "1 min": 60.0, "5 min": 300.0, "10 min": 600.0, "1 h": 3600.0}
@@ -61,7 +62,7 @@ class _View:
 
     @property
     def address(self) -> str:
-        """The page with this view."""
+        """The page with these curves, at whatever time; the time slider adds it."""
         return f"/plots?{urlencode({'show': ','.join(self.names), 'span': f'{self.span_s:g}'})}"
 
 
@@ -81,15 +82,16 @@ class _Plots:
         self._past: dict[str, tuple[Sequence[Point], Figures | None]] = {}
         """What was read from the recorder for a view that stands still."""
         self._is_seen = True
-        self._views: dict[str, str] = {}
         self._make()
         ui.run_javascript(f"msbotPlots.begin({self._setup(self._points())})")
         for event, handler in (("plots_window", self._looked), ("plots_live", self._go_live),
-                               ("plots_seen", self._seen), ("plots_views", self._know_views)):  # fmt: skip
+                               ("plots_seen", self._seen)):  # fmt: skip
             ui.on(event, handler)
         ui.timer(PUSH_S, self._push)
         page.every_look(self._show_figures)
         page.every_look(self._show_known)
+        if page.looking_back is not None:
+            page.looking_back.on_change(self._other_moment)
 
     @staticmethod
     def _first(known: Mapping[str, object]) -> list[str]:
@@ -137,12 +139,7 @@ class _Plots:
                     "click", js_handler="() => msbotPlots.save()"
                 )
                 ui.button(page.say("Table (CSV)"), icon="download", on_click=self._table).props("flat")
-                self._saved = ui.select([], label=page.say("Saved views"), on_change=self._open_view).props(
-                    "outlined dense options-dense"
-                ).style("min-width:10rem")  # fmt: skip
-                self._name = ui.input(page.say("Name of this view")).props("outlined dense maxlength=40")
-                ui.button(page.say("Save"), icon="bookmark_add", on_click=self._save_view).props("flat")
-                ui.button(page.say("Forget"), icon="bookmark_remove", on_click=self._forget_view).props("flat")
+                SavedViews(page, lambda: self._view.address, self._open_view)
         self._show_state()
 
     def _button(self, icon: str, words: str, script: str) -> ui.button:
@@ -268,6 +265,7 @@ class _Plots:
             return
         now = self._page.service.now()
         self._view.live, self._view.from_s, self._view.to_s = False, now - self._view.span_s, now
+        self._note_moment()
         await self._show_window()
 
     async def _looked(self, event: GenericEventArguments) -> None:
@@ -278,9 +276,28 @@ class _Plots:
         if begin >= end:
             return
         self._view.live, self._view.from_s, self._view.to_s = False, begin, end
+        self._note_moment()
         await self._show_window()
 
+    def _other_moment(self, at_s: float | None) -> None:
+        """The time slider shows another moment: the window ends there."""
+        if at_s is None:
+            self._live_again()
+            return
+        end = at_s - self._epoch_s
+        self._view.live, self._view.from_s, self._view.to_s = False, end - self._view.span_s, end
+        self._page.later(self._show_window())
+
+    def _note_moment(self) -> None:
+        """Have the time slider follow."""
+        if self._page.looking_back is not None:
+            self._page.looking_back.note(None if self._view.live else self._view.to_s + self._epoch_s)
+
     def _go_live(self) -> None:
+        self._live_again()
+        self._note_moment()
+
+    def _live_again(self) -> None:
         if self._view.span_s > HISTORY_S:
             self._view.span_s = SPAN_S
             self._span.set_value("1 min")
@@ -347,31 +364,7 @@ class _Plots:
             ]
         ui.download.content("\r\n".join([*lines, ""]), "plots.csv")
 
-    # Saved views: the browser keeps them.
-
-    def _know_views(self, event: GenericEventArguments) -> None:
-        found = event.args if isinstance(event.args, dict) else {}
-        self._views = {str(name): str(address) for name, address in found.items()}
-        self._saved.set_options([*self._views])
-
-    def _save_view(self) -> None:
-        name = str(self._name.value or "").strip()
-        if not name:
-            ui.notify(self._page.say("Give the view a name first."), type="warning")
-            return
-        ui.run_javascript(f"msbotPlots.keep({json.dumps(name)}, {json.dumps(self._view.address)})")
-        self._name.set_value("")
-        ui.notify(self._page.say("{name} is saved in this browser", name=name), type="positive")
-
-    def _forget_view(self) -> None:
-        if self._saved.value:
-            ui.run_javascript(f"msbotPlots.keep({json.dumps(str(self._saved.value))}, '')")
-            self._saved.set_value(None)
-
-    def _open_view(self) -> None:
-        address = self._views.get(str(self._saved.value or ""), "")
-        if not address.startswith("/plots?"):
-            return
+    def _open_view(self, address: str) -> None:
         found = dict(parse_qsl(address.removeprefix("/plots?")))
         word = next((word for word, span in SPANS_S.items() if f"{span:g}" == found.get("span")), "1 min")
         self._choice.set_value([name for name in found.get("show", "").split(",") if name in self._choice.options])

@@ -37,14 +37,14 @@ def _summary(page: Page) -> None:
     line = ui.html("", sanitize=False).classes("soft w-full")
 
     def show() -> None:
-        robot = page.service.robot()
+        robot = page.sight.robot()
         counts: dict[str, int] = {}
         for card in robot.slots:
             counts[card.state] = counts.get(card.state, 0) + 1
         chips = [state_chip(state, f"{count} {page.say(state)}") for state, count in counts.items()]
         words = [word for word in (robot.version, robot.serial_number, robot.manufacturer, *robot.links) if word]
         hint = ""
-        if robot.slots and set(counts) == {"empty"}:
+        if robot.slots and set(counts) == {"empty"} and not page.is_past:
             hint = page.say("Nothing is plugged in yet. Plug a part in, start one ({command} in a terminal), or open a "
                             "card and let a simulated part stand in.",
                             command=f"msbot part {robot.slots[0].part_number}")  # fmt: skip
@@ -59,7 +59,8 @@ class _Grid:
 
     def __init__(self, page: Page) -> None:
         self._page = page
-        self._names: list[str] = []
+        self._places: object = None
+        """Whether it is the past, and which slots there are."""
         self._shown: dict[str, object] = {}
         self._element = ui.html("", sanitize=False).classes("w-full")
         self._element.on("click", self._clicked, js_handler=_CLICKED)
@@ -67,11 +68,11 @@ class _Grid:
         page.every_look(self._show)
 
     def _show(self) -> None:
-        robot = self._page.service.robot()
-        names = [card.name for card in robot.slots]
+        robot = self._page.sight.robot()
+        places = (self._page.is_past, [card.name for card in robot.slots])
         looks = {card.name: look_of(card, robot.beat_s) for card in robot.slots}
-        if names != self._names:
-            self._names, self._shown = names, dict(looks)
+        if places != self._places:
+            self._places, self._shown = places, dict(looks)
             self._element.set_content(self._whole(robot))
             return
         changed = {
@@ -161,7 +162,7 @@ def card_html(page: Page, card: SlotCard, robot: Robot) -> Markup:
         "card", say=page.say, card=card, look=card.state, port=port,
         ring=beat_ring(card, robot.beat_s, 0 if part is None else part.life, page.language), chip=state_chip(card.state, page.say(card.state)),
         drawing="" if port is None else draw(port.type_name, fields, page.language), values=fields_html(fields, page.language),
-        spark="" if port is None else sparkline(page.service.views.spark(port.topic), page.language, width=72, height=36),
+        spark="" if port is None else sparkline(page.sight.spark(port.topic), page.language, width=72, height=36),
         held="" if port is None or not port.held else page.say(HELD_WORDS[port.held]),
         stale_age="" if port is None or port.held else _stale_age(port),
         beat=age and page.say("beat {age} s ago", age=page.language.digits(age)),

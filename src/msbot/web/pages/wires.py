@@ -11,7 +11,6 @@ from nicegui.events import GenericEventArguments
 from msbot.operations.rights import Right
 from msbot.web.api.models import TopicLine
 from msbot.web.html import render
-from msbot.web.language import Language
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
 from msbot.web.pages.slots_by_hand import ask_for_slot, ask_to_take_out
@@ -46,15 +45,16 @@ class _Drawing:
                     "soft"
                 )
                 with ui.element("div").classes("row"):
-                    if self._may_change:
-                        ui.button(page.say("New slot"), icon="add", on_click=lambda: ask_for_slot(page))
+                    new = ui.button(page.say("New slot"), icon="add", on_click=lambda: ask_for_slot(page))
+                    self._only_now: list[ui.element] = [new]
                     ui.button(page.say("Picture (SVG)"), icon="image", on_click=self._save).props("flat")
             if self._may_change:
-                ui.label(page.say(
+                hint = ui.label(page.say(
                     "Drag from one port to another, or click one after the other, or press Enter on both: ports that "
                     "fit light up. Delete takes a port off its topic, the cross a slot out of the robot. The journal "
                     "undoes each change."
                 )).classes("soft")  # fmt: skip
+                self._only_now.append(hint)
             ui.label(page.say("The drawing goes on to the right: swipe, or scroll. On a touch screen tap one port "
                               "after the other.")).classes("soft ms-narrow")  # fmt: skip
             self._element = ui.html("", sanitize=False).classes("w-full scroll ms-shaded").props("tabindex=0")
@@ -67,14 +67,17 @@ class _Drawing:
         page.every_look(self._show)
 
     def _show(self) -> None:
-        views = self._page.service.views
-        topics, ports = views.topics(), views.ports()
-        states = {card.name: card.state for card in self._page.service.robot().slots}
-        wiring = ([(one.topic, one.publishers, one.subscribers) for one in topics], ports, states)
-        rates = {one.topic: (rate_words(one, self._page.language), one.rate_hz > 0) for one in topics}
+        sight, is_past = self._page.sight, self._page.is_past
+        may_change = self._may_change and not is_past
+        for one in self._only_now:
+            one.set_visibility(may_change)
+        topics, ports = sight.topics(), sight.ports()
+        states = {card.name: card.state for card in sight.robot().slots}
+        wiring = (may_change, is_past, [(one.topic, one.publishers, one.subscribers) for one in topics], ports, states)
+        rates = {one.topic: (rate_words(one, self._page.language, is_past=is_past), one.rate_hz > 0) for one in topics}
         if wiring != self._shown:
             self._shown, self._rates = wiring, rates
-            drawing = wiring_svg(topics, ports, states, self._page.language, may_change=self._may_change)
+            drawing = wiring_svg(topics, ports, states, self._page.language, may_change=may_change, is_past=is_past)
             self._element.set_content(drawing)
             return
         changed = {topic: rate for topic, rate in rates.items() if self._rates.get(topic) != rate}
@@ -83,9 +86,10 @@ class _Drawing:
             ui.run_javascript(f"msbotRates({json.dumps(changed)})")
 
     def _save(self) -> None:
-        views = self._page.service.views
-        states = {card.name: card.state for card in self._page.service.robot().slots}
-        ui.download.content(str(wiring_svg(views.topics(), views.ports(), states, self._page.language)), "wires.svg")
+        sight = self._page.sight
+        states = {card.name: card.state for card in sight.robot().slots}
+        drawing = wiring_svg(sight.topics(), sight.ports(), states, self._page.language, is_past=self._page.is_past)
+        ui.download.content(str(drawing), "wires.svg")
 
     async def _told(self, event: GenericEventArguments) -> None:
         told = event.args["detail"]
@@ -105,7 +109,7 @@ def _table(page: Page) -> None:
     titles = ("Topic", "Type", "From", "To", "Rate", "Samples", "Latest value")
 
     def show() -> None:
-        rows = [_row(topic, page.language) for topic in page.service.views.topics()]
+        rows = [_row(topic, page) for topic in page.sight.topics()]
         empty = page.say("Nothing is wired yet. Drag from one port to another in the drawing above.")
         content = render("table", heads=[page.say(title) for title in titles], rows=rows or [(empty,)])
         set_html(table, content)
@@ -113,9 +117,9 @@ def _table(page: Page) -> None:
     page.every_look(show)
 
 
-def _row(topic: TopicLine, language: Language) -> tuple[str, ...]:
-    values = ", ".join(f"{name} {value_words(value, language)}" for name, value in topic.fields.items())
+def _row(topic: TopicLine, page: Page) -> tuple[str, ...]:
+    values = ", ".join(f"{name} {value_words(value, page.language)}" for name, value in topic.fields.items())
     return (
         topic.topic, topic.type_name, ", ".join(topic.publishers), ", ".join(topic.subscribers),
-        f"{language.number(topic.rate_hz, '.1f')} Hz", str(topic.count), values,
+        f"{page.number(topic.rate_hz, '.1f')} Hz", "–" if page.is_past else str(topic.count), values,
     )  # fmt: skip

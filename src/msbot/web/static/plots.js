@@ -45,7 +45,8 @@ const msbotPlots = (() => {
       ...curve, colour: COLOURS[place % COLOURS.length], dash: DASHES[Math.floor(place / COLOURS.length) % DASHES.length],
     }));
     layout = "";
-    history.replaceState(history.state, "", setup.address);
+    const at = new URL(location.href).searchParams.get("at");
+    history.replaceState(history.state, "", at && !isLive ? `${setup.address}&at=${at}` : setup.address);
     draw();
   }
 

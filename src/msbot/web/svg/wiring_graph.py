@@ -30,7 +30,7 @@ class _Column:
 
 def wiring_svg(
     topics: Sequence[TopicLine], ports: Sequence[WirePort], states: Mapping[str, str], language: Language,
-    *, may_change: bool = False,
+    *, may_change: bool = False, is_past: bool = False,
 ) -> Markup:  # fmt: skip
     """Slots that publish at the left, topics in the middle, slots that subscribe at the right.
 
@@ -40,6 +40,7 @@ def wiring_svg(
         states: state of each slot by its name, for the colour of its edge.
         language: of the person.
         may_change: each slot has a button that takes it out.
+        is_past: it is drawn as it was.
     """
     sources = _column([port for port in ports if port.publishes], states, _LEFT, language)
     targets = _column([port for port in ports if not port.publishes], states, _RIGHT, language)
@@ -55,14 +56,16 @@ def wiring_svg(
         "wires", height=round(height), may_change=may_change, words=_words(topics, language), wires=wires, boxes=[*sources.boxes, *targets.boxes],
         topics=[
             {"y": round(middle[topic.topic]), "full": topic.topic, "name": shortened(topic.topic, 32),
-             "rate": rate_words(topic, language)}
+             "rate": rate_words(topic, language, is_past=is_past)}
             for topic in topics
         ],
     )  # fmt: skip
 
 
-def rate_words(topic: TopicLine, language: Language) -> str:
-    """What stands under a topic: its type and how often it comes."""
+def rate_words(topic: TopicLine, language: Language, *, is_past: bool = False) -> str:
+    """What stands under a topic: its type and how often it comes; of the past nobody has counted the samples."""
+    if is_past:
+        return f"{topic.type_name} · {language.number(topic.rate_hz, '.1f')} Hz"
     samples = language.count(topic.count, "{count} sample", "{count} samples")
     return f"{topic.type_name} · {language.number(topic.rate_hz, '.1f')} Hz · {samples}"
 
