@@ -10,13 +10,14 @@ import contextlib
 import json
 import os
 import select
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from msbot.runtime.board_package import package_files
+from msbot.runtime.board_package import OF_GENERIC_BOARDS, package_files
 from tests.homes.runners import NODE
 from tests.homes.simulated_board import SimulatedBoard, simulated_board
 from tests.web.browser.accessible import hurdles
@@ -150,15 +151,19 @@ def test_a_program_is_put_on_a_board_and_says_what_it_does_in_the_console(
 
 @pytest.mark.parametrize("paste", ["no", "unknown"])
 def test_a_board_without_raw_paste_gets_its_program_by_plain_raw_mode(
-    open_desk: Callable[..., Page], compiled: Path, paste: str
+    open_desk: Callable[..., Page], compiled: Path, tmp_path: Path, paste: str
 ) -> None:
+    """What is there is not written again, what is older is, and what only a generic board needs is left out."""
+    library = tmp_path / "lib"
+    shutil.copytree(compiled, library, ignore=shutil.ignore_patterns(*(f"{name}.mpy" for name in OF_GENERIC_BOARDS)))
+    (library / "words.mpy").write_bytes(b"an older one")
     page = open_desk("?name=01_hello.py")
     text = 'print("I have", 200, "lines")\n' + "".join(f"# line {number} of many\n" for number in range(199))
     write(page, text)
-    with plugged(page, lib=str(compiled), paste=paste) as (board, cable):
+    with plugged(page, lib=str(library), paste=paste) as (board, cable):
         page.locator("#ms-board-link").fill("serial:1")
         choose(page)
-        expect_told(page, "01_hello.py runs on the board now, and whenever it starts; 3 files were written.")
+        expect_told(page, "01_hello.py runs on the board now, and whenever it starts; 4 files were written.")
         expect_said(page, "I have 200 lines")
         press(page, "Put on a board")  # leaves it
         cable.close()
@@ -166,6 +171,7 @@ def test_a_board_without_raw_paste_gets_its_program_by_plain_raw_mode(
 
         with open_board(board.port) as one:
             assert one.read("/01_hello.py") == text.encode()
+            assert {name.partition(".")[0] for name in one.files("/lib/msbot")} & OF_GENERIC_BOARDS == set()
 
 
 def test_what_can_go_wrong_at_a_board_is_one_sentence(open_desk: Callable[..., Page], compiled: Path) -> None:

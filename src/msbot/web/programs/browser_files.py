@@ -14,7 +14,7 @@ from importlib.resources import files
 
 from fastapi import FastAPI, Request, Response
 
-from msbot.runtime.board_package import board_sources, package_files
+from msbot.runtime.board_package import OF_GENERIC_BOARDS, board_sources, package_files
 from msbot.runtime.carried_files import carried_folder
 
 FILES_PATH = "/program/files.json"
@@ -40,9 +40,14 @@ def examples() -> dict[str, str]:
 
 @cache
 def board_files(mpy_version: int | None) -> str:
-    """`{name: [sha256, content]}` as JSON, in hexadecimal digits and base64: the package as it is put on a board."""
+    """`{name: [sha256, content, generic]}` as JSON, in hexadecimal digits and base64: the package as it is put on a
+    board; `generic` is what only a generic board needs."""
     return json.dumps({
-        name: [hashlib.sha256(octets).hexdigest(), base64.b64encode(octets).decode()]
+        name: [
+            hashlib.sha256(octets).hexdigest(),
+            base64.b64encode(octets).decode(),
+            name.partition(".")[0] in OF_GENERIC_BOARDS,
+        ]
         for name, octets in package_files(mpy_version).items()
     })  # fmt: skip
 

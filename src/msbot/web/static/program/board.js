@@ -276,7 +276,10 @@ for _f in _n:
       todo.push([path, octets]);
       need += blocks(octets.length) - (old ? blocks(old.size) : 0);
     };
-    for (const [file, [hash, content]] of Object.entries(wanted)) consider(`${folder}/${file}`, plain(content), hash, known.get(file));
+    for (const [file, [hash, content, isGeneric]] of Object.entries(wanted)) {
+      if (isGeneric && !known.has(file)) continue; // a generic board's: kept up to date where it is
+      consider(`${folder}/${file}`, plain(content), hash, known.get(file));
+    }
     const gone = [...known.keys()].filter((file) => !(file in wanted));
     for (const file of gone) need -= blocks(known.get(file).size);
     const kept = nameOnBoard(name);
