@@ -172,6 +172,9 @@ def _look():
             ports.append([port, "in" if subscribes else "out", carries, topic, age, shown])
     bound = {port[0] for port in ports}
     idle = [[port, "in", type_name_of(kind[0]), "", None, ""] for port, kind in part._listeners.items()]
+    idle += [
+        [port, "out", type_name_of(kind), "", None, ""] for what, port, kind, _ in part.declared if what == "publish"
+    ]
     return {
         "number": part.part_number,
         "describes": part.describes,

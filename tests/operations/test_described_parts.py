@@ -99,11 +99,12 @@ def test_one_operation_makes_type_slot_and_offers_and_lets_the_part_in(tmp_path:
 
 def test_a_forgotten_type_can_be_described_anew(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
-        for name in ("first", "second"):
+        for name, shown in (("first", "VANE-1 (first)"), ("VANE-1", "VANE-1")):
             part, _ = vane(name=name)
             task = run(stage, part)
             await asyncio.sleep(WAIT_S)
-            await stage.do.adopt("VANE-1", "eye", who="ann")
+            done = await stage.do.adopt("VANE-1", "eye", who="ann")
+            assert done.words == f"{shown} is in the library now, as the part describes it, and has slot eye"
             await asyncio.sleep(0.5)
             assert part.slot == "eye"
             assert load_library(tmp_path / "adopted").require("VANE-1").name == name

@@ -104,6 +104,11 @@ class DescribedParts:
             "{number} ({name}) is in the library now, as the part describes it, and has slot {slot}",
             number=part_type.number, name=part_type.name, slot=name,
         )  # fmt: skip
+        if part_type.name == part_type.number:
+            words = said(
+                "{number} is in the library now, as the part describes it, and has slot {slot}",
+                number=part_type.number, slot=name,
+            )  # fmt: skip
         return Outcome(words, done.edit_id, {"slot": name, "offers": offers})
 
     def _let_in(self, info: PartInfo, slot: str, who: str) -> None:

@@ -128,6 +128,8 @@ def test_one_program_one_click_and_the_lamp_obeys(
     print(f"from Run to the lamp: {taken:.2f} s")
     expect_state(page, "active")
     expect(page.locator("#ms-prog-ports")).to_contain_text("Switch(on=True)")
+    expect(page.locator("#ms-prog-ports tr", has_text="mood →")).to_contain_text("not wired in this robot")
+    assert page.get_by_role("link", name="The robot in another tab").get_attribute("target") == "_blank"
     assert hurdles(page, dark=True) == []
     page.get_by_role("dialog").get_by_role("button", name="Close").click()
     # It is a part type like any other.
@@ -147,6 +149,9 @@ def test_one_program_one_click_and_the_lamp_obeys(
     expect_state(phone, "active")
     expect(phone.locator("#ms-prog-reason")).to_contain_text("In slot glow")
     phone.wait_for_function("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    phone.wait_for_function(
+        "(([box]) => box.scrollWidth <= box.clientWidth)(document.querySelectorAll('.ms-prog-side .scroll'))"
+    )
     page.get_by_role("dialog").get_by_role("button", name="Close").click()
     for one in (phone, page):
         press(one, "Stop")

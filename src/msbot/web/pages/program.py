@@ -333,6 +333,7 @@ def _words(page: Page) -> dict[str, object]:
         "states": states,
         "no_slot": Refusal.NO_SLOT.words,
         "slot": say("In slot {slot}"),
+        "unwired": say("not wired in this robot"),
         "stopped": say("STOP holds: messages do not reach the program"),
         "adopt": say("Under Arrivals a teacher can let {number} in."),
         "describes": say("It tells the robot what it is: a teacher can adopt it."),

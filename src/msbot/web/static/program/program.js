@@ -61,7 +61,7 @@ const msbotProgram = (() => {
     state(word, looks[word] || "checking", reason);
     const rows = seen.ports.map(([port, way, type, topic, age, shown]) => {
       const row = document.createElement("tr");
-      const cells = [`${port} ${way === "in" ? "←" : "→"}`, type, age === null ? "–" : `${shown} (${(age / 1000).toFixed(1)} s)`];
+      const cells = [`${port} ${way === "in" ? "←" : "→"}`, type, age === null ? (topic || !seen.slot ? "–" : say("unwired")) : `${shown} (${(age / 1000).toFixed(1)} s)`];
       for (const cell of cells) row.append(Object.assign(document.createElement("td"), { textContent: cell }));
       row.firstElementChild.title = topic;
       row.lastElementChild.className = "ms-last num";
