@@ -86,8 +86,8 @@ def test_one_command_gives_the_key_of_a_generic_board_to_all_parts_that_are_wire
         master = stack.enter_context(running("master", "--no-page", "--link", f"pty:{line}", cwd=tmp_path))
         master.wait_for("is up on")
         board = stack.enter_context(simulated_board(uart=str(line.resolve()), lib=str(micro.FOLDER), files=files))
-        for slot in ("front board", "lamp", "relay"):
-            master.wait_for(slot, "active")
+        active = {master.wait_for("-> active in slot").partition(":")[0] for _ in range(3)}
+        assert active == {"front board", "lamp", "relay"}
         again = run("board", "reset", "--port", board.port)
         assert (again.returncode, again.stderr) == (0, "")
 
