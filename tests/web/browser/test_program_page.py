@@ -20,6 +20,16 @@ PASSWORD = "correct horse"
 WORK_MS = 60_000
 """How long a program may take to become active; the machine may be busy. It takes half a second."""
 
+PRESS_AT_ONCE = """new MutationObserver((_, itself) => {
+  const run = [...document.querySelectorAll("button")].find((one) => one.textContent.endsWith("Run"));
+  if (!run || !document.querySelector(".cm-content")) return;
+  itself.disconnect();
+  const opened = msbotProgram.opened;
+  window.pressedBeforeOpened = false;
+  msbotProgram.opened = (...those) => { window.pressedBeforeOpened = true; opened(...those); };
+  run.click();
+}).observe(document, { childList: true, subtree: true })"""
+
 
 def set_up(browser: Browser, site: Site) -> None:
     """Make ada the robot's administrator, by the link that the master prints."""
@@ -128,6 +138,16 @@ def test_two_examples_in_two_browsers_speak_to_each_other(open_desk: Callable[..
     press(speaker, "Stop")
     expect_state(speaker, "not running")
     expect_said(speaker, "# ABCD has ended")
+
+
+def test_run_is_obeyed_as_soon_as_it_can_be_pressed(lesson: Site) -> None:
+    assert lesson.owner is not None
+    page = lesson.owner.new_page()
+    page.add_init_script(PRESS_AT_ONCE)
+    page.goto(f"{lesson.base}/program?name=phone.py")
+    expect_state(page, "refused")
+    assert page.evaluate("pressedBeforeOpened"), "before the server has told which program it is"
+    page.close()
 
 
 def test_a_mistake_is_said_and_marked_at_its_line(open_desk: Callable[..., Page]) -> None:

@@ -4,6 +4,8 @@
 const msbotProgram = (() => {
   const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50;
   let worker = null, files = null, editor = 0, name = "program.py", askedAt = null, isStuck = false, watch = null, ending = null;
+  let begun = 0, tellOpened = null;
+  const isOpened = new Promise((done) => { tellOpened = done; });
   let device = {}, sent = "", audio = null, deviceTimer = null, hasTilt = false;
 
   const at = (id) => document.getElementById(id);
@@ -156,18 +158,26 @@ const msbotProgram = (() => {
     finish();
     at("ms-console").replaceChildren();
     emitEvent("ms_program_line", { lines: [], show: false });
+    const mine = ++begun;
+    if (!editor) { // pressed before the server has told which program it is
+      state("starting", "new", "");
+      await isOpened;
+      if (mine !== begun) return;
+    }
     const program = text();
     useDevice(/^\s*(import|from)\s+device\b/m.test(program));
     state("starting", "new", "");
     try {
       files = files || (await (await fetch("/program/files.json")).json());
     } catch {
+      if (mine !== begun) return;
       line("error", say("noFiles"), 0);
-      return state("not running", "empty", "");
+      return finish();
     }
-    const mine = (worker = new Worker("/program/worker.js", { type: "module" }));
-    worker.onmessage = ({ data }) => { if (worker === mine) heard(data); };
-    worker.onerror = (event) => { if (worker === mine) { line("error", event.message || say("noFiles"), 0); finish(); } };
+    if (mine !== begun) return; // stopped meanwhile, or begun once more
+    const one = (worker = new Worker("/program/worker.js", { type: "module" }));
+    worker.onmessage = ({ data }) => { if (worker === one) heard(data); };
+    worker.onerror = (event) => { if (worker === one) { line("error", event.message || say("noFiles"), 0); finish(); } };
     askedAt = null;
     watch = setInterval(look, PING_MS);
     worker.postMessage({
@@ -208,7 +218,7 @@ const msbotProgram = (() => {
   }
 
   function stop() {
-    if (worker === null) return;
+    if (worker === null) return finish();
     if (isStuck) {
       line("info", `# ${say("killed")}`, 0);
       return finish();
@@ -219,6 +229,7 @@ const msbotProgram = (() => {
   }
 
   function finish() {
+    begun += 1; // what is being begun is not wanted any more
     clearInterval(watch);
     clearTimeout(ending);
     clearInterval(deviceTimer);
@@ -236,7 +247,8 @@ const msbotProgram = (() => {
 
   let board = null;
 
-  function showBoard() {
+  async function showBoard() {
+    await isOpened;
     const panel = at("ms-board");
     panel.hidden = !panel.hidden;
     if (panel.hidden) return void leaveBoard();
@@ -266,6 +278,7 @@ const msbotProgram = (() => {
   }
 
   async function putOnBoard() {
+    if (!editor) await isOpened;
     const bar = at("ms-board-bar"), button = at("ms-board-put"), program = text(), file = name;
     let port;
     try {
@@ -331,6 +344,7 @@ const msbotProgram = (() => {
     name = file;
     const told = at("ms-prog");
     if (told) useDevice(false);
+    tellOpened();
   }
 
   // Named for whoever cannot see it: the editor's own field has no label.
