@@ -109,6 +109,7 @@ SHOTS = (
     Shot("timeline", "/timeline", _last_minute),
     Shot("library", "/library"),
     Shot("passport", "/library/SG90"),
+    Shot("missions", "/missions"),
     Shot("faults", "/faults"),
     Shot("journal", "/journal"),
     Shot("changes", "/journal", _second_tab),

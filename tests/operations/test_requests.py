@@ -11,10 +11,12 @@ import pytest
 
 from msbot.config import PartType
 from msbot.lab.faults.fault_lab import FaultLab
+from msbot.lab.missions.mission_lab import MissionLab
 from msbot.operations.dispatch import perform
 from msbot.operations.table import OPERATIONS
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
+MISSION = '[mission]\ntitle = "T"\nstory = "S"\nhints = ["H"]\n[[fault]]\nkind = "loss"\nat = "AA"\nafter_s = 9\n'
 RING = ("AA=DIAL", "BB=EFGH", "CC=WXYZ", "DD=EFGH")
 
 
@@ -51,7 +53,7 @@ class Tape:
 def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         stage.operations.recording.use(Tape())
-        FaultLab(stage.operations)
+        MissionLab(stage.operations, FaultLab(stage.operations))
         done = {
             "swap": await ask(stage, "swap", slot="BB", to="DD"),
             "release": await ask(stage, "release", slot="CC"),
@@ -82,6 +84,13 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "plant_fault": await ask(stage, "plant_fault", kind="loss", at="AA"),
             "faults": await ask(stage, "faults"),
             "clear_fault": await ask(stage, "clear_fault", fault=1),
+            "start_mission": await ask(stage, "start_mission", mission="m.toml", toml=MISSION),
+            "mission": await ask(stage, "mission"),
+            "answer_mission": await ask(stage, "answer_mission", kind="loss", at="AA"),
+            "repair": await ask(stage, "repair", repair="new-cable", at="AA"),
+            "mission_hint": await ask(stage, "mission_hint"),
+            "stop_mission": await ask(stage, "stop_mission"),
+            "mission_report": await ask(stage, "mission_report"),
             "ignore": await ask(stage, "ignore", part="DD"),
             "simulate": await ask(stage, "simulate", slot="CC"),
             "identify": await ask(stage, "identify", part="AA"),

@@ -59,7 +59,9 @@ LEAST = {
     "let_go": Role.STUDENT, "stored": Role.VIEWER, "add_slot": Role.TEACHER, "remove_slot": Role.TEACHER,
     "record": Role.TEACHER, "end_record": Role.TEACHER, "recording": Role.VIEWER,
     "forget_type": Role.TEACHER, "plant_fault": Role.TEACHER, "clear_fault": Role.TEACHER, "faults": Role.TEACHER,
-    "simulate": Role.TEACHER, "objects": Role.VIEWER,
+    "simulate": Role.TEACHER, "objects": Role.VIEWER, "start_mission": Role.TEACHER, "stop_mission": Role.TEACHER,
+    "answer_mission": Role.STUDENT, "repair": Role.STUDENT, "mission_hint": Role.STUDENT, "mission": Role.VIEWER,
+    "mission_report": Role.VIEWER,
 }  # fmt: skip
 """Who may do each operation of the table at least; said twice on purpose."""
 

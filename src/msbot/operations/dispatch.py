@@ -21,6 +21,7 @@ from msbot.operations.bus_objects import BusObjects
 from msbot.operations.by_hand import ByHand
 from msbot.operations.described_parts import DescribedParts
 from msbot.operations.faults import Faults
+from msbot.operations.missions import Missions
 from msbot.operations.outcome import Outcome
 from msbot.operations.placement import Placement
 from msbot.operations.recording import Recording
@@ -166,10 +167,11 @@ class RunningOperations(Operations):
         self.by_hand = ByHand(running)
         self.recording = Recording()
         self.faults = Faults(running)
+        self.missions = Missions(running)
         super().__init__(
             SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
-            self.applying, self.by_hand, self.recording, self.faults, Blocking(running), Wires(running), described,
-            self.stand_ins, BusObjects(running),
+            self.applying, self.by_hand, self.recording, self.faults, self.missions, Blocking(running), Wires(running),
+            described, self.stand_ins, BusObjects(running),
         )  # fmt: skip
 
     @property

@@ -3,32 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from msbot.errors import ConfigError
+from msbot.operations.fault_wish import FaultWish
 from msbot.operations.outcome import Outcome
 from msbot.operations.running_robot import RunningRobot
 from msbot.registry import EditKind
 from msbot.runtime.sentence import said
-
-
-@dataclass(frozen=True, slots=True)
-class FaultWish:
-    """What a person wants to go wrong; what is None is left to the kind."""
-
-    kind: str
-    at: str = ""
-    amount: float | None = None
-    jitter_ms: float | None = None
-    port: str = ""
-    number: str = ""
-    after_s: float = 0.0
-    for_s: float | None = None
-    when: str = ""
-    chance: float | None = None
-    seed: int | None = None
-    hidden: bool = False
 
 
 class FaultControl(Protocol):
@@ -40,8 +22,8 @@ class FaultControl(Protocol):
     def clear(self, number: int | None, who: str) -> str:
         """End one fault, or all; says what was ended."""
 
-    def as_json(self) -> Mapping[str, object]:
-        """What is planted."""
+    def as_json(self, *, with_answers: bool) -> Mapping[str, object]:
+        """What is planted; without answers, nothing of what a mission wants to be found."""
 
     def told(self, slot: str) -> Sequence[str]:
         """What may be told to everybody of the faults at a slot, or, for an empty slot, of those of the robot."""
@@ -54,6 +36,7 @@ class Faults:
         self.running = running
         self._lab: FaultControl | None = None
         self._listeners: list[Callable[[Mapping[str, object]], object]] = []
+        self._looked_listeners: list[Callable[[str], object]] = []
 
     def use(self, lab: FaultControl) -> None:
         """Say who carries faults out."""
@@ -62,6 +45,10 @@ class Faults:
     def on_change(self, listener: Callable[[Mapping[str, object]], object]) -> None:
         """Call the listener with every beginning and end of a fault."""
         self._listeners.append(listener)
+
+    def on_looked(self, listener: Callable[[str], object]) -> None:
+        """Call the listener with the name of everybody who has had the answers of a mission shown."""
+        self._looked_listeners.append(listener)
 
     def changed(self, change: Mapping[str, object], words: str, who: str) -> None:
         """Note in the journal, and tell, that a fault has begun or ended; for the lab."""
@@ -74,8 +61,8 @@ class Faults:
         return () if self._lab is None else self._lab.told(slot)
 
     def listed(self) -> Sequence[Mapping[str, object]]:
-        """What is planted, also what is hidden; nothing without a lab."""
-        found = () if self._lab is None else self._lab.as_json()["faults"]
+        """What is planted, also what is hidden, but no answers of a mission; nothing without a lab."""
+        found = () if self._lab is None else self._lab.as_json(with_answers=False)["faults"]
         assert isinstance(found, Sequence)
         return found
 
@@ -93,9 +80,12 @@ class Faults:
         """End one fault, or all."""
         return Outcome(self._the_lab().clear(fault, who))
 
-    def faults(self, who: str) -> Outcome:  # noqa: ARG002 - what every operation is given
-        """What is planted, also what is hidden from the class."""
-        return Outcome(answer=dict(self._the_lab().as_json()))
+    def faults(self, answers: bool, who: str) -> Outcome:
+        """What is planted, also what is hidden from the class; with `answers` also what a mission wants found."""
+        found = self._the_lab().as_json(with_answers=answers)
+        for listener in self._looked_listeners if answers else ():
+            listener(who)
+        return Outcome(answer=dict(found))
 
     def _the_lab(self) -> FaultControl:
         if self._lab is None:

@@ -319,7 +319,44 @@ _ROWS = (
                   help="Number of the fault; left out: all."),),
         Right.ARRANGE, Where.RUNNING, Kept.LINE, "fault", "POST /faults/clear",
     ),
-    Operation("faults", "The faults that are planted, also hidden ones.", (), Right.ARRANGE),
+    Operation(
+        "faults", "The faults that are planted, also hidden ones.",
+        (Argument("answers", ArgumentKind.FLAG, default=False, option="--answers",
+                  help="Also those that a mission wants to be found; its report says who has looked."),),
+        Right.ARRANGE,
+    ),
+    Operation(
+        "start_mission", "Begin a mission: something goes wrong, and a class is to find it.",
+        (Argument("mission", is_needed=True, longest=1000, help="A ready mission, or the name of its file."),
+         Argument("toml", default="", longest=30_000, help="The text of that file; left out: a ready mission."),
+         Argument("seed", ArgumentKind.WHOLE, least=0, most=2**53, help="What chance decides is the same for it.")),
+        Right.ARRANGE, Where.RUNNING, Kept.LINE, "mission", "POST /mission/start",
+    ),
+    Operation(
+        "stop_mission", "End the mission that runs.",
+        (), Right.ARRANGE, Where.RUNNING, Kept.LINE, "mission", "POST /mission/stop",
+    ),
+    Operation(
+        "answer_mission", "Say what is wrong in a mission, and where.",
+        (Argument("kind", is_needed=True, help="The kind of fault."),
+         Argument("at", default="", help="The slot; left out: the robot as a whole.")),
+        Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /mission/answer",
+    ),
+    Operation(
+        "repair", "Have something repaired in a mission.",
+        (Argument("repair", is_needed=True, help="What is done; `msbot mission repairs` lists it."),
+         Argument("at", default="", help="The slot; left out: the robot as a whole.")),
+        Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /mission/repair",
+    ),
+    Operation(
+        "mission_hint", "The next hint of a mission; it costs.",
+        (), Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /mission/hint",
+    ),
+    Operation("mission", "The mission that runs, without its answers."),
+    Operation(
+        "mission_report", "Marks, times and wrong acts of a mission that is over.",
+        (Argument("number", ArgumentKind.WHOLE, least=1, most=2**53, help="Which one; left out: the latest."),),
+    ),
     Operation("stored", "Wait until what the robot has said is in its database, as far as that is possible."),
     Operation("why", "The state of a part, and which rules led there.", (_part("The part."),)),
 )  # fmt: skip

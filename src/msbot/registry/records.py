@@ -86,6 +86,7 @@ class EditKind(Enum):
     LIBRARY = "library"
     RESTORE = "restore"
     FAULT = "fault"
+    MISSION = "mission"
 
 
 UNDOABLE = frozenset(

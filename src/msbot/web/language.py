@@ -22,8 +22,9 @@ from msbot.runtime.sentence import Sentence
 
 COOKIE = "msbot_language"
 ENGLISH = "en"
-CATALOGUES = ("pages", "robot", "library", "doctor")
-"""The files of a language: words of the pages, sentences of the robot, texts of the part library, the doctor."""
+CATALOGUES = ("pages", "robot", "library", "doctor", "missions")
+"""The files of a language: words of the pages, sentences of the robot, texts of the part library, the doctor, the
+missions."""
 
 
 @dataclass(frozen=True, slots=True)

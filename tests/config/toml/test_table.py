@@ -5,8 +5,8 @@ from collections.abc import Callable
 import pytest
 
 from msbot.config.toml.document import parse_document
-from msbot.config.toml.problems import Problems
-from msbot.config.toml.table import Table, kind_words
+from msbot.config.toml.problems import Problems, kind_words
+from msbot.config.toml.table import Table
 
 
 def _table(text: str) -> tuple[Table, Problems]:

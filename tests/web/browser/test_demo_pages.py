@@ -14,7 +14,8 @@ from tests.web.browser.conftest import Site, go, new_page
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
     "/plots": "Plots", "/timeline": "Timeline", "/library": "Library", "/library/SG90": "Library",
-    "/journal": "Journal", "/faults": "Faults", "/class": "Class", "/admin": "Admin", "/doctor": "Doctor",
+    "/journal": "Journal", "/faults": "Faults", "/missions": "Missions",
+    "/class": "Class", "/admin": "Admin", "/doctor": "Doctor",
     "/api-docs": "API",
 }  # fmt: skip
 

@@ -34,6 +34,7 @@ from msbot.config import SAMPLES, Blueprint, Library, load_blueprint, load_libra
 from msbot.demo import DemoRobot, Wire
 from msbot.errors import ConfigError, MsbotError
 from msbot.lab.faults.fault_lab import FaultLab
+from msbot.lab.missions.mission_lab import MissionLab
 from msbot.lab.recorder.wish import RecordingWish
 from msbot.link.can.sim import SimBusServer, check_free
 from msbot.master import StopSocket, first_error, robot_space
@@ -202,7 +203,8 @@ async def _main(
             stop = StopSocket(robot.master, lambda: details_of(robot.master, address, page=page_address()))
             beside.append(stop.run())
             beside.extend(recording.beside(robot.master, operations))
-            beside.append(FaultLab(operations, parts=robot, bus=robot.bus_driver).run())
+            faults = FaultLab(operations, parts=robot, bus=robot.bus_driver)
+            beside += [faults.run(), MissionLab(operations, faults).run()]
             if isinstance(space, SharedSpace):
                 beside.append(RobotInRos(robot.master, operations, space).run())
             if options.bus is None or robot.bus_driver is None:

@@ -42,11 +42,12 @@ def add(db: str | None, robot: str | None, *, for_s: float | None, **wish: objec
 
 
 @command.command("list")
+@click.option("--answers", is_flag=True, help="Also what a mission wants to be found; its report says who has looked.")
 @json_option
 @robot_options
-def list_faults(db: str | None, robot: str | None, *, as_json: bool) -> None:
-    """Show what is planted, also what is hidden from the class."""
-    found = perform(db, robot, "faults", {})
+def list_faults(db: str | None, robot: str | None, *, answers: bool, as_json: bool) -> None:
+    """Show what is planted, also what is hidden; what a mission wants to be found only with --answers."""
+    found = perform(db, robot, "faults", {"answers": answers})
     if as_json:
         click.echo(json.dumps(found))
         return
@@ -88,6 +89,9 @@ def kinds(*, as_json: bool) -> None:
 
 def _lines(faults: Iterable[Mapping[str, object]]) -> Iterable[str]:
     for fault in faults:
+        if fault.get("concealed"):
+            yield f"{fault['number']:>3}  {fault['words']}"
+            continue
         if fault["active"]:
             state = f"there since {fault['since_s']:.0f} s, {fault['left_s']:.0f} s left"
         elif fault["begins_in_s"] is not None:

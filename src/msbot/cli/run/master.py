@@ -33,6 +33,7 @@ from msbot.cli.run.recording import RobotRecording, rec_option, ring_folder
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.config import Blueprint, Library, open_blueprint
 from msbot.lab.faults.fault_lab import FaultLab
+from msbot.lab.missions.mission_lab import MissionLab
 from msbot.lab.recorder.wish import RecordingWish
 from msbot.link import Link, open_link
 from msbot.link.can import CanSettings, Codec
@@ -221,7 +222,8 @@ async def _main(  # noqa: PLR0917
                 click.echo(f"STOP holds since before, said by {master.stop.by}: `msbot go` ends it")
 
         beside: list[Coroutine[object, object, None]] = [] if lease is None else [_until_lost(lease)]
-        beside.append(FaultLab(operations).run())
+        faults = FaultLab(operations)
+        beside += [faults.run(), MissionLab(operations, faults).run()]
         if isinstance(space, SharedSpace):
             beside.append(RobotInRos(master, operations, space, description=description).run())
         if wishes.bigger is not None:

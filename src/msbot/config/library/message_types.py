@@ -14,8 +14,8 @@ from functools import cache
 from importlib.resources import files
 
 from msbot.config.toml.document import parse_document
-from msbot.config.toml.problems import Problems
-from msbot.config.toml.table import Scalar, Table, kind_words
+from msbot.config.toml.problems import Problems, kind_words
+from msbot.config.toml.table import Scalar, Table
 
 
 class FieldKind(Enum):

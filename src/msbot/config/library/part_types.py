@@ -9,7 +9,8 @@ from enum import Enum
 from msbot.config.library.message_types import MessageType
 from msbot.config.library.simulator import Simulator
 from msbot.config.library.versions import ANY_VERSION, Versions
-from msbot.config.toml.table import Scalar, kind_words
+from msbot.config.toml.problems import kind_words
+from msbot.config.toml.table import Scalar
 from msbot.runtime.sentence import Sentence, said
 
 

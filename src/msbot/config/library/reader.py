@@ -21,8 +21,8 @@ from msbot.config.library.picture import picture_fault
 from msbot.config.library.simulator_reader import SimulatorReader
 from msbot.config.library.versions import ANY_VERSION, VERSION_SIGN, Versions, parse_versions
 from msbot.config.toml.document import Document
-from msbot.config.toml.problems import Problems, suggestion
-from msbot.config.toml.table import Table, kind_words
+from msbot.config.toml.problems import Problems, kind_words, suggestion
+from msbot.config.toml.table import Table
 
 FORBIDDEN_IN_PORTS = "."
 """A port is named `SLOT.port` in a binding."""

@@ -14,7 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from msbot.config.toml.table import Scalar, kind_words
+from msbot.config.toml.problems import kind_words
+from msbot.config.toml.table import Scalar
 from msbot.errors import ConfigError
 
 Operand = float | str

@@ -23,8 +23,8 @@ from msbot.config.library.simulator import (
     Simulator,
 )
 from msbot.config.library.text_templates import PLACEHOLDER, can_format
-from msbot.config.toml.problems import suggestion
-from msbot.config.toml.table import Scalar, Table, kind_words
+from msbot.config.toml.problems import kind_words, suggestion
+from msbot.config.toml.table import Scalar, Table
 
 FORBIDDEN_IN_NAMES = ".#{}="
 """Characters with a special meaning in names of sources."""

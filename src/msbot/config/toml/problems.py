@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import date, datetime, time
 from difflib import get_close_matches
 
 from msbot.errors import ConfigError
@@ -184,3 +185,20 @@ def suggestion(word: str, known: Sequence[str], *, none_known: str) -> str:
 def did_you_mean(near: Sequence[str]) -> str:
     """The question about one or several similar words, which are quoted already."""
     return said("did you mean {words}?", words=joined(said(" or "), near))
+
+
+def kind_words(value: object) -> str:
+    """What a TOML value is, in words, for example `the number 5`."""
+    match value:
+        case bool():
+            return said("the truth value {lower}", lower=str(value).lower())
+        case int() | float():
+            return said("the number {value}", value=value)
+        case str():
+            return said('the text "{value}"', value=value[:40])
+        case list():
+            return said("a list")
+        case datetime() | date() | time():
+            return said("the date or time {value} without quotes", value=value)
+        case _:
+            return said("a table")

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from datetime import date, datetime, time
 
 from msbot.config.toml.document import Document
-from msbot.config.toml.problems import KeyPath, Problems, TextPlace, path_words, quoted, suggestion
+from msbot.config.toml.problems import KeyPath, Problems, TextPlace, kind_words, path_words, quoted, suggestion
 from msbot.runtime.sentence import said
 
 MOST_OCTETS = 254
 """Longest text in octets of UTF-8: the thesis stores every string in 255 characters, including the closing NUL
 (3.12)."""
+
+MOST_PROSE = 2000
+"""Longest text that is only read by people, in characters."""
 
 Scalar = bool | int | float | str
 """What a setting, a default or a safe value can be."""
@@ -87,6 +89,28 @@ class Table:
         value = self._text(key, example, default) or ""
         self._check_length(key, value)
         return value
+
+    def prose(self, key: str, example: str, *, default: str | None = None, most: int = MOST_PROSE) -> str:
+        """A text for people to read, also of several lines, of 1 to `most` characters; `default` when it is absent."""
+        value = self._text(key, example, default)
+        if value is None or (value == default and key not in self):
+            return value or ""
+        self._check_prose(value, most, key)
+        return value.strip()
+
+    def proses(self, key: str, example: str, *, most: int = MOST_PROSE) -> list[str]:
+        """A list of such texts; empty when absent."""
+        value = self._get(key)
+        if value is None:
+            return []
+        texts = value if isinstance(value, list) else [None]
+        for position, text in enumerate(texts):
+            if isinstance(text, str):
+                self._check_prose(text, most, key, position)
+        if not all(isinstance(text, str) for text in texts):
+            self.problem(said('must be a list of texts, for example {key} = ["{example}"]', key=key, example=example),
+                         key)  # fmt: skip
+        return [text.strip() for text in texts if isinstance(text, str)]
 
     def choice(self, key: str, choices: Sequence[str], *, default: str | None = None) -> str:
         """One of a few words."""
@@ -328,6 +352,14 @@ class Table:
         )
         return ""
 
+    def _check_prose(self, value: str, most: int, *steps: str | int) -> None:
+        if not value.strip():
+            self.problem(said("is empty; write a sentence, or remove it"), *steps)
+        elif len(value) > most:
+            self.problem(said("is {count} characters long; shorten it to {most}", count=len(value), most=most), *steps)
+        elif not all(character.isprintable() or character == "\n" for character in value):
+            self.problem(said("contains a character that cannot be printed; remove it"), *steps)
+
     def _check_length(self, key: str, value: str, *steps: int) -> None:
         octets = len(value.encode())
         if octets > MOST_OCTETS:
@@ -356,20 +388,3 @@ class Table:
                     ),
                     key,
                 )
-
-
-def kind_words(value: object) -> str:
-    """What a TOML value is, in words, for example `the number 5`."""
-    match value:
-        case bool():
-            return said("the truth value {lower}", lower=str(value).lower())
-        case int() | float():
-            return said("the number {value}", value=value)
-        case str():
-            return said('the text "{value}"', value=value[:40])
-        case list():
-            return said("a list")
-        case datetime() | date() | time():
-            return said("the date or time {value} without quotes", value=value)
-        case _:
-            return said("a table")

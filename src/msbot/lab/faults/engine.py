@@ -109,6 +109,8 @@ class Change:
     was_active: bool
     """Of one that is over: whether it ever was there."""
     reason: str
+    is_mended: bool = False
+    """Whether it is over because somebody has mended it at the part itself."""
 
 
 class FaultEngine:
@@ -164,7 +166,7 @@ class FaultEngine:
         self._look_at = now
         return fault
 
-    def clear(self, number: int | None, reason: str) -> list[Change]:
+    def clear(self, number: int | None, reason: str, *, is_mended: bool = False) -> list[Change]:
         """End one fault, or all.
 
         Raises:
@@ -174,7 +176,7 @@ class FaultEngine:
             known = ", ".join(str(one) for one in self._faults) or said("none")
             raise ConfigError(said("there is no fault {number}; there are {known}", number=number, known=known))
         ended = [self._faults[number]] if number is not None else list(self._faults.values())
-        return [self._end(fault, reason) for fault in ended]
+        return [self._end(fault, reason, is_mended=is_mended) for fault in ended]
 
     def timer(self) -> float | None:
         """When `handle_timer` wants to be called next; None: nothing is planted."""
@@ -212,9 +214,9 @@ class FaultEngine:
                 return True
         return False
 
-    def _end(self, fault: Fault, reason: str) -> Change:
+    def _end(self, fault: Fault, reason: str, *, is_mended: bool = False) -> Change:
         del self._faults[fault.number]
-        return Change(fault, begins=False, was_active=fault.is_active, reason=reason)
+        return Change(fault, begins=False, was_active=fault.is_active, reason=reason, is_mended=is_mended)
 
 
 def _overlap(begins_at: float | None, for_s: float, other: Fault) -> bool:

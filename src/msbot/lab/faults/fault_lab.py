@@ -19,7 +19,7 @@ from msbot.lab.faults.numbers import Numbers
 from msbot.lab.faults.planting import Planting
 from msbot.link.can.sim import SimBusDriver
 from msbot.operations.dispatch import RunningOperations
-from msbot.operations.faults import FaultWish
+from msbot.operations.fault_wish import FaultWish
 from msbot.pnp import PartInfo, StopStatus
 from msbot.runtime.sentence import counted, said
 
@@ -48,6 +48,8 @@ class FaultLab:
         self._numbers = Numbers(running)
         self._planting = Planting(running, self._parts, bus, self._numbers)
         self._timer: asyncio.TimerHandle | None = None
+        self._mission = ""
+        """The mission whose faults are planted; then there are no others."""
         operations.faults.use(self)
         running.master.on_stop(self._stopped)
         running.master.on_why(self._why)
@@ -60,18 +62,16 @@ class FaultLab:
         Raises:
             ConfigError: it cannot be planted; the text says why.
         """
-        if self._running.master.stop.stopped:
-            raise ConfigError(said("STOP is in force: no fault can be planted until GO"))
-        spec = self._planting.spec(wish)
-        now = self._running.now()
-        self._engine.check(spec, now)
-        effect = self._planting.effect(spec)
-        fault = self._engine.plant(spec, who, now)
-        self._effects[fault.number] = effect
-        if isinstance(spec.when, NumberCondition) and spec.when.source != LOAD:
-            self._numbers.watch(spec.when.source)
+        if self._mission:
+            raise ConfigError(
+                said("the mission {mission} runs, and no other fault may come in between: `msbot mission stop` ends it",
+                     mission=self._mission)
+            )  # fmt: skip
+        (fault,) = self._plant([wish], who)
         self._look()
-        return said("fault {number}: {words}{when}", number=fault.number, words=spec.words, when=self._times(fault))
+        return said(
+            "fault {number}: {words}{when}", number=fault.number, words=fault.spec.words, when=self._times(fault)
+        )
 
     def clear(self, number: int | None, who: str) -> str:
         """See `FaultControl`.
@@ -87,9 +87,11 @@ class FaultLab:
             return said("no fault is planted")
         return counted(len(ended), "{count} fault is ended", "{count} faults are ended")
 
-    def as_json(self) -> Mapping[str, object]:
+    def as_json(self, *, with_answers: bool) -> Mapping[str, object]:
         """See `FaultControl`."""
-        return {"faults": [self._json(fault) for fault in self._engine.faults]}
+        hides = self._mission and not with_answers
+        return {"faults": [{**self._json(fault), **(_concealed(self._mission) if hides else {})}
+                           for fault in self._engine.faults]}  # fmt: skip
 
     def told(self, slot: str) -> Sequence[str]:
         """See `FaultControl`: those that are there now and are not hidden."""
@@ -99,6 +101,47 @@ class FaultLab:
             if fault.is_active and not fault.spec.hidden and fault.spec.at == slot
         ]
 
+    # For missions.
+
+    def plant_for_mission(self, mission: str, wishes: Sequence[FaultWish]) -> list[int]:
+        """Plant the faults of a mission, all or none, and keep others out until `end_mission`; their numbers.
+
+        They begin soon, not at once.
+
+        Raises:
+            ConfigError: one cannot be planted, or others are planted; nothing has changed.
+        """
+        if self._engine.faults:
+            raise ConfigError(said("faults are planted: `msbot fault clear` ends them; a mission begins without"))
+        faults = self._plant(wishes, said("mission {mission}", mission=mission))
+        self._mission = mission
+        self._arm()
+        return [fault.number for fault in faults]
+
+    def mend(self, number: int, reason: str, who: str) -> None:
+        """End one fault of the mission because somebody has mended it."""
+        for change in self._engine.clear(number, reason):
+            self._over(change, who)
+        self._arm()
+
+    def end_mission(self, reason: str) -> None:
+        """End the faults of the mission; others may be planted again."""
+        self._mission = ""
+        self._end_all(reason)
+
+    def prepare(self, condition: Condition) -> None:
+        """Make sure that `holds` can tell of it.
+
+        Raises:
+            ConfigError: there is no such slot, port or number here.
+        """
+        self._planting.check_condition(condition)
+        self._watch(condition)
+
+    def holds(self, condition: Condition) -> bool:
+        """Whether a condition holds now."""
+        return condition.holds(self)
+
     async def run(self) -> None:
         """Until cancelled; then all faults are taken back."""
         try:
@@ -107,6 +150,32 @@ class FaultLab:
             self._end_all(said("the robot ends"))
 
     # How it works.
+
+    def _plant(self, wishes: Sequence[FaultWish], who: str) -> list[Fault]:
+        """Plant them all, or none; they begin with the next look."""
+        if self._running.master.stop.stopped:
+            raise ConfigError(said("STOP is in force: no fault can be planted until GO"))
+        now, planted = self._running.now(), []
+        try:
+            for wish in wishes:
+                spec = self._planting.spec(wish)
+                self._engine.check(spec, now)
+                effect = self._planting.effect(spec)
+                fault = self._engine.plant(spec, who, now)
+                self._effects[fault.number] = effect
+                planted.append(fault)
+                if spec.when is not None:
+                    self._watch(spec.when)
+        except ConfigError:
+            for fault in planted:
+                self._engine.clear(fault.number, "")
+                del self._effects[fault.number]
+            raise
+        return planted
+
+    def _watch(self, condition: Condition) -> None:
+        if isinstance(condition, NumberCondition) and condition.source != LOAD:
+            self._numbers.watch(condition.source)
 
     def _stopped(self, status: StopStatus) -> None:
         if status.stopped:
@@ -127,7 +196,7 @@ class FaultLab:
         self._timer = None if at is None else self._running.loop.call_at(at, self._look)
 
     def _look(self) -> None:
-        for change in self._engine.handle_timer(self._running.now(), self._holds):
+        for change in self._engine.handle_timer(self._running.now(), self.holds):
             if change.begins:
                 self._effects[change.fault.number].begin()
                 self._tell(change, change.fault.who)
@@ -136,7 +205,7 @@ class FaultLab:
         for fault in self._engine.faults:
             mended = self._effects[fault.number].keep() if fault.is_active else ""
             if mended:
-                for change in self._engine.clear(fault.number, mended):
+                for change in self._engine.clear(fault.number, mended, is_mended=True):
                     self._over(change, change.fault.who)
         self._arm()
 
@@ -157,7 +226,9 @@ class FaultLab:
             )
         if fault.spec.hidden:  # people read the journal
             line = said("fault {number} begins or ends: it is hidden", number=fault.number)
-        value = {"begins": change.begins, "reason": str(change.reason), **self._json(fault)}
+        value = {
+            "begins": change.begins, "reason": str(change.reason), "mended": change.is_mended, **self._json(fault)
+        }  # fmt: skip
         self._faults.changed(value, line, who)
 
     def _json(self, fault: Fault) -> dict[str, object]:
@@ -194,9 +265,6 @@ class FaultLab:
             times = said("{times}, by chance ({chance:g} each second)", times=times, chance=spec.chance)
         return times
 
-    def _holds(self, condition: Condition) -> bool:
-        return condition.holds(self)
-
     def state(self, slot: str) -> str:
         """See `conditions.Circumstances`."""
         holder = self._running.holder(slot)
@@ -207,3 +275,10 @@ class FaultLab:
         if source == LOAD:
             return None if self._bus is None else 100 * self._bus.load()
         return self._numbers.newest(source)
+
+
+def _concealed(mission: str) -> Mapping[str, object]:
+    """What may be told of a fault that is to be found."""
+    words = said("a fault of the mission {mission}; which one is to be found", mission=mission)
+    return {"kind": "", "at": "", "words": words, "when": "", "begins_in_s": None, "for_s": None, "left_s": None,
+            "since_s": None, "active": False, "concealed": True}  # fmt: skip

@@ -27,7 +27,7 @@ from msbot.lab.faults.numbers import Numbers
 from msbot.lab.faults.treatments import Core, Frozen, HeldBack, SlowlyTaken
 from msbot.link import Disturbance
 from msbot.link.can.sim import SimBusDriver
-from msbot.operations.faults import FaultWish
+from msbot.operations.fault_wish import FaultWish
 from msbot.operations.running_robot import RunningRobot
 from msbot.runtime.sentence import said
 from msbot.sim import make_simulator
@@ -81,7 +81,7 @@ class Planting:
         elif wish.amount is not None:
             raise ConfigError(said("{kind} takes no --{option}", kind=kind.name, option="amount"))
         when = read_condition(wish.when) if wish.when else None
-        self._check_condition(when)
+        self.check_condition(when)
         return FaultSpec(
             kind, at, amount, wish.jitter_ms or 0.0, wish.port, wish.number, wish.after_s,
             FOR_S if wish.for_s is None else wish.for_s, when, wish.chance,
@@ -112,7 +112,12 @@ class Planting:
             raise ConfigError(said("{part} holds no slot: a fault is planted at a part in a slot", part=info.part))
         return info.slot
 
-    def _check_condition(self, when: Condition | None) -> None:
+    def check_condition(self, when: Condition | None) -> None:
+        """Make sure that it can be known whether a condition holds.
+
+        Raises:
+            ConfigError: there is no such slot, port or number here.
+        """
         if when is None:
             return
         if isinstance(when, NumberCondition):

@@ -106,6 +106,7 @@ class Recorder:
         if isinstance(operations, RunningOperations):
             self._operations = operations
             operations.faults.on_change(self._fault_changed)
+            operations.missions.on_note(self._mission_noted)
         self._say_all(master)
         for link in master.links:
             if isinstance(link, CanEnd) and link not in self._tapped:
@@ -194,6 +195,7 @@ class Recorder:
             "/msbot/faults",
             BLUEPRINT,
             SHOWN,
+            "/msbot/mission",
             MEASURED,
         ):
             self._json_channel(topic)
@@ -255,6 +257,9 @@ class Recorder:
 
     def _fault_changed(self, change: Mapping[str, object]) -> None:
         self.put(Kind.OBJECT, self._json_channel("/msbot/faults"), self.clock(), encode_object(change))
+
+    def _mission_noted(self, note: Mapping[str, object]) -> None:
+        self.put(Kind.OBJECT, self._json_channel("/msbot/mission"), self.clock(), encode_object(note))
 
     def _frame_tap(self, link: str, bitrate: int | None) -> Callable[[float, str, Frame], None]:
         metadata = () if bitrate is None else ((BITRATE, str(bitrate)),)

@@ -6,12 +6,15 @@ shows an API token: `Authorization: Bearer msbot_...`. Who may do what is decide
 
 from __future__ import annotations
 
+import asyncio
 from typing import Annotated
 
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
+from msbot.lab.missions.played import grade_json, played_from_json
 from msbot.web.api.answers import Health, ProblemAnswer
+from msbot.web.api.mission_models import MissionMarks, MissionState
 from msbot.web.api.models import (
     BlueprintDiff,
     BlueprintText,
@@ -113,6 +116,19 @@ def _add_reads(router: APIRouter, service: Service) -> None:
         """The states of every slot over time."""
         return lanes_for(session, views.timeline())
 
+    @router.get("/mission")
+    async def mission(session: SignedIn) -> MissionState:  # noqa: ARG001
+        """The mission that runs, without its answers."""
+        return MissionState.model_validate(service.operations.missions.state())
+
+    @router.get("/mission/report")
+    async def mission_report(
+        session: SignedIn,  # noqa: ARG001
+        number: Annotated[int | None, Query(ge=1, le=2**53)] = None,
+    ) -> MissionMarks:
+        """Marks, times and wrong acts of a mission that is over; without `number` the latest."""
+        return MissionMarks.model_validate(await asyncio.to_thread(_marks, service, number))
+
     @router.get("/journal")
     async def journal(
         session: SignedIn,
@@ -149,6 +165,10 @@ def _add_reads(router: APIRouter, service: Service) -> None:
         """All robots of the database."""
         tiles = await service.robots()
         return [tile.model_copy(update={"last_event": words_for(session, tile.last_event)}) for tile in tiles]
+
+
+def _marks(service: Service, number: int | None) -> dict[str, object]:
+    return grade_json(played_from_json(service.operations.missions.report(number)))
 
 
 def _add_slots(router: APIRouter, service: Service) -> None:

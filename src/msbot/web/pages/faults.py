@@ -10,8 +10,10 @@ from nicegui import ui
 from msbot.lab.faults.engine import FOR_S, LONGEST_S
 from msbot.lab.faults.kinds import KINDS, Amount
 from msbot.operations.rights import Right
+from msbot.web.access.sessions import Session
+from msbot.web.api.models import Done
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import heading, panel
+from msbot.web.pages.page_elements import ask_first, heading, panel, show_dialog
 from msbot.web.service import Service
 
 
@@ -102,16 +104,44 @@ class _Planted:
         with panel():
             with ui.element("div").classes("row spread"):
                 heading(page.say("Planted faults"))
-                ui.button(page.say("End all"), icon="healing", on_click=self._end_all).props("flat dense")
+                with ui.element("div").classes("row"):
+                    self._answers = ui.button(page.say("Show the answers"), icon="visibility", on_click=self._look)
+                    self._answers.props("flat dense")
+                    ui.button(page.say("End all"), icon="healing", on_click=self._end_all).props("flat dense")
             self._list = ui.column().classes("w-full").style("gap:0")
         page.every_look(self._show)
+
+    def _look(self) -> None:
+        words = self._page.say("Show what the mission wants to be found? Its report will say that you have looked.")
+        ask_first(self._page, words, self._show_answers)
+
+    async def _show_answers(self) -> None:
+        """What a mission hides; the mission notes who has looked."""
+        found: list[Mapping[str, object]] = []
+
+        async def deed(session: Session) -> Done:
+            operations, who = self._page.service.operations, self._page.service.asker(session)
+            faults = (await operations.do("faults", who=who, answers=True)).answer["faults"]
+            assert isinstance(faults, list)
+            found.extend(faults)
+            return Done(words="")
+
+        if await self._page.do(deed, quiet=True) is None:
+            return
+        with ui.dialog() as dialog, ui.card():
+            for fault in found:
+                words = str(fault["words"])
+                ui.label(f"{fault['number']}. {self._page.say(words)}")
+            ui.button(self._page.say("Close"), on_click=dialog.close).props("flat")
+        show_dialog(dialog)
 
     async def _end_all(self) -> None:
         await self._page.act("clear_fault")
 
     def _show(self) -> None:
         planted = self._page.service.operations.faults.listed()
-        seen: list[object] = [fault["number"] for fault in planted]
+        seen: list[object] = [(fault["number"], fault["words"]) for fault in planted]
+        self._answers.set_visibility(any("concealed" in fault for fault in planted))
         if seen != self._seen:
             self._seen = seen
             self._list.clear()
@@ -137,7 +167,10 @@ class _Planted:
             )
 
     def _state(self, fault: Mapping[str, object]) -> str:
-        say, who = self._page.say, fault["who"]
+        planter = str(fault["who"])
+        say, who = self._page.say, self._page.say(planter)
+        if "concealed" in fault:
+            return str(who)
         hidden = f" · {say('hidden')}" if fault["hidden"] else ""
         if fault["active"]:
             return say("{who} · {seconds:.0f} s left", who=who, seconds=fault["left_s"]) + hidden

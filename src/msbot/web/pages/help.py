@@ -91,6 +91,11 @@ HELP = {
         "The part's card says that it is planted, unless it is hidden. Every fault ends by itself, and STOP ends all.",
         "howto/fault_lab",
     ),
+    "/missions": PageHelp(
+        'In a mission something goes wrong in the robot, and nobody says what. Look at cards, curves and "Why?", name '
+        "the fault and its place, and have it mended. Wrong answers and hints cost marks; the report tells everything.",
+        "howto/missions",
+    ),
     "/journal": PageHelp(
         "The journal keeps what happened to every part, with the evidence. Changes by people stand beside it, each "
         "with its undo. Search for a part, a slot or a UID.",

@@ -61,6 +61,7 @@ MENU = (
     MenuEntry("/timeline", "timeline", "Timeline"),
     MenuEntry("/library", "menu_book", "Library"),
     MenuEntry("/journal", "history", "Journal"),
+    MenuEntry("/missions", "travel_explore", "Missions"),
     MenuEntry("/doctor", "medical_services", "Doctor", Right.ARRANGE),
     MenuEntry("/faults", "bug_report", "Faults", Right.ARRANGE),
     MenuEntry("/class", "grid_view", "Class"),

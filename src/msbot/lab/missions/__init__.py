@@ -1,0 +1,1 @@
+"""Missions: faults that a class is to find and mend, and the marks for it."""

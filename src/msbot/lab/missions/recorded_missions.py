@@ -1,0 +1,42 @@
+"""The missions of a recording."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Final
+
+from msbot.errors import ConfigError
+from msbot.lab.missions.played import PlayedMission, played_from_json
+from msbot.lab.recordings.reading import RecordingReader
+from msbot.runtime.sentence import said
+
+TOPIC: Final = "/msbot/mission"
+"""The topic where notes of missions are."""
+
+
+def played_in(path: Path) -> list[PlayedMission]:
+    """The missions of a recording, oldest first; one that was broken off as far as it was recorded.
+
+    Raises:
+        ConfigError: it is no recording, or there is no mission in it.
+    """
+    heads: dict[int, dict[str, object]] = {}
+    notes: dict[int, list[object]] = {}
+    for message in RecordingReader(path).messages():
+        if message.topic != TOPIC:
+            continue
+        note = json.loads(message.data)
+        began = note.pop("began_ms")
+        head = note.pop("head", None)
+        if head is not None:
+            heads[began] = head
+        if "facts" in note:  # the whole, written at the end
+            notes[began] = list(note["facts"])
+        else:
+            notes.setdefault(began, []).append(note)
+    if not heads:
+        raise ConfigError(
+            said("there is no mission in {path}: a recording has one that began while it recorded", path=str(path))
+        )
+    return [played_from_json({**head, "facts": notes.get(began, [])}) for began, head in sorted(heads.items())]
