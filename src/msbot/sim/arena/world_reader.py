@@ -7,8 +7,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from msbot.config.toml.document import Document, parse_document, read_document
-from msbot.config.toml.problems import Problems, suggestion
-from msbot.config.toml.table import Table, kind_words
+from msbot.config.toml.problems import Problems, kind_words, suggestion
+from msbot.config.toml.table import Table
 from msbot.sim.arena.robot_reader import read_chassis, read_mount
 from msbot.sim.arena.world import (
     COLOURS,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from msbot.config.toml.problems import suggestion
-from msbot.config.toml.table import Table, kind_words
+from msbot.config.toml.problems import kind_words, suggestion
+from msbot.config.toml.table import Table
 from msbot.sim.arena.world import COLOURS, Colour, Point
 
 
