@@ -44,7 +44,7 @@ from msbot.config.library.library import (
     scalar_text,
 )
 from msbot.config.library.message_types import standard_message_types
-from msbot.config.library.simulator import Control, ControlKind, Operand, Output, Reading, Simulator
+from msbot.config.library.simulator import DRIVES, SENSES, Control, ControlKind, Operand, Output, Reading, Simulator
 from msbot.config.library.text_templates import format_text
 from msbot.config.library.versions import Versions, parse_versions, split_number
 from msbot.config.toml.problems import FoundProblems, problems_json
@@ -53,11 +53,13 @@ from msbot.config.toml.table import Scalar
 __all__ = [
     "ADOPTED",
     "BOARD_DRIVERS",
+    "DRIVES",
     "NOBODY",
     "PRESETS",
     "RESERVED_TOPICS",
     "SAMPLES",
     "SAMPLE_ROBOT_TOML",
+    "SENSES",
     "SHIPPED",
     "Binding",
     "Blueprint",

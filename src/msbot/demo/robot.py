@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from random import Random
 
 from msbot.config import Blueprint, Library
@@ -23,6 +23,7 @@ from msbot.master import Master, first_error
 from msbot.part import SimGpio
 from msbot.pnp import PartEvent, PartInfo, PartState, PartStore
 from msbot.sim import SimulatedPart
+from msbot.sim.arena.door import Door
 from msbot.space import Space
 
 START_LOOK_S = 0.02
@@ -47,6 +48,8 @@ class DemoRobot:
         bus_name: what a simulated bus is called where other programs join it; empty: none does.
         names: slots whose parts are in the demo; all if absent.
         spares: further parts by name, each with the slot that it is meant for; plugged in when all others are active.
+        unplugged: slots whose parts are not plugged in at the beginning.
+        door: the way into a world; None: the parts are in none.
         library: where parts other than the thesis' three are looked up; MsBOT's own if absent.
         space: where the robot's topics are; memory if absent.
         random: the source of everything random; a seeded one makes a run in virtual time repeatable.
@@ -66,6 +69,8 @@ class DemoRobot:
         bus_name: str = "",
         names: tuple[str, ...] | None = None,
         spares: Mapping[str, str] | None = None,
+        unplugged: Collection[str] = (),
+        door: Door | None = None,
         library: Library | None = None,
         space: Space | None = None,
         random: Random | None = None,
@@ -91,6 +96,10 @@ class DemoRobot:
         self.master.add_link(self._wiring.master_link)
         self.master.inventory.on_event(self._changed)
         self._spares = dict(spares or {})
+        self._unplugged = frozenset(unplugged)
+        self._door = door
+        self._inside: dict[str, str] = {}
+        """Slot -> the plug whose part sits there in the world."""
         self._plugs: dict[str, Plug] = {}
         own = tuple(slot.name for slot in blueprint.slots) if names is None else names
         for name, meant_for in {**dict(zip(own, own, strict=True)), **self._spares}.items():
@@ -124,9 +133,11 @@ class DemoRobot:
             async with asyncio.TaskGroup() as tasks:
                 self._tasks = tasks
                 background = [tasks.create_task(self.master.run())]
+                if self._door is not None:
+                    background.append(tasks.create_task(self._door.run()))
                 await self.master.ready.wait()
                 for name in self._plugs:
-                    if name not in self._spares:
+                    if name not in self._spares and name not in self._unplugged:
                         self.plug(name)
                 self.begun.set()
                 self._watch_start()
@@ -172,6 +183,7 @@ class DemoRobot:
         plug.active_at = None
         link = self._wiring.part_link(name, plug.uid)
         plug.task = self._tasks.create_task(part.run_async(link, epoch_ns=self._epoch_ns))
+        self._enter(plug)
         return True
 
     def unplug(self, name: str) -> bool:
@@ -182,7 +194,24 @@ class DemoRobot:
         self._wiring.pull(name)
         plug.task.cancel()
         plug.clear()
+        self._leave(plug)
         return True
+
+    def _enter(self, plug: Plug) -> None:
+        """Bring a part into the world, unless another one sits where it would."""
+        if self._door is not None and plug.simulated is not None and plug.slot not in self._inside:
+            self._inside[plug.slot] = plug.name
+            self._door.enter(plug.slot, plug.simulated)
+
+    def _leave(self, plug: Plug) -> None:
+        """Take a part out of the world; one that stands by takes its place."""
+        if self._door is None or self._inside.get(plug.slot) != plug.name:
+            return
+        del self._inside[plug.slot]
+        self._door.leave(plug.slot)
+        for other in self._plugs.values():
+            if other.slot == plug.slot:
+                self._enter(other)
 
     def simulated(self, name: str) -> SimulatedPart | None:
         """The simulated device plugged in there, to be played with; None for the thesis' three and an empty place."""
@@ -290,7 +319,7 @@ class DemoRobot:
     def _watch_start(self) -> None:
         """Count traffic from the first moment when every part of the ring can hear its partner."""
         ends = [end for binding in self.master.blueprint.bindings for end in binding.ends]
-        wanted = sum(end.slot in self._plugs for end in ends)
+        wanted = sum(end.slot in self._plugs and end.slot not in self._unplugged for end in ends)
         topics = {binding.topic for binding in self.master.blueprint.bindings}
         attached = sum(
             endpoint.attached and endpoint.kind != "topic" and endpoint.topic in topics

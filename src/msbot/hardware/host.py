@@ -25,6 +25,7 @@ from msbot.hardware.wiring import PartWiring
 from msbot.link import Link
 from msbot.part import Part
 from msbot.sim import make_simulator
+from msbot.sim.arena.door import Door
 
 LOOK_S = 1.0
 """Time between two checks of the file."""
@@ -49,12 +50,21 @@ class Runnable(Protocol):
 class _Simulated:
     """A simulated part that is run like a real one."""
 
-    def __init__(self, hosted: HostedPart) -> None:
-        self.part = make_simulator(hosted.part_type, local_name=hosted.name).part
+    def __init__(self, hosted: HostedPart, door: Door | None) -> None:
+        self._simulated = make_simulator(hosted.part_type, local_name=hosted.name)
+        self._slot = hosted.name
+        self._door = door
+        self.part = self._simulated.part
 
     async def run(self, connect: Callable[[], Link]) -> None:
         """Run until `end`."""
-        await self.part.run_async(connect())
+        if self._door is not None:
+            self._door.enter(self._slot, self._simulated)
+        try:
+            await self.part.run_async(connect())
+        finally:
+            if self._door is not None:
+                self._door.leave(self._slot)
 
     def end(self) -> None:
         """End cleanly."""
@@ -112,6 +122,7 @@ class PartsHost:
         connect: makes a link for a part.
         prepare: gives a part its UID and key before it runs.
         bench: makes the parts.
+        door: the way into a world for those that are simulated; their names are the slots in it.
     """
 
     def __init__(
@@ -122,12 +133,14 @@ class PartsHost:
         *,
         prepare: Callable[[Part, HostedPart], None] = lambda _part, _hosted: None,
         bench: Workbench | None = None,
+        door: Door | None = None,
     ) -> None:
         self._path = path
         self._library = library
         self._connect = connect
         self._prepare = prepare
         self._bench = bench or Workbench()
+        self._door = door
         self._running: dict[str, _Running] = {}
         self._wanted: list[HostedPart] = []
         self._seen: tuple[int, int] | None = None
@@ -150,6 +163,7 @@ class PartsHost:
         """
         self._seen = await asyncio.to_thread(self._stamp)
         self._wanted = await asyncio.to_thread(read_parts, self._path, self._library)
+        in_world = None if self._door is None else asyncio.create_task(self._stay_in_world(self._door))
         try:
             while not self._ended.is_set():
                 await self._make_it_so()
@@ -160,7 +174,15 @@ class PartsHost:
                     await self._look()
         finally:
             await self._stop(list(self._running))
+            if in_world is not None:
+                in_world.cancel()
             await asyncio.to_thread(self._bench.end)
+
+    async def _stay_in_world(self, door: Door) -> None:
+        try:
+            await door.run()
+        except ConfigError as error:
+            _log.error("%s\nthe parts run on without a world", error)
 
     async def _look(self) -> None:
         stamp = await asyncio.to_thread(self._stamp)
@@ -189,7 +211,7 @@ class PartsHost:
     def _start(self, hosted: HostedPart) -> None:
         unit: Runnable
         if hosted.wiring is None:
-            unit = _Simulated(hosted)
+            unit = _Simulated(hosted, self._door)
             words = "simulated"
         else:
             unit = self._bench.make(hosted.part_type, hosted.wiring, number=hosted.number, name=hosted.name)

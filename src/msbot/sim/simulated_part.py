@@ -6,6 +6,7 @@ Only the world behind it (the air, the light, the motor) is simulated, in `msbot
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from random import Random
 
 from msbot.config import Control, Library, PartType, Scalar, load_library
@@ -82,6 +83,19 @@ class SimulatedPart(ModelPart):
             raise ConfigError(f"control {name} {fault}")
         self._world.set(name, value, self._time())
         self._world.look()
+
+    def set_all(self, values: Mapping[str, Scalar]) -> None:
+        """Set several controls at once, to values that they can have: what a world does to the device."""
+        changed = {name: value for name, value in values.items() if self._world.value(name) != value}
+        if changed:
+            self._world.feed(changed, self._time())
+            self._world.look()
+
+    def source(self, name: str) -> Scalar:
+        """The value of a reading, shown or hidden, now."""
+        self._take_settings()
+        self._world.advance(self._time())
+        return self._world.value(name)
 
     def control(self, name: str) -> Control:
         """The control of that name.

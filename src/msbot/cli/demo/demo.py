@@ -24,7 +24,9 @@ from msbot.cli.bus.frame_log import FrameLog
 from msbot.cli.change.robot_access import MASTER, details_of
 from msbot.cli.demo.json import as_json
 from msbot.cli.demo.key_presses import KeyPresses
+from msbot.cli.demo.notes import Notes
 from msbot.cli.demo.script import ScriptRun, ScriptStep, ScriptType
+from msbot.cli.demo.world import PILOT, DemoWorld, WorldWishes, place_option, share_option, world_option
 from msbot.cli.options import metrics_option, space_option
 from msbot.cli.run.logs import LogWishes, log_event, log_options
 from msbot.cli.run.metrics import metrics_beside
@@ -72,6 +74,7 @@ class _Options:
     rec: RecordingWish
     metrics_port: int | None
     log_wishes: LogWishes
+    world: WorldWishes
 
 
 @click.command("demo")
@@ -94,8 +97,12 @@ class _Options:
 @click.option(
     "--db", type=click.Path(path_type=Path), help="Keep the robot's database in this file (else it is forgotten)."
 )
-@click.option("--robot", "sample", type=click.Choice(list(SAMPLES)), default="rover", show_default=True,
-              help="The sample: a rover of ten parts to play with, or the thesis' ring of three.")  # fmt: skip
+@click.option("--robot", "sample", type=click.Choice(list(SAMPLES)),
+              help="The sample: a rover of ten parts to play with, the thesis' ring of three, or a buggy that drives; "
+              "rover, and with --world buggy, unless given.")  # fmt: skip
+@world_option
+@place_option
+@share_option
 @click.option("--spare", is_flag=True, help="One part more than slots, DD like BB: it takes over when BB is lost.")
 @space_option
 @rec_option
@@ -105,7 +112,8 @@ class _Options:
 def command(
     *, wire: str, bitrate: int, data_bitrate: int, no_compression: bool, seconds: float | None,
     script: list[ScriptStep], as_json_object: bool, log: Path | None, bus: str | None, seed: int | None,
-    db: Path | None, sample: str, spare: bool, space: SpaceAddress,
+    db: Path | None, sample: str | None, world: str | None, place: str | None, share: str | None,
+    spare: bool, space: SpaceAddress,
     rec: RecordingWish, metrics_port: int | None, log_wishes: LogWishes,
     port: int | None, host: str, no_page: bool, certificate: Path | None,
     certificate_key: Path | None,
@@ -118,7 +126,8 @@ def command(
     for one.
     """
     options = _Options(
-        Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, log, bus, seed, sample,
+        Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, log, bus, seed,
+        sample or ("rover" if world is None else "buggy"),
         spare,
         page_wishes(port=port, host=host, no_page=no_page or (as_json_object and port is None),
                     certificate=certificate, certificate_key=certificate_key, page_names=page_names),
@@ -126,7 +135,9 @@ def command(
         rec,
         metrics_port,
         log_wishes,
+        WorldWishes(world, place, share),
     )  # fmt: skip
+    options.world.check()
     log_wishes.set_up(logging.WARNING)
     if log is not None and options.wire is Wire.UDP:
         raise click.UsageError("--log writes the frames of a CAN bus: leave --link udp out")
@@ -160,6 +171,8 @@ async def _main(
     registry, store, node_ids, address = database
     with robot_space(options.space, blueprint, library) as space:
         recording = RobotRecording(options.rec, ring, library)
+        notes = Notes()
+        world = DemoWorld(options.world, options.seed, notes.add)
         robot = DemoRobot(
             blueprint,
             store,
@@ -173,17 +186,18 @@ async def _main(
             library=library,
             space=recording.space(space),
             spares=_spares(blueprint) if options.spare else None,
+            unplugged=[slot.name for slot in blueprint.slots if slot.part_number == PILOT],
+            door=world.door,
         )
         _check_script(options.script, robot)
         operations = RunningOperations(robot.master, registry, store.robot, library=library)
-        notes = _Notes()
 
         async def undo() -> str:
             return (await operations.do("undo", who="the script")).words
 
         script = ScriptRun(options.script, robot, undo, notes.add)
         with _logging(robot, options.log):
-            beside: list[Coroutine[object, object, None]] = []
+            beside: list[Coroutine[object, object, None]] = world.beside()
             room: WebRoom | None = None
 
             def page_address() -> str:
@@ -236,20 +250,6 @@ def _answering(
         details=lambda: details_of(robot.master, address, page=page(), trouble=trouble()),
         control=partial(perform, operations),
     )
-
-
-class _Notes:
-    """Lines for the person at the terminal while the robot runs, such as the page's address."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-        self.say: Callable[[str], None] | None = None
-        """Prints a line at once; None: the screen shows `lines`."""
-
-    def add(self, line: str) -> None:
-        self.lines.append(line)
-        if self.say is not None:
-            self.say(line)
 
 
 def _make_page(
@@ -312,7 +312,7 @@ def _check_script(script: list[ScriptStep], robot: DemoRobot) -> None:
             raise ConfigError(f"--script: there is no part {step.part!r}; there are {', '.join(robot.names)}")
 
 
-async def _run(robot: DemoRobot, options: _Options, notes: _Notes, script: ScriptRun) -> None:
+async def _run(robot: DemoRobot, options: _Options, notes: Notes, script: ScriptRun) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         with contextlib.suppress(NotImplementedError):
@@ -337,7 +337,7 @@ async def _run(robot: DemoRobot, options: _Options, notes: _Notes, script: Scrip
         playing.cancel()
 
 
-async def _run_live(robot: DemoRobot, notes: _Notes) -> None:
+async def _run_live(robot: DemoRobot, notes: Notes) -> None:
     from rich.live import Live
 
     from msbot.cli.demo.view import keys_of, live_view
@@ -364,7 +364,7 @@ async def _run_live(robot: DemoRobot, notes: _Notes) -> None:
                 drawing.cancel()
 
 
-async def _run_plain(robot: DemoRobot, notes: _Notes) -> None:
+async def _run_plain(robot: DemoRobot, notes: Notes) -> None:
     from msbot.cli.demo.view import event_words, status_words
 
     def say(text: str) -> None:

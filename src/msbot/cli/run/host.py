@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from msbot.cli.demo.world import WorldWishes, guest_door, place_option, world_option
 from msbot.cli.options import DEFAULT_LINK, json_option, library_here, library_option
 from msbot.errors import ConfigError
 
@@ -23,10 +24,15 @@ if TYPE_CHECKING:
 @click.option("--link", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK", show_envvar=True,
               help="The way to the master.")  # fmt: skip
 @click.option("--check", is_flag=True, help="Only read the file and say what is in it; touch no hardware.")
+@world_option
+@place_option
 @json_option
 @library_option
 @click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
-def command(path: Path, *, link: str, check: bool, as_json: bool, folders: tuple[Path, ...], quiet: bool) -> None:
+def command(
+    path: Path, *, link: str, check: bool, world: str | None, place: str | None, as_json: bool,
+    folders: tuple[Path, ...], quiet: bool,
+) -> None:  # fmt: skip
     """Run the parts that are wired to this computer, until Ctrl-C: those of FILE, parts.toml unless named.
 
     Each table [[part]] of it is one part, real or simulated. The file may be changed at any time: only what has
@@ -37,6 +43,8 @@ def command(path: Path, *, link: str, check: bool, as_json: bool, folders: tuple
 
     if as_json and not check:
         raise ConfigError("--json tells what --check finds: write `msbot host --check --json`")
+    WorldWishes(world, place).check()
+    door = None if world is None else guest_door(world, place, click.echo)
     library = library_here(folders)
     parts = read_parts(path, library)
     if as_json:
@@ -54,6 +62,7 @@ def command(path: Path, *, link: str, check: bool, as_json: bool, folders: tuple
             library,
             lambda part: connect(part, link),
             prepare=lambda part, hosted: identify(part, key=hosted.key or None),
+            door=door,
         )
         return host, host.run()
 

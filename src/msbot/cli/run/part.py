@@ -5,13 +5,18 @@ from __future__ import annotations
 import sys
 from collections.abc import Coroutine
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from msbot.cli.demo.world import WorldWishes, bring_into_world, guest_door, place_option, world_option
 from msbot.cli.options import DEFAULT_LINK, library_here, library_option
 from msbot.errors import ConfigError
 from msbot.part import Part, SimGpio, run
 from msbot.part.sample_parts import SAMPLE_PARTS, make_sample
+
+if TYPE_CHECKING:
+    from msbot.sim.arena.door import Door
 
 
 @click.command("part")
@@ -34,6 +39,8 @@ from msbot.part.sample_parts import SAMPLE_PARTS, make_sample
               help="The way to the master.")  # fmt: skip
 @click.option("--uid", help="16 hexadecimal digits; drawn once and kept on this computer unless given.")
 @click.option("--key", help="File with the part's key, or the key itself; $MSBOT_KEY unless given.")
+@world_option
+@place_option
 @library_option
 @click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
 def command(
@@ -51,6 +58,8 @@ def command(
     link: str,
     uid: str | None,
     key: str | None,
+    world: str | None,
+    place: str | None,
     folders: tuple[Path, ...],
     quiet: bool,
 ) -> None:
@@ -64,6 +73,11 @@ def command(
     is_wired = real or options or any(text is not None for text in (pins, i2c, adc, device))
     if is_wired and simulate:
         raise ConfigError("a simulated part has no wires: leave --simulate out, or the wires and options")
+    WorldWishes(world, place).check()
+    if world is not None and (is_wired or name in SAMPLE_PARTS):
+        raise ConfigError("only a simulated part of the library can be in a world: leave --world out")
+    slot = name
+    door = None if world is None else guest_door(world, place, click.echo)
     if simulate and name not in SAMPLE_PARTS:
         name, local_name, uid = _stand_in(name, local_name, uid, folders, quiet=quiet)
     if is_wired:
@@ -80,7 +94,7 @@ def command(
             )
         part = _sample(name, quiet=quiet)
     else:
-        part = _simulated(name, settings, local_name, folders, quiet=quiet)
+        part = _simulated(name, settings, local_name, folders, door=door, slot=slot, quiet=quiet)
     arguments = ["--link", link]
     if uid is not None:
         arguments += ["--uid", uid]
@@ -157,13 +171,16 @@ def _sample(name: str, *, quiet: bool) -> Part:
 
 
 def _simulated(
-    number: str, settings: tuple[str, ...], local_name: str | None, folders: tuple[Path, ...], *, quiet: bool
-) -> Part:
+    number: str, settings: tuple[str, ...], local_name: str | None, folders: tuple[Path, ...], *,
+    door: Door | None, slot: str, quiet: bool,
+) -> Part:  # fmt: skip
     from msbot.cli.run.part_console import PartConsole, apply_settings, controls_words
     from msbot.sim import make_simulator
 
     simulated = make_simulator(number, local_name=local_name, library=library_here(folders))
     apply_settings(simulated, settings)
+    if door is not None:
+        bring_into_world(simulated, local_name or slot, door)
     if not quiet:
         PartConsole(simulated, click.echo, sys.stdin)
         click.echo(f"{simulated.part_type.name}; {controls_words(simulated)}")

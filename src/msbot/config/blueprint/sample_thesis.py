@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from msbot.config.blueprint.sample_buggy import BUGGY_ROBOT_TOML
 from msbot.config.blueprint.sample_rover import ROVER_ROBOT_TOML
 from msbot.errors import ConfigError
 
@@ -80,7 +81,7 @@ to = ["AA.in"]
 """What `msbot init` writes."""
 
 
-SAMPLES = {"thesis": SAMPLE_ROBOT_TOML, "rover": ROVER_ROBOT_TOML}
+SAMPLES = {"thesis": SAMPLE_ROBOT_TOML, "rover": ROVER_ROBOT_TOML, "buggy": BUGGY_ROBOT_TOML}
 """The sample blueprints by name."""
 
 

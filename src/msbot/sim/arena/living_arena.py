@@ -1,0 +1,145 @@
+"""An arena that lives in the robot's own time: 50 times a second its parts act, time passes, and its parts see.
+
+Time is that of the event loop, so a test runs it in virtual time. Where the computer is too slow, world time is lost
+and counted; nothing is caught up in a jump.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from msbot.config import SENSES
+from msbot.errors import ConfigError
+from msbot.sim.arena.arena import SENSE_STEPS, Arena
+from msbot.sim.arena.inhabitant import Inhabitant
+from msbot.sim.arena.wheels import STEP_S
+from msbot.sim.arena.world import Point
+
+TICK_S = STEP_S * SENSE_STEPS
+MOST_BEHIND_S = 0.2
+"""A world that is later than this loses the time in between."""
+SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Lodger:
+    """A part in the world."""
+
+    inhabitant: Inhabitant
+    senses: tuple[str, ...]
+
+
+class LivingArena:
+    """See the module's docstring.
+
+    Args:
+        arena: the world.
+    """
+
+    def __init__(self, arena: Arena) -> None:
+        self.arena = arena
+        self.paused = False
+        self.lost_s = 0.0
+        """World time that was lost because the computer was too slow."""
+        self._speed = 1.0
+        self._owed = 0.0
+        self._lodgers: dict[tuple[str, str], Lodger] = {}
+        self._listeners: list[Callable[[], None]] = []
+
+    @property
+    def speed(self) -> float:
+        """How many seconds pass in the world in one second."""
+        return self._speed
+
+    @speed.setter
+    def speed(self, speed: float) -> None:
+        if speed not in SPEEDS:
+            raise ConfigError(f"the world's speed is one of {', '.join(f'{one:g}' for one in SPEEDS)}; it is {speed:g}")
+        self._speed = speed
+
+    def on_tick(self, listener: Callable[[], None]) -> Callable[[], None]:
+        """Call the listener after each tick; what is returned ends that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    def seat(self, robot: str, slot: str, quantities: Iterable[str], inhabitant: Inhabitant) -> None:
+        """Put a part into the world.
+
+        Raises:
+            ConfigError: the world has no such robot, or another part sits there.
+        """
+        if (robot, slot) in self._lodgers:
+            raise ConfigError(f'another part sits at slot "{slot}" of robot "{robot}" in the world')
+        names = tuple(quantities)
+        self.arena.mount(robot, slot, names)
+        self._lodgers[robot, slot] = Lodger(inhabitant, tuple(name for name in names if name in SENSES))
+
+    def unseat(self, robot: str, slot: str) -> None:
+        """Take a part out: it does nothing any more."""
+        if self._lodgers.pop((robot, slot), None) is not None:
+            self.arena.robot(robot).unmount(slot)
+
+    def slots(self, robot: str) -> tuple[str, ...]:
+        """The slots of a robot whose parts are in the world."""
+        return tuple(slot for name, slot in self._lodgers if name == robot)
+
+    def free_robot(self) -> str:
+        """The first robot that nobody has a part on.
+
+        Raises:
+            ConfigError: each has.
+        """
+        for name in self.arena.robots:
+            if not self.slots(name):
+                return name
+        raise ConfigError(f"each robot of the world is somebody's already: {', '.join(self.arena.robots)}")
+
+    def put(self, robot: str, at: Point, heading_deg: float | None = None) -> None:
+        """Take a robot by hand and put it elsewhere."""
+        self.arena.put(robot, at, heading_deg)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.arena.reset()
+
+    def step(self) -> None:
+        """Let one tick pass in a world that is paused."""
+        self._act()
+        self.arena.step(SENSE_STEPS)
+        self._see()
+
+    def tick(self) -> None:
+        """One tick of `TICK_S`: parts act, the world goes on unless it is paused, parts see."""
+        self._act()
+        if not self.paused:
+            self._owed += SENSE_STEPS * self._speed
+            steps = int(self._owed)
+            self._owed -= steps
+            self.arena.step(steps)
+        self._see()
+
+    async def run(self) -> None:
+        """Live until cancelled."""
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        while True:
+            due += TICK_S
+            behind = loop.time() - due
+            if behind > MOST_BEHIND_S:
+                self.lost_s += behind
+                due = loop.time()
+            await asyncio.sleep(max(0.0, due - loop.time()))
+            self.tick()
+
+    def _act(self) -> None:
+        for (robot, slot), lodger in self._lodgers.items():
+            self.arena.drive(robot, slot, lodger.inhabitant.doing())
+
+    def _see(self) -> None:
+        for (robot, slot), lodger in self._lodgers.items():
+            if lodger.senses:
+                lodger.inhabitant.sense(self.arena.sense(robot, slot, lodger.senses))
+        for listener in tuple(self._listeners):
+            listener()

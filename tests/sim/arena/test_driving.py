@@ -1,0 +1,160 @@
+"""Whole robots in a world, in virtual time: a pupil's program drives, STOP stops, a part that is pulled out is gone."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import runpy
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from msbot.config import SAMPLES, load_library, parse_blueprint
+from msbot.demo import DemoRobot
+from msbot.link import InprocHub
+from msbot.part import JoinState, Part
+from msbot.registry import open_registry
+from msbot.runtime.virtual_time import run_virtual
+from msbot.sim.arena.arena import Arena
+from msbot.sim.arena.door import OwnDoor
+from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.world_reader import open_world
+
+EXAMPLE = Path(__file__).parents[3] / "examples/arena/line_follower.py"
+
+
+def pilot(monkeypatch: pytest.MonkeyPatch) -> Part:
+    """The part of the example, which is run by the test and not by itself."""
+    monkeypatch.setattr(Part, "run", lambda self: None)
+    part = runpy.run_path(str(EXAMPLE))["part"]
+    assert isinstance(part, Part)
+    return part
+
+
+def play(
+    folder: Path,
+    world: str,
+    scene: Callable[[DemoRobot, LivingArena], Awaitable[None]],
+    program: Part | None = None,
+    names: tuple[str, ...] = ("pilot", "wheels", "line", "eyes", "left_wheel"),
+    spares: dict[str, str] | None = None,
+) -> LivingArena:
+    """Run a buggy in a world, with a program in the slot of its pilot."""
+
+    async def main() -> LivingArena:
+        library = load_library()
+        blueprint = parse_blueprint(SAMPLES["buggy"], library)
+        living = LivingArena(Arena(open_world(world)))
+        with open_registry(folder / "robot.db") as registry:
+            store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
+            robot = DemoRobot(
+                blueprint, store, library=library, random=Random(1), epoch_ns=lambda: 0, unplugged=["pilot"],
+                door=OwnDoor(living, "robot"), names=names, spares=spares,
+            )  # fmt: skip
+            hub = InprocHub()
+            robot.master.add_link(hub.server)
+            async with asyncio.TaskGroup() as tasks:
+                running = tasks.create_task(robot.run())
+                await robot.begun.wait()
+                driving = None
+                if program is not None:
+                    driving = tasks.create_task(program.run_async(hub.connect(), epoch_ns=lambda: 0))
+                await asyncio.sleep(2.0)
+                await scene(robot, living)
+                if program is not None and driving is not None:
+                    driving.cancel()
+                robot.finish()
+                await running
+        return living
+
+    return run_virtual(main())
+
+
+def test_the_line_follower_drives_the_whole_track_and_stop_stops_it_by_the_parts_themselves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = pilot(monkeypatch)
+    farthest = 0.0
+
+    async def scene(robot: DemoRobot, living: LivingArena) -> None:
+        nonlocal farthest
+        assert program.state is JoinState.ACTIVE
+        body = living.arena.robot("robot")
+        start = body.plan.start
+        turned = 0.0
+        for _ in range(60):
+            await asyncio.sleep(0.5)
+            at = body.pose
+            near = min(math.dist((at.x, at.y), point) for point in living.arena.plan.lines[0].points)
+            assert near < 0.12, f"it has left the line at {at}"
+            farthest = max(farthest, math.dist((at.x, at.y), start))
+            turned = at.angle
+        assert farthest > 1.0
+        assert turned > math.tau - 0.5  # once round
+        robot.master.say_stop("a test", "a look")
+        await asyncio.sleep(1.0)
+        stood = living.arena.digest()
+        assert body.body.velocity.length < 1e-3
+        assert {seat.does.get("motor.left", 0.0) for seat in body.seats.values()} == {0.0}
+        robot.master.say_go("a test")
+        await asyncio.sleep(1.0)
+        assert living.arena.digest() != stood
+        assert body.body.velocity.length > 0.1
+
+    play(tmp_path, "line", scene, program, names=("pilot", "wheels", "line"))
+
+
+def test_parts_see_the_world_and_a_driver_that_is_pulled_out_leaves_the_wheels_without_power(tmp_path: Path) -> None:
+    async def scene(robot: DemoRobot, living: LivingArena) -> None:
+        eyes = robot.simulated("eyes")
+        assert eyes is not None
+        assert eyes.readings()["metres"] == pytest.approx(1.1, abs=0.05)
+        assert robot.plug("pilot")
+        await asyncio.sleep(2.0)
+        hand = robot.simulated("pilot")
+        assert hand is not None
+        hand.set("left_power", 60.0)
+        hand.set("right_power", 60.0)
+        await asyncio.sleep(1.5)
+        assert float(eyes.readings()["metres"]) < 0.8  # it has driven towards the wall
+        wheel = robot.simulated("left_wheel")
+        assert wheel is not None
+        assert float(wheel.readings()["rpm"]) > 30
+        robot.unplug("wheels")
+        await asyncio.sleep(1.0)
+        assert living.arena.robot("robot").body.velocity.length < 1e-3
+
+    play(tmp_path, "line", scene)
+
+
+def test_a_spare_that_takes_over_drives_on(tmp_path: Path) -> None:
+    async def scene(robot: DemoRobot, living: LivingArena) -> None:
+        assert robot.plug("pilot")
+        await asyncio.sleep(2.0)
+        hand = robot.simulated("pilot")
+        assert hand is not None
+        for control in ("left_power", "right_power"):
+            hand.set(control, 30.0)
+        await asyncio.sleep(1.0)
+        robot.unplug("wheels")
+        await asyncio.sleep(6.0)
+        assert living.arena.robot("robot").body.velocity.length > 0.02
+
+    play(tmp_path, "warehouse", scene, spares={"spare wheels": "wheels"})
+
+
+def test_a_paused_world_stands_still_and_goes_on_by_steps_and_at_other_speeds(tmp_path: Path) -> None:
+    async def scene(_: DemoRobot, living: LivingArena) -> None:
+        living.paused = True
+        before = living.arena.now
+        await asyncio.sleep(1.0)
+        assert living.arena.now == before
+        living.step()
+        assert living.arena.now == pytest.approx(before + 0.02)
+        living.paused, living.speed = False, 0.25
+        await asyncio.sleep(1.0)
+        assert living.arena.now == pytest.approx(before + 0.27, abs=0.03)
+
+    play(tmp_path, "maze", scene)

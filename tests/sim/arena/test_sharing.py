@@ -1,0 +1,117 @@
+"""A world and the robot of another program: by TCP on this computer, and what strangers say to it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable
+
+import pytest
+
+from msbot.errors import ConfigError, LinkDown
+from msbot.sim import make_simulator
+from msbot.sim.arena.arena import Arena
+from msbot.sim.arena.guest import GuestDoor
+from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.server import ArenaServer
+from msbot.sim.arena.wire import LONGEST_LINE, from_line, to_line, values_of
+from msbot.sim.arena.world_reader import open_world
+
+
+@contextlib.asynccontextmanager
+async def shared(world: str) -> AsyncIterator[tuple[LivingArena, ArenaServer]]:
+    living = LivingArena(Arena(open_world(world)))
+    server = ArenaServer(living, "127.0.0.1", 0, say=lambda words: None)
+    serving = [asyncio.create_task(server.run()), asyncio.create_task(living.run())]
+    await server.ready.wait()
+    try:
+        yield living, server
+    finally:
+        for task in serving:
+            task.cancel()
+        await asyncio.gather(*serving, return_exceptions=True)
+
+
+async def until(true: Callable[[], bool]) -> None:
+    async with asyncio.timeout(5):
+        while not true():  # noqa: ASYNC110 - of another connection
+            await asyncio.sleep(0.01)
+
+
+async def test_parts_of_another_program_drive_and_see_and_are_gone_with_it() -> None:
+    async with shared("warehouse") as (living, server):
+        said: list[str] = []
+        door = GuestDoor("127.0.0.1", server.port, "second", say=said.append)
+        eyes, wheels, button = make_simulator("HC-SR04"), make_simulator("TB6612FNG"), make_simulator("BUTTON")
+        door.enter("eyes", eyes)
+        coming = asyncio.create_task(door.run())
+        await until(lambda: eyes.value("obstacle") != 1.0)
+        door.enter("wheels", wheels)
+        door.enter("button", button)  # nothing in the world file says that it is a bumper
+        begin = living.arena.robot("second").pose
+        wheels._world.receive("left", {"percent": 60.0}, wheels._time())
+        wheels._world.receive("right", {"percent": 60.0}, wheels._time())
+        await until(lambda: abs(living.arena.robot("second").pose.x - begin.x) > 0.02)
+        assert living.slots("second") == ("eyes", "wheels")
+        assert said == [f'in the world "Warehouse" at 127.0.0.1:{server.port}, as second']
+        door.leave("eyes")
+        await until(lambda: living.slots("second") == ("wheels",))
+        coming.cancel()
+        await asyncio.gather(coming, return_exceptions=True)
+        await until(lambda: living.slots("second") == ())
+
+
+async def test_a_world_without_a_free_place_says_so() -> None:
+    async with shared("line") as (living, server):
+        living.seat("robot", "eyes", ["distance"], _Nobody())
+        with pytest.raises(ConfigError, match="each robot of the world is somebody's already: robot"):
+            await GuestDoor("127.0.0.1", server.port, say=print).run()
+        with pytest.raises(ConfigError, match='no robot "third"; it has robot'):
+            await GuestDoor("127.0.0.1", server.port, "third", say=print).run()
+
+
+async def test_nonsense_is_counted_and_hurts_nobody() -> None:
+    async with shared("line") as (living, server):
+        hello = to_line({"arena": 1})
+        for first, rest in (
+            (b"GET / HTTP/1.1\r\n", b""),
+            (hello, b"\xff{}\n[1]\n" + to_line({"seat": "a", "can": ["flying"]}) + to_line({"no": 1})),
+            (hello, b"x" * (2 * LONGEST_LINE)),
+            (
+                to_line({"arena": 1}),
+                to_line({"seat": "w", "can": ["motor.left"]}) + b'{"do":{"w":{"motor.left":NaN}}}\n',
+            ),
+        ):
+            reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+            writer.write(first + rest)
+            writer.write_eof()
+            await reader.read()
+            writer.close()
+        await until(lambda: living.slots("robot") == ())
+        assert server.refused["no greeting"] == 1
+        assert server.refused["no JSON"] == 2
+        assert server.refused["seat"] == server.refused["no such message"] == 1
+        living.arena.step()
+        assert living.arena.robot("robot").pose.x == pytest.approx(1.2)
+
+
+async def test_a_port_that_is_taken_is_told() -> None:
+    async with shared("line") as (living, server):
+        with pytest.raises(LinkDown, match="name another port, for example --share-world 7601"):
+            await ArenaServer(living, "127.0.0.1", server.port, say=print).run()
+
+
+def test_only_what_makes_sense_is_taken_from_a_line() -> None:
+    assert from_line(b"nonsense") is None
+    assert from_line(b"[]") is None
+    assert values_of({"a": {"light": 3, "lamp": True, "x": 1, "sound": "loud"}, "": {}, "b": 2}) == {
+        "a": {"light": 3, "lamp": True}
+    }
+
+
+class _Nobody:
+    def doing(self) -> dict[str, float]:
+        return {}
+
+    def sense(self, values: object) -> None:
+        pass
