@@ -77,3 +77,64 @@ def two_computers() -> Iterator[Network]:
         yield network
     finally:
         network.close()
+
+
+ROUTER = "10.79.3.1"
+"""Where the router of two sites is, seen from either."""
+
+
+class TwoSites:
+    """Two sites, `north` and `south`, and a router that each reaches by a cable of its own."""
+
+    def __init__(self, number: int) -> None:
+        self.north, self.south, self.middle = (f"msbot{number}{letter}" for letter in "nsm")
+        self._cables = {self.north: f"mn{number}", self.south: f"ms{number}"}
+
+    def open(self) -> None:
+        """Make all three, and the cables.
+
+        Raises:
+            subprocess.CalledProcessError: that is not permitted here.
+        """
+        for name in (self.north, self.south, self.middle):
+            _ip("netns", "add", name)
+            _ip("-n", name, "link", "set", "lo", "up")
+        _ip("-n", self.middle, "addr", "add", f"{ROUTER}/32", "dev", "lo")
+        for number, (site, cable) in enumerate(self._cables.items()):
+            there = f"10.79.{4 + number}"
+            _ip("link", "add", "out", "netns", site, "type", "veth", "peer", "name", cable, "netns", self.middle)
+            _ip("-n", site, "addr", "add", f"{there}.2/24", "dev", "out")
+            _ip("-n", site, "link", "set", "out", "up")
+            _ip("-n", self.middle, "addr", "add", f"{there}.1/24", "dev", cable)
+            _ip("-n", self.middle, "link", "set", cable, "up")
+            _ip("-n", site, "route", "add", ROUTER, "via", f"{there}.1")
+
+    def close(self) -> None:
+        """Remove all, with what is left."""
+        for name in (self.north, self.south, self.middle):
+            subprocess.run(["ip", "netns", "del", name], capture_output=True, check=False)
+
+    def cut(self, site: str) -> None:
+        """Pull a site's cable, at the router's end: the site sees nothing but silence."""
+        _ip("-n", self.middle, "link", "set", self._cables[site], "down")
+
+    def heal(self, site: str) -> None:
+        """Plug it in again."""
+        _ip("-n", self.middle, "link", "set", self._cables[site], "up")
+
+
+@contextmanager
+def two_sites() -> Iterator[TwoSites]:
+    """Two sites with a router; the test is skipped where that is not permitted."""
+    if shutil.which("ip") is None:
+        pytest.skip("no command `ip`: apt install iproute2")
+    sites = TwoSites(os.getpid() % 100_000)
+    try:
+        sites.open()
+    except subprocess.CalledProcessError as error:
+        sites.close()
+        pytest.skip(f"networks of their own need root: {error.stderr.strip()}")
+    try:
+        yield sites
+    finally:
+        sites.close()

@@ -65,6 +65,8 @@ COMMANDS = {
     "bus": ("bus.bus", "Tools for a CAN bus: watch it, send, decode, count bits, load, simulate."),
     "agent": ("agent.agent", "Run a DDS-XRCE agent for any micro-ROS client, without a blueprint."),
     "relay": ("run.relay", "Carry the parts of one link (a CAN bus) to a master on another computer."),
+    "gateway": ("wide.gateway", "Carry topics between this site's data space and other sites, by a list."),
+    "router": ("wide.router", "Run a Zenoh router, to which the sites of a wide network connect."),
     "clients": ("agent.clients", "List the sessions of every agent and master that runs here."),
     "completion": ("completion", "Print what completes `msbot` commands in bash, zsh or fish."),
 }

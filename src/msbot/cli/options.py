@@ -41,7 +41,7 @@ metrics_option = click.option(
 
 
 class SpaceType(click.ParamType[SpaceAddress]):
-    """`memory`, `dds`, `dds:5`, `dds:5?interface=eth0`."""
+    """`memory`, `dds`, `dds:5?interface=eth0`, `zenoh:tcp/host:7447`."""
 
     name = "space"
 
@@ -60,10 +60,11 @@ class SpaceType(click.ParamType[SpaceAddress]):
 space_option = click.option(
     "--space",
     type=SpaceType(),
-    metavar="memory|dds[:DOMAIN]",
+    metavar="memory|dds[:DOMAIN]|zenoh[:ENDPOINT]",
     default="memory",
     show_default=True,
-    help="Where topics are: in this process, or in DDS, where ROS 2 and others see them (extra msbot[dds]).",
+    help="Where topics are: in this process; in DDS, where ROS 2 and others see them (extra msbot[dds]); or at a Zenoh "
+    "router, for sites far apart (extra msbot[zenoh]).",
 )
 
 

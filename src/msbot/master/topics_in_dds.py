@@ -8,10 +8,7 @@ from msbot.config import Binding, Blueprint, Library
 from msbot.errors import ConfigError
 from msbot.ros_forms import form_of, topic_name
 from msbot.sim.message_classes import message_class
-from msbot.space import DdsTopic, DdsTopicsOf, Space, SpaceAddress, Topic, open_space
-
-ROBOTS = "msbot/"
-"""Prefix of the DDS partitions of robots; the robot's name follows."""
+from msbot.space import DdsTopic, DdsTopicsOf, Space, SpaceAddress, Topic, open_space, robot_partition
 
 EVERYBODY = ""
 """The partition without a name, used by programs that name none."""
@@ -20,13 +17,13 @@ EVERYBODY = ""
 def robot_space(address: SpaceAddress, blueprint: Blueprint, library: Library) -> AbstractContextManager[Space]:
     """The data space for a robot, to be used with `with` on a running event loop.
 
-    In DDS all its topics are in a partition of their own, so that robots in one network do not hear each other.
+    In DDS and Zenoh all its topics are in a partition of their own, so that robots do not hear each other.
 
     Raises:
         ConfigError: DDS is not available here, or a binding asks for something impossible in ROS 2; the text says what
             to do.
     """
-    partition = f"{ROBOTS}{blueprint.robot.name}"
+    partition = robot_partition(address, blueprint.robot.name)
     return open_space(address, partition=partition, dds_topics_of=dds_topics_of(blueprint, library, partition))
 
 

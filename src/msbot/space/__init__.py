@@ -1,6 +1,6 @@
-"""The data space: where the writers and readers of an agent meet, in this process' memory or over DDS.
+"""The data space: where the writers and readers of an agent meet, in this process' memory, over DDS or over Zenoh.
 
-`contract` says what a space is; `open_space` makes one from an address (`memory`, `dds`, `dds:5`).
+`contract` says what a space is; `open_space` makes one from an address (`memory`, `dds:5`, `zenoh:tcp/host:7447`).
 """
 
 from __future__ import annotations
@@ -21,11 +21,24 @@ from msbot.space.contract import (
 )
 from msbot.space.dds_topics import DdsTopic, DdsTopicsOf
 from msbot.space.memory import MemorySpace
-from msbot.space.space_address import MEMORY, SpaceAddress, open_space, parse_space
+from msbot.space.service_names import crosses as is_service_topic
+from msbot.space.space_address import (
+    DDS,
+    MEMORY,
+    ZENOH,
+    SpaceAddress,
+    TlsFiles,
+    check_endpoint,
+    open_space,
+    parse_space,
+    robot_partition,
+)
 
 __all__ = [
+    "DDS",
     "MEMORY",
     "THIS_PROGRAM",
+    "ZENOH",
     "DdsTopic",
     "DdsTopicsOf",
     "Deliver",
@@ -39,8 +52,12 @@ __all__ = [
     "SharedSpace",
     "Space",
     "SpaceAddress",
+    "TlsFiles",
     "Topic",
     "Writer",
+    "check_endpoint",
+    "is_service_topic",
     "open_space",
     "parse_space",
+    "robot_partition",
 ]

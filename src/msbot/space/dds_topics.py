@@ -1,4 +1,4 @@
-"""What a topic is in DDS: its names, its type, its partitions, and the form of its samples."""
+"""What a topic is in DDS or Zenoh: its names, its type, its partitions, and the form of its samples."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from msbot.space.contract import Topic
+
+ROBOTS = "msbot/"
+"""Prefix of the DDS partitions of robots; the robot's name follows."""
 
 Convert = Callable[[bytes], bytes]
 """Converts a payload from one form to another; raises RemoteProtocolError for one that makes no sense."""

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,9 +11,7 @@ import pytest
 from msbot.errors import ConfigError
 from msbot.space.dds.library import load
 from tests.space.dds.foreign_programs import refuse
-
-NEW_NETWORK = 0x40000000
-"""CLONE_NEWNET of unshare(2)."""
+from tests.space.own_network import own_network
 
 
 @pytest.fixture(scope="session")
@@ -36,15 +32,5 @@ def _own_network(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         load()
     except ConfigError as error:
         refuse(str(error))
-    libc = ctypes.CDLL(None, use_errno=True)
-    outside = os.open("/proc/self/ns/net", os.O_RDONLY)
-    try:
-        if libc.unshare(NEW_NETWORK) != 0:
-            refuse(f"a network of its own needs root: {os.strerror(ctypes.get_errno())}")
-        try:
-            subprocess.run(["ip", "link", "set", "lo", "up"], check=True, capture_output=True)
-            yield
-        finally:
-            assert libc.setns(outside, NEW_NETWORK) == 0
-    finally:
-        os.close(outside)
+    with own_network():
+        yield

@@ -21,13 +21,11 @@ from msbot.space.dds.library import (
 )
 from msbot.space.dds.native_qos import qos_of
 from msbot.space.dds.waiter import Waiter
+from msbot.space.dds_topics import ROBOTS
 from msbot.space.qos_matching import mismatch, partitions_meet
 
 MAX_NEIGHBOURS = 8192
 """Endpoints of others that are remembered; mismatches with any further ones are not explained."""
-
-ROBOTS = "msbot/"
-"""Prefix of the robots' partitions; endpoints of another robot are not reported as mismatches."""
 
 _BATCH = 32
 

@@ -20,16 +20,6 @@ _ELSEWHERE = b"\0\0\0\0elsw"
 """Second half of the GUID of a requester in another program, of which only 8 octets are known."""
 
 
-def is_request(topic: str) -> bool:
-    """Whether a topic carries requests of this kind."""
-    return topic.startswith("rq/") and topic.endswith("Request")
-
-
-def is_reply(topic: str) -> bool:
-    """Whether a topic carries replies of this kind."""
-    return topic.startswith("rr/") and topic.endswith("Reply")
-
-
 def reply_topic(request_topic: str) -> str:
     """The topic on which a request is answered."""
     return f"rr/{request_topic.removeprefix('rq/').removesuffix('Request')}Reply"

@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import Self
 
 from msbot.errors import ConfigError
+from msbot.space import service_names
 from msbot.space.contract import THIS_PROGRAM, Deliver, Guid, OwnEndpoint, Owner, Qos, Reader, Topic, Writer
 from msbot.space.dds import library as library_room
 from msbot.space.dds import network as network_room
@@ -115,7 +116,7 @@ class DdsSpace:
         topic = self._place(topic)
         memory = self._memory.writer(topic, qos, guid)
         service = qos.service
-        if service and not (services.is_request(topic.name) or services.is_reply(topic.name)):
+        if service and not service_names.crosses(topic.name):
             return memory  # DDS could not express whom it is for
         outlets, notes = [], []
         for dds_topic in self._dds_topics_of(topic):
@@ -123,7 +124,7 @@ class DdsSpace:
                 outlets.append((self._open_outlet(topic, dds_topic, qos), dds_topic.outward))
             except ConfigError as error:
                 notes.append(self._tell(str(error)))
-        if service and services.is_request(topic.name):
+        if service and service_names.is_request(topic.name):
             self._askers[services.short(guid)] = guid
         make = ServiceWriter if service else DdsWriter
         writer = make(memory, tuple(outlets), tuple(notes), self._close_writer)
@@ -139,7 +140,7 @@ class DdsSpace:
         """Make a reader; kept samples of writers here are delivered at once, those of writers elsewhere soon."""
         topic = self._place(topic)
         memory = self._memory.reader(topic, qos, deliver)
-        if qos.service and not (services.is_request(topic.name) or services.is_reply(topic.name)):
+        if qos.service and not service_names.crosses(topic.name):
             return memory
         inlets, notes = [], []
         for dds_topic in self._dds_topics_of(topic):
@@ -215,7 +216,8 @@ class DdsSpace:
         condition = calls.dds_create_readcondition(entity, ANY_STATE)
         make: Callable[..., Inlet] = Inlet
         if qos.service:
-            make = RequestInlet if services.is_request(topic.name) else partial(ReplyInlet, asker_of=self._askers.get)
+            is_request = service_names.is_request(topic.name)
+            make = RequestInlet if is_request else partial(ReplyInlet, asker_of=self._askers.get)
         return make(
             self._library, self._serialiser, entity, condition, dds_topic.name, dds_topic.type_name, qos,
             self._neighbours[domain.number], memory, dds_topic.inward, domain.number,
@@ -282,7 +284,7 @@ class DdsSpace:
                 reason = obstacle(mine.type_name, mine.qos, other, writes=not other.is_writer)
                 if reason is not None:
                     self._tell(f"{mine.name}: {reason}")
-        if not other.is_writer and services.is_reply(other.topic):
+        if not other.is_writer and service_names.is_reply(other.topic):
             for mine in tuple(self._by_name.get((domain, services.request_topic(other.topic)), ())):
                 if isinstance(mine, RequestInlet):
                     mine.tell_early()

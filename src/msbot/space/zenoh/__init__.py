@@ -1,0 +1,6 @@
+"""Zenoh through Eclipse's library (extra `msbot[zenoh]`): the data space for wide networks, and its router."""
+
+from msbot.space.zenoh.router import Allowed, Router
+from msbot.space.zenoh.space import ZenohSpace
+
+__all__ = ["Allowed", "Router", "ZenohSpace"]

@@ -1,0 +1,190 @@
+"""A writer that is heard in this process' memory and in Zenoh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from msbot.errors import RemoteProtocolError
+from msbot.space.contract import Guid, Topic
+from msbot.space.dds_topics import Convert
+from msbot.space.memory import MemoryWriter
+from msbot.space.zenoh.crossing import MAX_NEIGHBOURS, Crossing
+from msbot.space.zenoh.envelope import Sealer
+from msbot.space.zenoh.hand_over import tell
+from msbot.space.zenoh.keys import Endpoint
+
+if TYPE_CHECKING:
+    import zenoh
+
+LEAST_REPEATABLE = 64
+"""Samples of a reliable, volatile writer that can be repeated, whatever its depth."""
+HEARTBEAT_S = 0.2
+"""How long after the last sample a reader may learn that it has missed it."""
+REPEAT_S = 0.2
+"""How long after a reader is back the last sample is repeated; its subscription may come after its token."""
+
+
+class Outlet(Crossing):
+    """One writer in Zenoh, under one of the topic's names."""
+
+    __slots__ = (
+        "_known",
+        "_last",
+        "_put",
+        "_readers",
+        "_sealer",
+        "_told_open",
+        "_zenoh_error",
+        "is_kept",
+        "is_wanted",
+        "outward",
+    )
+
+    WRITES = True
+    LOST = "samples were lost on the way to Zenoh peers"
+    REFUSED = "samples could not be written to Zenoh"
+
+    def __init__(self, *arguments: object, outward: Convert | None, is_request: bool) -> None:
+        super().__init__(*arguments)  # type: ignore[arg-type]
+        self.outward = outward
+        self.is_kept = self.qos.transient_local or is_request
+        """Whether samples are written even if nobody reads them yet."""
+        self.is_wanted = False
+        """Whether another program reads it; for a reliable writer, whether one ever did: it may only be cut off."""
+        self._readers: set[Guid] = set()
+        self._known: set[Guid] = set()
+        """Readers that were there at some time: one that appears again was cut off."""
+        self._last: tuple[bytes, int, tuple[Guid, int] | None] | None = None
+        self._put: Callable[..., None] | None = None
+        self._zenoh_error: type[Exception] = RemoteProtocolError
+        """The library's error, once the library is there."""
+        self._told_open: Callable[[Outlet], None] = lambda _: None
+        self._sealer = Sealer(self._guid, self.qos)
+
+    def on_open(self, listener: Callable[[Outlet], None]) -> None:
+        """Call the listener on the loop when samples can be written."""
+        self._told_open = listener
+
+    def write(self, payload: bytes, number: int, related: tuple[Guid, int] | None = None) -> None:
+        """Write a sample; never waits."""
+        if self._put is None or not (self.is_wanted or self.is_kept):
+            return
+        try:
+            octets = payload if self.outward is None else self.outward(payload)
+        except RemoteProtocolError:
+            self.refused += 1
+            return
+        if self.qos.reliable:
+            self._last = octets, number, related
+        self._send(octets, self._sealer.seal(number, related))
+
+    def close(self) -> None:
+        """Write nothing more."""
+        self.is_open = False
+        self._put = self._last = None
+        self._news.clear()
+
+    def _declare_data(self, library: ModuleType, session: zenoh.Session) -> None:
+        options = {
+            "congestion_control": library.CongestionControl.DROP,
+            "allowed_destination": library.Locality.REMOTE,
+        }
+        qos, ext = self.qos, library.ext
+        if not qos.reliable and not qos.transient_local:
+            publisher = session.declare_publisher(self.key, **options)
+        else:
+            kept = (qos.late_depth or qos.depth) if qos.transient_local else max(qos.depth, LEAST_REPEATABLE) + 1
+            publisher = ext.declare_advanced_publisher(
+                session, self.key, cache=ext.CacheConfig(max(1, kept)), publisher_detection=True,
+                sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT_S),
+                **options,
+            )  # fmt: skip
+        self._declared.append(publisher)
+        self._zenoh_error = library.ZError
+        tell(self._loop, self._opened, publisher.put)
+
+    def _opened(self, put: Callable[..., None]) -> None:
+        if self.is_open:
+            self._put = put
+            self._told_open(self)
+
+    def _appeared(self, other: Endpoint) -> None:
+        if self.qos.reliable and not other.qos.transient_local:
+            if other.guid in self._known:
+                self._loop.call_later(REPEAT_S, self._repeat)
+            elif len(self._known) < MAX_NEIGHBOURS:
+                self._known.add(other.guid)
+        self._readers.add(other.guid)
+        self.is_wanted = True
+
+    def _repeat(self) -> None:
+        """A reader that was cut off has to notice what it has missed, or it would only ask with the next sample."""
+        if self._last is not None:
+            octets, number, related = self._last
+            self._send(octets, self._sealer.seal(number, related, is_repeated=True))
+
+    def _send(self, octets: bytes, envelope: bytes) -> None:
+        if self._put is not None:
+            try:
+                self._put(octets, attachment=envelope)
+            except self._zenoh_error:
+                self.refused += 1
+
+    def _gone(self, other: Endpoint) -> None:
+        self._readers.discard(other.guid)
+        self.is_wanted = self.qos.reliable or bool(self._readers)
+
+
+class ZenohWriter:
+    """Satisfies `Writer`; made by `ZenohSpace.writer`."""
+
+    __slots__ = ("_close", "_memory", "_notes", "_own", "guid", "outlets", "topic")
+
+    def __init__(
+        self, memory: MemoryWriter, outlets: tuple[Outlet, ...], notes: tuple[str, ...],
+        own: Mapping[Guid, Guid], close: Callable[[ZenohWriter], None],
+    ) -> None:  # fmt: skip
+        """`notes` say what cannot cross; `own` are this program's requesters, which are answered in memory."""
+        self.guid = memory.guid
+        self.topic: Topic = memory.topic
+        self.outlets = outlets
+        self._memory = memory
+        self._notes = notes
+        self._own = own
+        self._close: Callable[[ZenohWriter], None] | None = close
+        for outlet in outlets:
+            outlet.on_open(self._catch_up)
+
+    @property
+    def published(self) -> int:
+        """Samples written since it was made."""
+        return self._memory.published
+
+    def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int:
+        """Give one sample to every matched reader here and elsewhere; returns its sequence number."""
+        number = self._memory.write(payload, related)
+        if related is None or related[0] not in self._own:
+            for outlet in self.outlets:
+                outlet.write(payload, number, related)
+        return number
+
+    def troubles(self) -> tuple[str, ...]:
+        """Which readers should hear it and cannot, here and elsewhere."""
+        found = [*self._notes, *self._memory.troubles()]
+        for outlet in self.outlets:
+            found += outlet.troubles()
+        return tuple(found)
+
+    def close(self) -> None:
+        """Leave the space. Closing twice does nothing."""
+        if self._close is not None:
+            self._close(self)
+            self._close = None
+            self._memory.close()
+
+    def _catch_up(self, outlet: Outlet) -> None:
+        """What was kept for late readers before there was a connection."""
+        for sample in tuple(self._memory.kept):
+            outlet.write(sample.payload, sample.sequence_nr, sample.related)
