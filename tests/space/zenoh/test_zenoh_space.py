@@ -80,7 +80,7 @@ async def test_a_late_reader_gets_the_newest_samples_and_a_volatile_one_none(
     late, volatile = Inbox(), Inbox()
     there.reader(LIGHT, KEPT, late)
     there.reader(LIGHT, RELIABLE, volatile)
-    await until(lambda: len(late.samples) == 3)
+    await until(lambda: len(late.samples) == 3 and len(writer.outlets[0]._readers) == 2)  # type: ignore[attr-defined]
     writer.write(b"new")
     await until(lambda: late.payloads[-1:] == volatile.payloads[-1:] == [b"new"])
     assert late.payloads == [b"2", b"3", b"4", b"new"]
@@ -242,9 +242,10 @@ async def test_a_flood_stops_nobody_and_every_loss_of_a_reliable_sample_is_told(
 
     if qos.reliable:
         await until(lambda: len(inbox.samples) + lost() == number)
-    writer.write(b"after")
-    await until(lambda: inbox.payloads[-1:] == [b"after"])
-    came = [int.from_bytes(payload[:4]) for payload in inbox.payloads[:-1]]
+    while b"after" not in inbox.payloads:  # best effort may lose the first ones as well
+        writer.write(b"after")
+        await asyncio.sleep(0.01)
+    came = [int.from_bytes(payload[:4]) for payload in inbox.payloads if payload != b"after"]
     assert came == sorted(set(came))
     if lost():
         assert reader.troubles() == (f"rt/light: {lost()} samples were lost on the way from a Zenoh peer",)
