@@ -30,7 +30,8 @@ from tests.space.dds.foreign_programs import refuse
         ),
         (
             "memory:3",
-            "'memory:3' is not a data space: memory, dds, dds:DOMAIN or zenoh:tcp/HOST:PORT is needed, for example dds:5",
+            "'memory:3' is not a data space: memory, dds, dds:DOMAIN or zenoh:tcp/HOST:PORT is needed, for example "
+            "dds:5",
         ),
         ("dds?interfaces=lo", "'dds?interfaces=lo': dds has one option, interface, for example dds:5?interface=eth0"),
         ("dds?interface=", "'dds?interface=': dds has one option, interface, for example dds:5?interface=eth0"),
