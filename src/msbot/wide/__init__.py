@@ -1,12 +1,12 @@
 """Sites far apart: the gateway between a site's data space and the others, and the files that say what passes."""
 
 from msbot.wide.gateway import Gateway
-from msbot.wide.gateway_file import Crossing, Direction, GatewayRules, read_gateway_file
+from msbot.wide.gateway_file import CrossingTopic, CrossingWay, GatewayRules, read_gateway_file
 from msbot.wide.router_file import RouterRules, read_router_file
 
 __all__ = [
-    "Crossing",
-    "Direction",
+    "CrossingTopic",
+    "CrossingWay",
     "Gateway",
     "GatewayRules",
     "RouterRules",

@@ -10,7 +10,7 @@ from functools import partial
 
 from msbot.errors import LocalProtocolError
 from msbot.space import Guid, Qos, Reader, Sample, Space, SpaceAddress, Writer
-from msbot.wide.gateway_file import Crossing, Direction
+from msbot.wide.gateway_file import CrossingTopic, CrossingWay
 
 LOOK_S = 2.0
 """How often it looks for endpoints that cannot match."""
@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 class _Way:
     """One topic in one direction."""
 
-    def __init__(self, crossing: Crossing, words: str, reader_qos: Qos, writer_qos: Qos) -> None:
+    def __init__(self, crossing: CrossingTopic, words: str, reader_qos: Qos, writer_qos: Qos) -> None:
         self.crossing = crossing
         self.words = words
         """`out` or `in`."""
@@ -36,7 +36,11 @@ class Gateway:
     """Carries topics between two spaces, each of which may come and go as it likes."""
 
     def __init__(
-        self, inside: Space, outside: Space, addresses: tuple[SpaceAddress, SpaceAddress], crossings: Sequence[Crossing]
+        self,
+        inside: Space,
+        outside: Space,
+        addresses: tuple[SpaceAddress, SpaceAddress],
+        crossings: Sequence[CrossingTopic],
     ) -> None:
         """Begin to carry.
 
@@ -52,8 +56,8 @@ class Gateway:
         """Our writers: what comes from them has just crossed."""
         sides = ((inside, addresses[0]), (outside, addresses[1]))
         for crossing in crossings:
-            for direction, (here, there) in ((Direction.OUT, sides), (Direction.IN, sides[::-1])):
-                if crossing.direction in (direction, Direction.BOTH):
+            for direction, (here, there) in ((CrossingWay.OUT, sides), (CrossingWay.IN, sides[::-1])):
+                if crossing.direction in (direction, CrossingWay.BOTH):
                     self._open(_Way(crossing, direction, crossing.qos_in(here[1]), crossing.qos_in(there[1])),
                                here[0], there[0])  # fmt: skip
 

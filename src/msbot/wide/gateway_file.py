@@ -17,7 +17,7 @@ DEEPEST = 10_000
 LONGEST_S = 3600.0
 
 
-class Direction(StrEnum):
+class CrossingWay(StrEnum):
     """Which way a topic crosses, seen from the site."""
 
     OUT = "out"
@@ -26,11 +26,11 @@ class Direction(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Crossing:
+class CrossingTopic:
     """A topic that crosses."""
 
     topic: Topic
-    direction: Direction
+    direction: CrossingWay
     robot: str
     """Whose topic it is; empty: nobody's."""
     qos: Qos
@@ -50,7 +50,7 @@ class GatewayRules:
 
     inside: SpaceAddress
     outside: SpaceAddress
-    crossings: tuple[Crossing, ...]
+    crossings: tuple[CrossingTopic, ...]
 
 
 def read_gateway_file(path: Path) -> GatewayRules:
@@ -93,7 +93,7 @@ def _space(root: Table, key: str, example: str, folder: Path) -> SpaceAddress:
         return SpaceAddress(key)
 
 
-def _crossing(table: Table) -> Crossing:
+def _crossing(table: Table) -> CrossingTopic:
     topic = table.name("topic", "light", forbidden="*?[]#$")
     type_name = table.name("type", "Light", forbidden="*?[]#$")
     if is_service_topic(topic):
@@ -102,9 +102,9 @@ def _crossing(table: Table) -> Crossing:
     depth = table.whole("depth", default=max(16, keep), least=1, most=DEEPEST)
     if keep > depth:
         table.problem(f"is {keep}, and depth is {depth}: it cannot be more than that", "keep")
-    crossing = Crossing(
+    crossing = CrossingTopic(
         Topic(topic, type_name, table.whole("domain", default=0, least=0, most=232)),
-        Direction(table.choice("direction", [*Direction])),
+        CrossingWay(table.choice("direction", [*CrossingWay])),
         table.name("robot", "ROVER", default="", forbidden="*?[]/"),
         Qos(
             reliable=table.flag("reliable", default=True),
@@ -117,7 +117,7 @@ def _crossing(table: Table) -> Crossing:
     return crossing
 
 
-def _check_twice(tables: list[Table], crossings: list[Crossing]) -> None:
+def _check_twice(tables: list[Table], crossings: list[CrossingTopic]) -> None:
     seen: dict[tuple[Topic, str], int] = {}
     for number, (table, crossing) in enumerate(zip(tables, crossings, strict=False), start=1):
         before = seen.setdefault((crossing.topic, crossing.robot), number)

@@ -34,7 +34,7 @@ Job: TypeAlias = "Callable[[zenoh.Session], None]"
 logger = logging.getLogger(__name__)
 
 
-class Connection:
+class RouterConnection:
     """A session with one of several routers. Must be made on the loop, and closed."""
 
     def __init__(self, routers: Sequence[str], tls: TlsFiles | None, on_change: Callable[[], None]) -> None:

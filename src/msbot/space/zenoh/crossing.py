@@ -12,7 +12,7 @@ from msbot.space.contract import Guid, Qos
 from msbot.space.memory import MAX_TROUBLES
 from msbot.space.qos_matching import mismatch
 from msbot.space.zenoh.hand_over import HandOver
-from msbot.space.zenoh.keys import Endpoint, data_key, endpoint_of, graph_key, token_key
+from msbot.space.zenoh.keys import PeerEndpoint, data_key, endpoint_of, graph_key, token_key
 
 if TYPE_CHECKING:
     import zenoh
@@ -56,7 +56,7 @@ class Crossing:
         self._loop = loop
         self._guid = guid
         self._declared: list[Any] = []
-        self._neighbours: dict[str, Endpoint] = {}
+        self._neighbours: dict[str, PeerEndpoint] = {}
         self._news: HandOver[tuple[bool, str]] = HandOver(loop, self._heard, MAX_NEWS)
 
     def declare(self, library: ModuleType, session: zenoh.Session) -> None:
@@ -94,10 +94,10 @@ class Crossing:
     def _declare_data(self, library: ModuleType, session: zenoh.Session) -> None:
         raise NotImplementedError
 
-    def _appeared(self, other: Endpoint) -> None:
+    def _appeared(self, other: PeerEndpoint) -> None:
         """One that it may match has come."""
 
-    def _gone(self, other: Endpoint) -> None:
+    def _gone(self, other: PeerEndpoint) -> None:
         """One has gone."""
 
     def _count_lost(self, number: int) -> None:
@@ -125,7 +125,7 @@ class Crossing:
         else:
             logger.warning("%s: %s", self.name, reason)
 
-    def _obstacle(self, other: Endpoint) -> str | None:
+    def _obstacle(self, other: PeerEndpoint) -> str | None:
         if other.type_name != self.type_name:
             verb = "read" if self.WRITES else "written"
             return f"TYPE: it is {verb} as {other.type_name} by a Zenoh peer, here it is {self.type_name}"

@@ -18,7 +18,7 @@ LONGEST_S = 1e9
 
 
 @dataclass(frozen=True, slots=True)
-class Envelope:
+class SampleEnvelope:
     """The envelope of a sample that came in."""
 
     writer: Guid
@@ -49,7 +49,7 @@ class Sealer:
         return plain if related is None else plain + _RELATED.pack(*related)
 
 
-def read_envelope(octets: bytes) -> Envelope | None:
+def read_envelope(octets: bytes) -> SampleEnvelope | None:
     """The envelope; None when it makes no sense."""
     if len(octets) not in (_PLAIN.size, _WITH_RELATED):
         return None
@@ -62,4 +62,4 @@ def read_envelope(octets: bytes) -> Envelope | None:
         deadline_s=known.deadline_s, strength=strength, lifespan_s=lifespan or None,
     )  # fmt: skip
     related = _RELATED.unpack_from(octets, _PLAIN.size) if len(octets) == _WITH_RELATED else None
-    return Envelope(guid, number, offered, related, bool(number_of_flags & _REPEATED))
+    return SampleEnvelope(guid, number, offered, related, bool(number_of_flags & _REPEATED))

@@ -43,7 +43,7 @@ def token_key(key: str, guid: Guid, qos: Qos, *, writes: bool) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Endpoint:
+class PeerEndpoint:
     """A writer or reader of another program, as its token describes it."""
 
     guid: Guid
@@ -52,7 +52,7 @@ class Endpoint:
     is_writer: bool
 
 
-def endpoint_of(token: str) -> Endpoint | None:
+def endpoint_of(token: str) -> PeerEndpoint | None:
     """The endpoint that a token describes; None when it makes no sense."""
     before, found, after = token.partition(f"/{GRAPH}/")
     words = after.split("/")
@@ -62,7 +62,7 @@ def endpoint_of(token: str) -> Endpoint | None:
         guid, number, deadline = bytes.fromhex(words[1]), int(words[2], 16), float(words[3])
     except ValueError:
         return None
-    return Endpoint(guid, unquote(before.rpartition("/")[2]), qos_of(number, deadline), words[0] == "w")
+    return PeerEndpoint(guid, unquote(before.rpartition("/")[2]), qos_of(number, deadline), words[0] == "w")
 
 
 def flags(qos: Qos) -> int:

@@ -12,9 +12,9 @@ from msbot.space.dds_topics import Convert
 from msbot.space.qos_matching import mismatch, partitions_meet
 from msbot.space.readers import Clock, MemoryReader, SelectiveReader
 from msbot.space.zenoh.crossing import Crossing
-from msbot.space.zenoh.envelope import Envelope, read_envelope
+from msbot.space.zenoh.envelope import SampleEnvelope, read_envelope
 from msbot.space.zenoh.hand_over import HandOver
-from msbot.space.zenoh.keys import Endpoint, has_wildcards, partition_of
+from msbot.space.zenoh.keys import PeerEndpoint, has_wildcards, partition_of
 
 if TYPE_CHECKING:
     import zenoh
@@ -139,13 +139,13 @@ class Inlet(Crossing):
             if missing > known:
                 self._count_lost(missing - known)
 
-    def _meet(self, envelope: Envelope) -> Peer:
+    def _meet(self, envelope: SampleEnvelope) -> Peer:
         if len(self._peers) >= MAX_PEERS:
             self._peers.clear()
         peer = self._peers[envelope.writer] = Peer(fits=mismatch(envelope.offered, self.qos) is None)
         return peer
 
-    def _gone(self, other: Endpoint) -> None:
+    def _gone(self, other: PeerEndpoint) -> None:
         if isinstance(self._reader, SelectiveReader):
             self._reader.forget(other.guid)
 

@@ -24,7 +24,7 @@ from msbot.space.contract import THIS_PROGRAM, Deliver, Guid, Owner, Qos, Reader
 from msbot.space.dds_topics import DdsTopic, DdsTopicsOf, as_it_is
 from msbot.space.memory import MemorySpace
 from msbot.space.space_address import TlsFiles
-from msbot.space.zenoh.connection import Connection
+from msbot.space.zenoh.connection import RouterConnection
 from msbot.space.zenoh.crossing import Crossing
 from msbot.space.zenoh.keys import has_wildcards
 from msbot.space.zenoh.library import load
@@ -65,7 +65,7 @@ class ZenohSpace:
         self._own: dict[Guid, Guid] = {}
         self._own_of: dict[Guid, Guid] = {}
         self._listeners: list[Callable[[], object]] = []
-        self._connection = Connection(routers, tls, self._changed)
+        self._connection = RouterConnection(routers, tls, self._changed)
         in_partition = f", as {partition}" if partition else ""
         self.words: str | None = f"Zenoh by way of {self._connection.words}{in_partition}"
 

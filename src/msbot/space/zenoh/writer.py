@@ -13,7 +13,7 @@ from msbot.space.memory import MemoryWriter
 from msbot.space.zenoh.crossing import MAX_NEIGHBOURS, Crossing
 from msbot.space.zenoh.envelope import Sealer
 from msbot.space.zenoh.hand_over import tell
-from msbot.space.zenoh.keys import Endpoint
+from msbot.space.zenoh.keys import PeerEndpoint
 
 if TYPE_CHECKING:
     import zenoh
@@ -110,7 +110,7 @@ class Outlet(Crossing):
             self._put = put
             self._told_open(self)
 
-    def _appeared(self, other: Endpoint) -> None:
+    def _appeared(self, other: PeerEndpoint) -> None:
         if self.qos.reliable and not other.qos.transient_local:
             if other.guid in self._known:
                 self._loop.call_later(REPEAT_S, self._repeat)
@@ -132,7 +132,7 @@ class Outlet(Crossing):
             except self._zenoh_error:
                 self.refused += 1
 
-    def _gone(self, other: Endpoint) -> None:
+    def _gone(self, other: PeerEndpoint) -> None:
         self._readers.discard(other.guid)
         self.is_wanted = self.qos.reliable or bool(self._readers)
 
