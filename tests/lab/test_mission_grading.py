@@ -155,6 +155,12 @@ def test_what_is_looked_up_brings_nothing_but_what_was_found_before_stays() -> N
     found = run.grade()
     assert found.looked_by == "Bo"
     assert [one.marks for one in found.faults] == [7.0, 0.0]
+    run = begun()
+    run.name("Bo", "delay", "fan", 106.0)
+    run.looked("Bo", 107.0)
+    run.name("Bo", "loss", "fan", 108.0)
+    run.name("Bo", "drift", "knob", 108.0)
+    assert [one.marks for one in run.grade().faults] == [2.0, 0.0]
 
 
 def test_who_plugs_in_at_the_card_has_mended_it() -> None:

@@ -16,7 +16,10 @@ from msbot.web.language import Language
 from msbot.web.svg.plots import STATE_COLOURS, shortened
 
 _WIDTH, _LEFT, _RIGHT, _ROW = 1000, 150, 20, 26
-_TICKS = 6
+_TICKS = 8
+_STEPS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600)
+"""Seconds between the lines of the time scale."""
+_LIGHT = {STATE_COLOURS[state] for state in ("late", "new", "empty")}
 _MARKS = {
     What.NAMED: ("#0b6e99", "?"), What.REPAIRED: ("#5a4bb0", "R"), What.HINT: ("#8a5a00", "!"),
     What.ACT: ("#5b6b78", "A"), What.LOOKED: ("#b3261e", "L"),
@@ -26,15 +29,16 @@ _MARKS = {
 
 def report_page(played: PlayedMission, language: Language) -> str:
     """A whole HTML page that needs nothing else."""
-    body = report_body(played, language)
+    body = report_body(played, language, heading="h1")
     return render("mission_page", code=language.code, title=language.say(played.mission.title), body=body)
 
 
-def report_body(played: PlayedMission, language: Language) -> Markup:
-    """The report for a page that is there already."""
+def report_body(played: PlayedMission, language: Language, *, heading: str = "h2") -> Markup:
+    """The report for a page that is there already; `heading` is the element of its title."""
     found, say = played.grade(), language.say
     return render(
-        "mission_report", say=say, number=language.number, mission=played.mission, found=found, seed=played.seed,
+        "mission_report", heading=heading, say=say, number=language.number, mission=played.mission, found=found,
+        seed=played.seed,
         who=played.who, began=datetime.fromtimestamp(played.began_ms / 1000).strftime("%Y-%m-%d %H:%M"),
         reason=say(found.reason) if found.reason else say("it was broken off"),
         faults=[_fault(one, language) for one in found.faults], people=_people(played.facts),
@@ -109,7 +113,14 @@ def _picture(played: PlayedMission, found: Grade, language: Language) -> Markup:
         return round(_LEFT + room * min(at_s, span_s) / span_s, 1)
 
     def bar(begin_s: float, end_s: float, colour: str, words: str) -> Mapping[str, object]:
-        return {"x": x(begin_s), "width": max(x(end_s) - x(begin_s), 2), "colour": colour, "words": language.say(words)}
+        ink = "#10202c" if colour in _LIGHT else "#fff"
+        return {
+            "ink": ink,
+            "x": x(begin_s),
+            "width": max(x(end_s) - x(begin_s), 2),
+            "colour": colour,
+            "words": language.say(words),
+        }
 
     lanes: list[Mapping[str, object]] = [
         {"name": language.say("fault {number}", number=one.fault.number), "marks": [],
@@ -127,8 +138,9 @@ def _picture(played: PlayedMission, found: Grade, language: Language) -> Markup:
         for fact in played.facts if fact.what in _MARKS
     ]  # fmt: skip
     lanes.append({"name": language.say("people"), "bars": [], "marks": marks})
-    ticks = [(x(span_s * step / (_TICKS - 1)), language.number(span_s * step / (_TICKS - 1), ".0f"))
-             for step in range(_TICKS)]  # fmt: skip
+    step_s = next((one for one in _STEPS_S if span_s / one <= _TICKS), _STEPS_S[-1])
+    ticks = [(x(step_s * number), language.number(step_s * number, ".0f"))
+             for number in range(int(span_s / step_s) + 1)]  # fmt: skip
     return render("mission_picture", say=language.say, width=_WIDTH, left=_LEFT, height=34 + _ROW * len(lanes),
                   row=_ROW, lanes=lanes, ticks=ticks)  # fmt: skip
 

@@ -401,3 +401,40 @@ def test_a_slot_is_simulated_by_one_click_and_given_back_by_another(page: Page, 
     drawer.get_by_role("button", name="Give the slot back").click()
     expect(drawer.get_by_role("button", name="Simulate this slot")).to_be_visible()
     expect(drawer.get_by_text("active", exact=True)).to_have_count(0)
+
+
+def test_a_mission_is_started_answered_and_reported(page: Page, demo: Site) -> None:
+    go(page, f"{demo.base}/missions")
+    toml = (
+        '[mission]\ntitle = "Who is deaf?"\nstory = "Find out."\nhints = ["Look around."]\n'
+        '[[fault]]\nkind = "slow-consumer"\nat = "fan"\n'
+    )
+    with page.expect_file_chooser() as chosen:
+        page.get_by_role("button", name="Mission of a file").click()
+    chosen.value.set_files({"name": "deaf.toml", "mimeType": "application/toml", "buffer": toml.encode()})
+    expect(page.get_by_text("Who is deaf?", exact=True)).to_be_visible()
+    go(page, f"{demo.base}/faults")
+    expect(page.get_by_text("a fault of the mission deaf; which one is to be found")).to_be_visible()
+    go(page, f"{demo.base}/missions")
+    choose(page, "Fault", 0, "packets are lost")
+    choose(page, "Where", 0, "fan")
+    page.get_by_role("button", name="That is it").click()
+    expect(page.locator(".panel").get_by_text("only the place is right")).to_be_visible()
+    choose(page, "Fault", 0, "the part takes what is for it too slowly")
+    page.get_by_role("button", name="That is it").click()
+    expect(page.get_by_text("Named: 1 of 1 · mended: 0 of 1")).to_be_visible()
+    choose(page, "Repair", 0, "switch the part off and on")
+    choose(page, "Where", 1, "fan")
+    page.get_by_role("button", name="Do it").click()
+    expect(page.get_by_text("over after")).to_contain_text("everything is found and done")
+    expect(page.locator(".mr-score")).to_contain_text("9 of 10 marks")
+    with page.expect_download() as saved:
+        page.get_by_role("button", name="Report (HTML)").click()
+    assert "<svg" in Path(saved.value.path()).read_text()
+    go(page, f"{demo.base}/faults")
+    expect(page.get_by_text("No fault is planted")).to_be_visible()
+
+
+def choose(page: Page, label: str, which: int, option: str) -> None:
+    page.get_by_label(label, exact=True).nth(which).click()
+    page.get_by_role("option", name=option).first.click()

@@ -52,7 +52,7 @@ def check(file: Path, *, as_json: bool) -> None:
         click.echo(json.dumps(_json(mission)))
         return
     needs = ", ".join(mission.needs) or "none in particular"
-    click.echo(f"{file} is right: {len(mission.faults)} faults, {len(mission.tasks)} things to do, "
+    click.echo(f"{file} is right: faults: {len(mission.faults)}, things to do: {len(mission.tasks)}, "
                f"{mission.time_s:g} s; slots: {needs}")  # fmt: skip
 
 

@@ -21,6 +21,8 @@ class FaultGrade:
     over_s: float | None = None
     place_by: str = ""
     """Who named its place first, alone or with the kind."""
+    is_place_looked_up: bool = False
+    """Whether somebody had looked the answers up before."""
     found_by: str = ""
     found_s: float | None = None
     """Seconds after it began; None: nobody named it."""
@@ -155,8 +157,8 @@ def _over(one: FaultGrade, fact: Fact) -> None:
 
 def _named(mission: Mission, found: Grade, fact: Fact) -> None:
     verdict, about = judged(found.faults, fact.word, fact.slot)
-    if about is not None and verdict != "again":
-        about.place_by = about.place_by or fact.who
+    if about is not None and not about.place_by:
+        about.place_by, about.is_place_looked_up = fact.who, bool(found.looked_by)
     if verdict == "right":
         assert about is not None and about.began_s is not None  # noqa: PT018
         about.found_by, about.found_s = fact.who, fact.at_s - about.began_s
@@ -200,10 +202,10 @@ def _count(mission: Mission, found: Grade, facts: Sequence[Fact]) -> None:
             continue
         if one.fault.find:
             one.of += marks.place + marks.kind + marks.quick
-            if one.found_s is not None and not one.is_looked_up:
-                one.marks += marks.place + marks.kind + (marks.quick if one.is_quick else 0)
-            elif one.place_by and not one.is_looked_up:
+            if one.place_by and not one.is_place_looked_up:
                 one.marks += marks.place
+            if one.found_s is not None and not one.is_looked_up:
+                one.marks += marks.kind + (marks.quick if one.is_quick else 0)
         if one.fault.mend:
             one.of += marks.mend
             if one.mended_s is not None:

@@ -20,6 +20,8 @@ from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import file_button, heading, panel
 from msbot.web.service import Service
 
+FIRST = "no-answer"
+"""The ready mission that is offered first: the easiest one."""
 WHOLE = "-"
 """In a choice of slots: the robot as a whole."""
 
@@ -100,10 +102,10 @@ class _Missions:
                     if kind.value is None or where.value is None:
                         ui.notify(say("Choose a fault and a place first."), type="warning")
                         return
-                    await page.act("answer_mission", kind=kind.value, at=_slot(where))
+                    await self._ask("answer_mission", kind=str(kind.value), at=_slot(where))
 
                 ui.button(say("That is it"), icon="check", on_click=answer)
-            heading(say("Have it mended"))
+            heading(say("Have it mended")).style("margin-top:1rem")
             with ui.element("div").classes("row").style("align-items:flex-end"):
                 repairs = {name: say(repair.words) for name, repair in REPAIRS.items()}
                 repair = _choice(repairs, say("Repair"), "18rem")
@@ -113,12 +115,19 @@ class _Missions:
                     if repair.value is None or at.value is None:
                         ui.notify(say("Choose a repair and a place first."), type="warning")
                         return
-                    await page.act("repair", repair=repair.value, at=_slot(at))
+                    await self._ask("repair", repair=str(repair.value), at=_slot(at))
 
                 ui.button(say("Do it"), icon="build", on_click=mend)
-                ui.button(say("A hint, please"), icon="lightbulb", on_click=lambda: page.act("mission_hint")).props(
+                ui.button(say("A hint, please"), icon="lightbulb", on_click=lambda: self._ask("mission_hint")).props(
                     "flat"
                 )
+
+    async def _ask(self, operation: str, **arguments: str) -> None:
+        """Say what came of it without the green of success: a wrong answer is none."""
+        done = await self._page.act(operation, quiet=True, **arguments)
+        if done is not None and not self._page.is_gone:
+            with self._page.here():
+                ui.notify(self._page.say(done.words), multi_line=True, timeout=6000)
 
     def _refresh(self, state: MissionState) -> None:
         say = self._page.say
@@ -142,7 +151,7 @@ class _Missions:
                     ui.icon("check_box" if task.done else "check_box_outline_blank").props("aria-hidden=true")
                     ui.label(say(task.words) + (f" ({say('done')})" if task.done else ""))
             for words in state.hints:
-                with ui.element("div").classes("row"):
+                with ui.element("div").classes("row").style("flex-wrap:nowrap"):
                     ui.icon("lightbulb").props("aria-hidden=true")
                     ui.label(say(words))
             for line in reversed(state.told):
@@ -163,7 +172,7 @@ class _Missions:
             ready = ready_missions()
             titles = {name: f"{say(one.title)} · {name}" for name, one in ready.items()}
             with ui.element("div").classes("row").style("align-items:flex-end"):
-                chosen = ui.select(titles, value=next(iter(titles)), label=say("Mission"))
+                chosen = ui.select(titles, value=FIRST, label=say("Mission"))
                 chosen.props("dense outlined").style("min-width:20rem;max-width:100%")
                 seed = ui.number(say("Seed"), min=0, precision=0).props("dense outlined").style("width:7rem")
 
