@@ -155,6 +155,10 @@ def test_what_a_part_said_is_replayed_in_its_place(tmp_path: Path) -> None:
         master.wait_for("is up on")
         with running("part", "AA", "--link", link, cwd=tmp_path, env=env):
             until(lambda: len(said_by_aa(tmp_path / "first.mcap")) >= 3)
+            assert run("unbind", "HelloWorldTopic_1_to_2", "BB.in", cwd=tmp_path, env=env).returncode == 0
+            again = ("bind", "HelloWorldTopic_1_to_2", "--type", "HelloWorld", "--to", "BB.in")
+            assert run(*again, cwd=tmp_path, env=env).returncode == 0
+            until(lambda: len(acts_in(tmp_path / "first.mcap")) == 2)
         master.end()
     with running("master", "--no-page", "--rec", "again.mcap", "--link", link, cwd=tmp_path, env=env) as master:
         master.wait_for("is up on")
@@ -162,12 +166,26 @@ def test_what_a_part_said_is_replayed_in_its_place(tmp_path: Path) -> None:
         assert played.returncode == 0, played.stderr
         assert "AA (ABCD): " in played.stdout
         assert "The replay is over: " in played.stdout
+        played = run("play", "first.mcap", "--acts", cwd=tmp_path, env=env)
+        assert played.returncode == 0, played.stderr
+        assert "The replay of acts is over: 2 acts done\n" in played.stdout
+        until(lambda: len(acts_in(tmp_path / "again.mcap")) == 2)
         master.end()
-    first, again = (said_by_aa(tmp_path / name) for name in ("first.mcap", "again.mcap"))
-    assert [one.data for one in again] == [one.data for one in first]
-    assert again[-1].at_ns - again[0].at_ns < (first[-1].at_ns - first[0].at_ns) / 2
+    told, told_again = (acts_in(tmp_path / name) for name in ("first.mcap", "again.mcap"))
+    assert told_again == [{**act, "who": f"{act['who']}, replayed"} for act in told]
+    wrong = run("play", "first.mcap", "--acts", cwd=tmp_path, env=env)
+    assert (wrong.returncode, "no master runs here" in wrong.stderr) == (2, True)
+    said, said_again = (said_by_aa(tmp_path / name) for name in ("first.mcap", "again.mcap"))
+    assert [one.data for one in said_again] == [one.data for one in said]
+    assert said_again[-1].at_ns - said_again[0].at_ns < (said[-1].at_ns - said[0].at_ns) / 2
     wrong = run("play", "first.mcap", "--slot", "XX", cwd=tmp_path, env=env)
     assert (wrong.returncode, wrong.stderr) == (2, "msbot: first.mcap has no slot 'XX'; it has AA\n")
+
+
+def acts_in(path: Path) -> list[dict[str, object]]:
+    """What people did."""
+    found = RecordingReader(path).messages() if path.exists() else ()
+    return [json.loads(one.data) for one in found if one.topic == "/msbot/acts" and not one.is_repeated]
 
 
 def said_by_aa(path: Path) -> list[RecordedMessage]:

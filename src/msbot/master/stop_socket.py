@@ -140,6 +140,7 @@ def answer_of(status: StopStatus) -> dict[str, object]:
         "stopped": status.stopped,
         "number": status.number,
         "by": status.by if status.stopped else None,
+        "also_by": list(status.also_by),
         "reason": status.reason,
         "since": None if status.since_ns is None else status.since_ns / 1e9,
         "told": status.told,

@@ -47,6 +47,7 @@ class Deed:
     who: str
     operation: str
     arguments: Mapping[str, object]
+    """By the names of the table, so that the same can be asked for again."""
     words: str
     """What was done, in one sentence."""
 
@@ -113,7 +114,7 @@ class Operations:
             )
         if row.is_question:
             return await _outcome(method(**given))
-        deed = dict(given)
+        deed = {one.name: given[one.passed_as] for one in row.arguments if one.passed_as in given}
         self.asked += 1
         given["who"] = asker.name
         if row.kept not in (Kept.UNDOABLE, Kept.CHANGE):
@@ -121,8 +122,7 @@ class Operations:
         else:
             async with self._one_at_a_time:  # what one has checked, another must not change before it is stored
                 outcome = await _outcome(method(**given))
-        for listener in self._listeners:
-            listener(Deed(asker.name, operation, deed, outcome.words))
+        self._tell(Deed(asker.name, operation, deed, outcome.words))
         return outcome
 
     async def set_together(self, slot: str, values: Mapping[str, str | None], *, who: Asker) -> Outcome:
@@ -135,7 +135,14 @@ class Operations:
         who.require(OPERATIONS["set"].right)
         self.asked += 1
         async with self._one_at_a_time:
-            return await self.settings.set_together(slot, values, who.name)
+            outcome = await self.settings.set_together(slot, values, who.name)
+        for name, value in values.items():
+            self._tell(Deed(who.name, "set", {"slot": slot, "name": name, "value": value}, outcome.words))
+        return outcome
+
+    def _tell(self, deed: Deed) -> None:
+        for listener in self._listeners:
+            listener(deed)
 
 
 class RunningOperations(Operations):

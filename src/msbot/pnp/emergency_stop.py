@@ -11,6 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+MOST_NAMES = 16
+"""People who are remembered besides whoever said STOP first."""
+
 
 @dataclass(frozen=True, slots=True)
 class StopRecord:
@@ -63,6 +66,8 @@ class StopStatus:
     """Why STOP would not survive a restart of the master, in words; empty: it is stored."""
     is_stored: bool = True
     """Whether this status is stored; False without `trouble`: it is being stored."""
+    also_by: tuple[str, ...] = ()
+    """Who else has said STOP while it held, since this master has run."""
 
     @property
     def told(self) -> int:
@@ -88,6 +93,7 @@ class EmergencyStop:
         self.record = record or StopRecord()
         self._waiting: dict[bytes, tuple[str, float]] = {}
         """Part -> its name, and when it was asked to confirm."""
+        self._also_by: list[str] = []
         self._confirmed: dict[bytes, StopConfirmation] = {}
 
     @property
@@ -112,8 +118,9 @@ class EmergencyStop:
         """
         if not self.holds:
             self.record = StopRecord(self.number + 1, True, by, reason, at_ns)
-            self._waiting.clear()
-            self._confirmed.clear()
+            self._forget()
+        elif by != self.record.by and by not in self._also_by and len(self._also_by) < MOST_NAMES:
+            self._also_by.append(by)
         for identity, name in parts:
             self.tell(identity, name, now)
 
@@ -146,9 +153,14 @@ class EmergencyStop:
     def go(self, by: str) -> int:
         """End the STOP that holds; returns its number."""
         self.record = StopRecord(self.number, False, by, "", self.record.at_ns)
+        self._forget()
+        return self.number
+
+    def _forget(self) -> None:
+        """What was known of the STOP before."""
         self._waiting.clear()
         self._confirmed.clear()
-        return self.number
+        self._also_by.clear()
 
     def status(self, *, is_stored: bool = True, trouble: str = "") -> StopStatus:
         """What is known now."""
@@ -163,4 +175,5 @@ class EmergencyStop:
             silent=tuple(name for name, _ in self._waiting.values()),
             is_stored=is_stored,
             trouble=trouble,
+            also_by=tuple(self._also_by),
         )

@@ -42,6 +42,7 @@ class Player:
         say: called with sentences about how it goes.
         warn: called with sentences about what a person has to do, or what is left out.
         random: draws the client keys.
+        is_own_stop: whether the STOP that holds is one of this recording, said again: then time goes on.
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class Player:
         say: Callable[[str], None],
         warn: Callable[[str], None],
         random: Random | None = None,
+        is_own_stop: Callable[[], bool] = lambda: False,
     ) -> None:
         self.parts = {slot.name: _part(slot, random) for slot in piece.slots}
         """Slot -> the part that is replayed there."""
@@ -63,6 +65,7 @@ class Player:
         """How late the latest sample was, seconds."""
         self._samples = piece.samples
         self._schedule = Schedule([one.at_ns for one in piece.samples], begin_ns=piece.begin_ns, speed=speed)
+        self._is_own_stop = is_own_stop
         self._say = say
         self._warn = warn
         self._warned: set[tuple[str, str]] = set()
@@ -101,6 +104,11 @@ class Player:
             self._timer.cancel()
         for part in self.parts.values():
             part.end()
+
+    @property
+    def is_going(self) -> bool:
+        """Whether the recording's time passes."""
+        return self._schedule.is_going
 
     @property
     def ended(self) -> bool:
@@ -170,7 +178,7 @@ class Player:
         for slot, part in self.parts.items():
             if part.state is not JoinState.ACTIVE:
                 return f"the part in slot {slot} is {part.state.value} ({part.reason})"
-            if part.stopped:
+            if part.stopped and not self._is_own_stop():
                 return "STOP holds"
         return ""
 
