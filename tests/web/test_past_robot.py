@@ -90,7 +90,8 @@ def told(card: SlotCard) -> object:
     return (
         card.name, card.part_number, card.type_name, card.state, card.reason, card.description, card.spares,
         card.faults,
-        None if part is None else (part.part, part.part_number, part.uid, part.slot, part.nature, part.life),
+        None if part is None else
+        (part.part, part.part_number, part.local_name, part.uid, part.slot, part.nature, part.life),
         [(one.port, one.topic, one.type_name, one.publishes, one.reliable, one.fields, one.held, one.safe, one.stale,
           None if one.age_s is None else round(one.age_s, 3)) for one in card.ports],
     )  # fmt: skip

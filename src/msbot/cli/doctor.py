@@ -47,7 +47,7 @@ def command(
     names = [name.strip() for name in only.split(",")] if only else []
     found = examine(_patient(addresses, db, robot, space), names)
     if as_json:
-        click.echo(json.dumps(as_object(found), ensure_ascii=False))
+        click.echo(json.dumps(found.as_json(), ensure_ascii=False))
     else:
         for line in lines(found, verbose=verbose):
             click.echo(line)
@@ -95,27 +95,3 @@ def lines(found: Examination, *, verbose: bool) -> list[str]:
     if found.is_well:
         said.append("Nothing to mend.")
     return said
-
-
-def as_object(found: Examination) -> dict[str, object]:
-    """The same for programs."""
-    return {
-        "well": found.is_well,
-        "findings": [
-            {
-                "check": check,
-                "problem": finding.problem,
-                "about": finding.about,
-                "must": finding.must,
-                "saw": finding.saw,
-                "why": finding.why,
-                "wire": finding.wire,
-                "first": finding.first,
-                "mend": finding.mend,
-            }
-            for check, finding in found.findings
-        ],
-        "not_looked_at": [{"check": check, "why": why} for check, why in found.not_seen],
-        "not_needed": [{"check": check, "why": why} for check, why in found.not_needed],
-        "in_order": list(found.well),
-    }

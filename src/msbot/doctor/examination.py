@@ -72,6 +72,19 @@ class Examination:
         """Whether nothing has to be mended."""
         return not any(finding.must for _, finding in self.findings)
 
+    def as_json(self) -> dict[str, object]:
+        """The same for programs."""
+        rows = ("problem", "about", "must", "saw", "why", "wire", "first", "mend")
+        return {
+            "well": self.is_well,
+            "findings": [
+                {"check": check, **{name: getattr(finding, name) for name in rows}} for check, finding in self.findings
+            ],
+            "not_looked_at": [{"check": check, "why": why} for check, why in self.not_seen],
+            "not_needed": [{"check": check, "why": why} for check, why in self.not_needed],
+            "in_order": list(self.well),
+        }
+
 
 def examine(patient: Patient, only: Collection[str] = (), checks: Iterable[Check[Any]] = CHECKS) -> Examination:
     """Look at everything, or at some of it.

@@ -205,7 +205,8 @@ class PastRobot:
         nature = _text(self._slots.get(slot, {}), "nature").upper()
         key = event.get("client_key")
         return PartInfo(
-            part=_text(event, "part"), part_number=_text(event, "part_number"), local_name="",
+            part=_text(event, "part"), part_number=_text(event, "part_number"),
+            local_name=_text(self._slots.get(slot, {}), "local_name"),
             uid=bytes.fromhex(_text(event, "uid")), slot=slot or None, state=state, reason=from_json(event.get("said")),
             state_age_s=self._at_s - (number_of(event.get("at_s")) or self._at_s),
             life=int(left or 0) if state.is_registered else 0,

@@ -313,3 +313,28 @@ def test_programs_are_kept_by_person_and_version(site: Site) -> None:
     assert site.ask("PUT", "/api/programs/b.py", role="student", json={"text": "x" * 70_000}).status_code == 422
     assert site.ask("DELETE", "/api/programs/mine.py", role="student").status_code == 200
     assert site.ask("GET", "/api/programs/mine.py", role="student").status_code == 404
+
+
+def test_the_doctor_answers_teachers(site: Site) -> None:
+    assert site.ask("GET", "/api/doctor", role="student").status_code == 403
+    answer = site.ask("GET", "/api/doctor", role="teacher")
+    assert answer.status_code == 200, answer.text
+    found = answer.json()
+    named = {line["check"] for name in ("findings", "not_looked_at", "not_needed") for line in found[name]}
+    assert named | set(found["in_order"]) >= {"python", "database", "disk", "robot", "clock"}
+    assert all(line["mend"] and line["saw"] for line in found["findings"])
+
+
+def test_missions_say_what_they_need(site: Site) -> None:
+    assert site.ask("GET", "/api/mission", role="viewer").json()["mission"] == ""
+    for method, path, body, words in (
+        ("POST", "/api/mission/start", {"mission": "no-answer"}, "needs a robot with the slots knob, fan"),
+        ("POST", "/api/mission/start", {"mission": "a.toml", "toml": "x"}, "a.toml, line 1"),
+        ("POST", "/api/mission/answer", {"kind": "loss"}, "no mission runs"),
+        ("POST", "/api/mission/hint", None, "no mission runs"),
+        ("GET", "/api/mission/report", None, "there is no report of a mission"),
+    ):
+        answer = site.ask(method, path, json=body)
+        assert answer.status_code == 400, (path, answer.text)
+        assert words in answer.json()["error"]
+    assert site.ask("POST", "/api/mission/start", role="student", json={"mission": "echo"}).status_code == 403

@@ -61,7 +61,7 @@ class Recorder:
         """As it was recorded last."""
         self._shown: Mapping[str, object] = {}
         self._stop = StopStatus()
-        self._told: dict[str, tuple[int, str]] = {}
+        self._told: dict[str, tuple[int, str, str]] = {}
         """Slot -> version of the configuration that was recorded last, and the nature of its part."""
         self._tapped: set[Link] = set()
 
@@ -217,7 +217,8 @@ class Recorder:
             self._state(BLUEPRINT, "blueprint", blueprint_words(blueprint, links))
         for info in infos:
             if info.slot is not None and info.state.is_registered:
-                self._slot(self._master.inventory.configuration_of(info.client_key), info.part_number, info.nature.word)
+                held = self._master.inventory.configuration_of(info.client_key)
+                self._slot(held, info.part_number, info.local_name, info.nature.word)
         if self._operations is not None:
             shown = shown_words(self._operations.by_hand.said(), self._operations.faults.told, blueprint)
             if shown != self._shown:
@@ -231,17 +232,19 @@ class Recorder:
         key = event.identity.hex() or f"{event.client_key:08x}"
         self.put(Kind.STATE, self._json_channel("/msbot/events"), event.at, encode_state(key, event_words(event)))
         if event.to_state is PartState.ACTIVE and self._master is not None:
-            self._slot(self._master.inventory.configuration_of(event.client_key), event.part_number)
+            held = self._master.inventory.configuration_of(event.client_key)
+            self._slot(held, event.part_number, event.local_name)
 
-    def _slot(self, held: Configuration | None, number: str, nature: str = "") -> None:
-        if held is None or self._told.get(held.slot) == (held.version, nature):
+    def _slot(self, held: Configuration | None, number: str, local_name: str, nature: str = "") -> None:
+        if held is None or self._told.get(held.slot) == (held.version, local_name, nature):
             return
-        self._told[held.slot] = (held.version, nature)
+        self._told[held.slot] = (held.version, local_name, nature)
         ports = [
             {"port": one.port, "topic": one.topic, "type": one.type_name, "publishes": one.publishes}
             for one in held.bindings
         ]
-        value = {"slot": held.slot, "part_number": number, "ports": ports, "settings": dict(held.settings),
+        value = {"slot": held.slot, "part_number": number, "local_name": local_name, "ports": ports,
+                 "settings": dict(held.settings),
                  "nature": nature}  # fmt: skip
         self._state("/msbot/slots", held.slot, value)
 

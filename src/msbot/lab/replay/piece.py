@@ -101,19 +101,25 @@ def _survey(reader: RecordingReader) -> tuple[dict[str, RecordedSlot], int]:
     """The slots of a recording, each as it was known last, and when the recording began."""
     numbers: dict[str, str] = {}
     names: dict[str, str] = {}
+    local_names: dict[str, str] = {}
     began_ns = 0
     for place, message in enumerate(reader.messages()):
         began_ns = began_ns if place else message.logged_ns
         if message.topic == f"{OWN}slots":
-            slot, number = _texts(message, "slot", "part_number")
+            slot, number, local_name = _texts(message, "slot", "part_number", "local_name")
             if slot and number:
                 numbers[slot] = number
+            if slot and local_name:
+                local_names[slot] = local_name
         elif message.topic == f"{OWN}events":
             slot, part = _texts(message, "slot", "part")
             if slot and part:
                 names[slot] = part
     return {
-        slot: RecordedSlot(slot, number, slot if names.get(slot, number) == number else names[slot])
+        # Recordings of earlier versions tell the local name only as the name of the part in events.
+        slot: RecordedSlot(
+            slot, number, local_names.get(slot) or (slot if names.get(slot, number) == number else names[slot])
+        )
         for slot, number in numbers.items()
     }, began_ns
 

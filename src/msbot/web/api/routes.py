@@ -14,6 +14,7 @@ from fastapi.responses import Response
 
 from msbot.lab.missions.played import grade_json, played_from_json
 from msbot.web.api.answers import Health, ProblemAnswer
+from msbot.web.api.doctor_models import ExaminationState
 from msbot.web.api.mission_models import MissionMarks, MissionState
 from msbot.web.api.models import (
     BlueprintDiff,
@@ -115,6 +116,12 @@ def _add_reads(router: APIRouter, service: Service) -> None:
     async def timeline(session: SignedIn) -> list[TimelineLane]:
         """The states of every slot over time."""
         return lanes_for(session, views.timeline())
+
+    @router.get("/doctor")
+    async def doctor(session: SignedIn, anew: bool = False) -> ExaminationState:
+        """What keeps the robot from working, and what mends it; `anew`: not what was found a moment ago."""
+        found = await service.examine(session, anew=anew)
+        return ExaminationState.model_validate(found.as_json())
 
     @router.get("/mission")
     async def mission(session: SignedIn) -> MissionState:  # noqa: ARG001
