@@ -58,6 +58,64 @@ def test_a_relay_carries_a_bus_of_parts_to_a_master_elsewhere_through_cut_and_he
             master.wait_for("lost", "behind relay pi has ended")
 
 
+def test_agents_on_two_computers_feed_one_master_through_cut_and_heal(network: Network, tmp_path: Path) -> None:
+    assert run("init", cwd=tmp_path).returncode == 0
+    state = {"XDG_STATE_HOME": str(tmp_path / "state"), "XDG_RUNTIME_DIR": str(tmp_path)}
+    way = f"udp:{DESK}:8888"
+    with ExitStack() as stack:
+
+        def started(computer: str, *arguments: str) -> Process:
+            process = network.run(computer, *arguments, cwd=tmp_path, env=state)
+            stack.callback(process.end, signal.SIGKILL)
+            return process
+
+        pi = started(network.body, "agent", "udp4", "-p", "9999", "--master", way, "--name", "pi")  # before its master
+        master = started(network.desk, "master", "--no-page", "--link", way)
+        pi.wait_for("takes the parts of this agent, pi")
+        desk = started(network.desk, "agent", "can", "-D", "sim:desk", "--master", way, "--name", "desk")
+        desk.wait_for("takes the parts of this agent, desk")
+        parts = {name: started(network.body, "part", name, "--link", "udp:127.0.0.1:9999") for name in ("AA", "BB")}
+        parts["CC"] = started(network.desk, "part", "CC", "--link", "sim:desk")
+        for part in parts.values():
+            part.wait_for("active")
+        parts["BB"].wait_for("output", "on")
+
+        network.cut()
+        for _ in ("AA", "BB"):
+            master.wait_for("lost", "the agent pi is silent")
+        pi.wait_for("the master is silent: 2 parts that are in stay as they are")
+        for name in ("AA", "BB"):
+            parts[name].wait_for("lost")
+
+        network.heal()
+        pi.wait_for("the master is heard again after")
+        for name in ("AA", "BB"):
+            parts[name].wait_for("active")
+        parts["BB"].wait_for("output", "on")
+        assert not any("silent" in line for line in desk.lines)
+
+        assert pi.end(signal.SIGTERM) == 0
+        for _ in ("AA", "BB"):
+            master.wait_for("lost", "gone: the agent pi has ended")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--name", "pi"), "say with --master ADDRESS where that is"),
+        (("--master", "udp:nowhere"), "it needs a host and a port"),
+        (("--master", "udp:127.0.0.1:8888", "--space", "dds"), "leave --space out here"),
+    ],
+)
+def test_mistakes_of_an_agent_with_a_master_are_one_sentence(
+    options: tuple[str, ...], words: str, tmp_path: Path
+) -> None:
+    ended = run("agent", "udp4", "-p", "0", *options, cwd=tmp_path)
+    assert ended.returncode == 2
+    assert words in ended.stderr
+    assert ended.stderr.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -12,7 +12,7 @@ from msbot.link import InprocHub
 from msbot.part import Client, Entity
 from msbot.part.join import plug
 from msbot.pnp import Configuration, InventoryService, MasterService, Profile, SlotBinding
-from msbot.pnp.services import profile_message
+from msbot.pnp.master_service import profile_message
 from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce.messages import STREAM_RELIABLE
 from tests.pnp.robot import sample_store

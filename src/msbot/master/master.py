@@ -26,7 +26,9 @@ from msbot.master.stop_persistence import StopKeeper
 from msbot.part import Client
 from msbot.pnp import Access, Configuration, Inventory, Keys, LifeTiming, PartInfo, PartStore, Profile
 from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
-from msbot.pnp.services import InventoryService, MasterService
+from msbot.pnp.fed_agents.service import AgentsService
+from msbot.pnp.master_service import MasterService
+from msbot.pnp.services import InventoryService
 from msbot.runtime.sentence import said
 from msbot.space import MemorySpace, Space
 
@@ -34,6 +36,7 @@ _log = logging.getLogger(__name__)
 
 MASTER_KEY = 0x4D734D01
 INVENTORY_KEY = 0x4D734D02
+AGENTS_KEY = 0x4D734D03
 """Client keys of the robot's own services; the gate refuses them to clients on any other link."""
 
 STORED_S = 2.0
@@ -105,8 +108,8 @@ class Master:
             relay_greeting=RelayGreeting(self.profile.profile_hash()),
         )
         self.inventory.on_rights(self.agent.recheck)
-        self.inventory.on_superseded(partial(self.agent.disconnect, reason="its part came back from another address"))
-        self.inventory.watch.use_agent(last_heard=self.agent.last_heard, probe=self.agent.probe)
+        self.inventory.on_superseded(self._superseded)
+        self.inventory.watch.use_agent(last_heard=self._last_heard, probe=self._probe)
         self._board_faults: dict[str, list[str]] = {}
         """Slot of a board -> what is wrong with what is wired to it."""
         self._witnesses: list[Callable[[PartInfo], Sequence[str]]] = []
@@ -140,6 +143,23 @@ class Master:
             complete=self._complete,
         )
 
+        sealed = blueprint.options.authentication == "key+data"
+        self._agents = AgentsService(
+            partial(Client, hub.connect(), key=AGENTS_KEY, epoch_ns=epoch_ns, random=dice),
+            access=self.access,
+            inventory=self.inventory,
+            services=self._inventory,
+            profile=self.profile,
+            stop=self._stop,
+            random=dice,
+            sealed=sealed,
+            on_stop=self._stop_said_at_agent,
+            on_topics=self.agent.recheck,
+            say=partial(_log.warning, "%s"),
+        )
+        self._inventory.use_elsewhere(self._agents.end)
+        self.access.use_agents(self._agents.end, self._agents.agent_left)
+
     @property
     def is_serving(self) -> bool:
         """Whether parts are served: `run` has begun and is not ending yet."""
@@ -154,6 +174,21 @@ class Master:
     def links(self) -> tuple[Link, ...]:
         """The links by which parts come in."""
         return tuple(self._links)
+
+    def _superseded(self, client_key: int) -> None:
+        reason = "its part came back from another address"
+        if self._agents.end.has(client_key):
+            self._agents.end.close(client_key, reason)
+        else:
+            self.agent.disconnect(client_key, reason)
+
+    def _last_heard(self, client_key: int) -> float | None:
+        elsewhere = self._agents.end
+        return elsewhere.heard_at(client_key) if elsewhere.has(client_key) else self.agent.last_heard(client_key)
+
+    def _probe(self, client_key: int) -> None:
+        self._agents.end.probe(client_key)
+        self.agent.probe(client_key)
 
     def why(self, part: str) -> list[str]:
         """The state of a part, the rules that led to it, and whom its topics cannot reach, in sentences."""
@@ -281,6 +316,7 @@ class Master:
                 tasks.create_task(self.agent.run())
                 tasks.create_task(self._inventory.run())
                 tasks.create_task(self._master.run())
+                tasks.create_task(self._agents.run())
                 # No part is let in before the services can answer it.
                 await self._inventory.until_ready()
                 self._serving = True
@@ -308,6 +344,10 @@ class Master:
             self.say_stop("somebody at the robot", f"{reason}, said on {link.info.name}")
         elif signal is Signal.PEER_JOINED:
             self.access.peer_joined(link.info.name, peer, now)
+
+    def _stop_said_at_agent(self, agent: str, words: str) -> None:
+        if not self._stop.holds:
+            self.say_stop("somebody at the robot", f"{words}, at agent {agent}")
 
 
 def _keys_of(blueprint: Blueprint, store: PartStore, dice: random_module.Random) -> Keys | None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from msbot.pnp.key_proof import Keys
     from msbot.pnp.life_status import TRANSITIONS
     from msbot.pnp.load_forecast import Flow, Forecast, forecast
+    from msbot.pnp.master_service import MasterService
     from msbot.pnp.model import (
         FAST_TIMING,
         THESIS_TIMING,
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     )
     from msbot.pnp.part_events import Evidence, PartEvent, PartState
     from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
-    from msbot.pnp.services import InventoryService, MasterService
+    from msbot.pnp.services import InventoryService
     from msbot.pnp.slot_assignment import TakeOver
     from msbot.pnp.slot_matching import Match, Matcher
 
@@ -91,10 +92,8 @@ _NAMES = {
         "PROFILE_TYPE",
         "Profile",
     ),
-    "msbot.pnp.services": (
-        "InventoryService",
-        "MasterService",
-    ),
+    "msbot.pnp.master_service": ("MasterService",),
+    "msbot.pnp.services": ("InventoryService",),
     "msbot.pnp.slot_assignment": ("TakeOver",),
     "msbot.pnp.slot_matching": (
         "Match",

@@ -4,6 +4,7 @@
 who                          may
 ===========================  ============================================================================
 anybody                      open a session; read the profile; ask the inventory and get the answers to it alone
+an agent that brings parts   also: write and read what its own parts may
 a registered part            also: write and read the topics of its slot's bindings, by direction
 the robot's own services     everything; they are the clients of the in-process link, and nobody else is
 ===========================  ============================================================================
@@ -27,6 +28,9 @@ from msbot.runtime.tally import Tally
 INVENTORY_SERVICE = "msbot_inventory"
 INVENTORY_REQUEST_TOPIC = "msbot_inventory_Request"
 INVENTORY_REPLY_TOPIC = "msbot_inventory_Reply"
+AGENTS_REQUEST_TOPIC = "msbot_agents_Request"
+AGENTS_REPLY_TOPIC = "msbot_agents_Reply"
+"""Agents that this master feeds (`fed_agents`)."""
 
 TRUSTED_LINK = "inproc"
 """Name of the link that the robot's own services use."""
@@ -37,7 +41,15 @@ REPLACED = "replaced"
 """Start of the agent's words for a session that its own client reopens; `joined` follows at once."""
 
 RESERVED_TOPICS = frozenset(
-    {PROFILE_TOPIC, INVENTORY_REQUEST_TOPIC, INVENTORY_REPLY_TOPIC, compat.REQUEST_TOPIC, compat.REPLY_TOPIC}
+    {
+        PROFILE_TOPIC,
+        INVENTORY_REQUEST_TOPIC,
+        INVENTORY_REPLY_TOPIC,
+        compat.REQUEST_TOPIC,
+        compat.REPLY_TOPIC,
+        AGENTS_REQUEST_TOPIC,
+        AGENTS_REPLY_TOPIC,
+    }
 )
 """No binding and no free topic opens these topics any further than steps 1 and 2 need."""
 
@@ -72,6 +84,16 @@ class AskingClient(Protocol):
     @property
     def address(self) -> str:
         """The peer in words."""
+
+
+class AgentsElsewhere(Protocol):
+    """What access needs to know about the agents that the master feeds; `fed_agents.MasterEnd` provides it."""
+
+    def knows(self, agent: int) -> bool:
+        """Whether the client with that key is such an agent."""
+
+    def may(self, agent: int, topic: str, *, publishes: bool) -> bool:
+        """Whether it may write or read a topic: one of its clients may."""
 
 
 class _Guard:
@@ -113,14 +135,20 @@ class Access:
         self._clock = clock
         self._trusted_link = trusted_link
         free = free_topics - RESERVED_TOPICS
-        self._writable = free | {INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC}
+        self._writable = free | {INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC, AGENTS_REQUEST_TOPIC}
         self._readable = free
+        self._agents: AgentsElsewhere | None = None
+        self._on_left: Callable[[int], object] = lambda _: None
         self._links: dict[int, str] = {}
         """Client key -> the link its session is open on."""
         self._flood_told_at: dict[int, float] = {}
         """Client key -> when its flooding was last reported."""
         self._plugs: dict[tuple[str, Hashable], float] = {}
         """Peers that a link has seen arrive and that have no session yet -> when."""
+
+    def use_agents(self, agents: AgentsElsewhere, on_left: Callable[[int], object]) -> None:
+        """Clients may be agents that bring parts; `on_left` is called with the key of every session that has ended."""
+        self._agents, self._on_left = agents, on_left
 
     def may_join(self, client: AskingClient) -> bool:
         """Whether the client may open a session: not with a key that is in use on another link."""
@@ -134,8 +162,11 @@ class Access:
         return True
 
     def is_settled(self, client: AskingClient) -> bool:
-        """Whether the client is the robot's own or holds a slot: strangers cannot displace it."""
-        return self._is_trusted(client) or self._inventory.configuration_of(client.key) is not None
+        """Whether the client is the robot's own, an agent that brings parts, or holds a slot: strangers cannot displace
+        it."""
+        if self._is_trusted(client) or (self._agents is not None and self._agents.knows(client.key)):
+            return True
+        return self._inventory.configuration_of(client.key) is not None
 
     def guard_of(self, client: AskingClient) -> _Guard | None:
         """Opens and seals the samples of a part that has proved its key, in a robot with sealed samples; else None."""
@@ -181,6 +212,7 @@ class Access:
         self._links.pop(client.key, None)
         self._flood_told_at.pop(client.key, None)
         self._inventory.client_left(client.key, reason, self._clock(), politely=reason == GOODBYE)
+        self._on_left(client.key)
 
     def may_write(self, client: AskingClient, topic: str) -> bool:
         """Whether samples of this client may enter the topic."""
@@ -207,8 +239,12 @@ class Access:
         return client.link == self._trusted_link
 
     def _is_bound(self, key: int, topic: str, *, publishes: bool) -> bool:
+        if topic in RESERVED_TOPICS:
+            return False
+        if self._agents is not None and self._agents.knows(key):
+            return self._agents.may(key, topic, publishes=publishes)
         configuration = self._inventory.configuration_of(key)
-        if configuration is None or topic in RESERVED_TOPICS:
+        if configuration is None:
             return False
         return any(binding.topic == topic and binding.publishes is publishes for binding in configuration.bindings)
 

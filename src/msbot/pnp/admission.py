@@ -6,6 +6,7 @@ has died and the newcomer is the same part, restarted.
 
 When both sessions show the same client key, the agent has probed the old one since the new one was opened: then any
 packet from it is a sign of life, and silence for `PartSession.patience_s` is enough. The newcomer need not claim again.
+(Sessions at agents elsewhere are not probed.)
 """
 
 from __future__ import annotations
@@ -153,7 +154,11 @@ class Admission:
     ) -> Verdict | None:
         """Decide between two sessions with the same identity; None: the newcomer has won."""
         other = self._index.sessions.get(rival.client_key)
-        is_probed = other is not None and other.client_key == session.client_key
+        is_probed = (
+            other is not None
+            and other.client_key == session.client_key
+            and min(other.patience_s, session.patience_s) > 0
+        )
         contest = record.contest
         if contest is None or contest.rival is not rival:
             contest = record.contest = Contest(rival, session.opened_at if is_probed else now)

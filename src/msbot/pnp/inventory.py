@@ -121,15 +121,12 @@ class Inventory:
 
     def configuration_of(self, client_key: int) -> Configuration | None:
         """The configuration of the registered part behind a session, which says what it may use; or None."""
-        session = self._index.sessions.get(client_key)
-        if session is None or session.record is None or not session.record.is_registered:
-            return None
-        return session.record.configuration
+        record = self._index.record_of(client_key)
+        return None if record is None or not record.is_registered else record.configuration
 
     def member(self, client_key: int) -> tuple[bytes, str] | None:
         """Identity and name of the registered part behind a session, or None."""
-        session = self._index.sessions.get(client_key)
-        record = None if session is None else session.record
+        record = self._index.record_of(client_key)
         return None if record is None or not record.is_registered else (record.identity, record.name)
 
     def members(self) -> list[tuple[bytes, str]]:
@@ -142,8 +139,7 @@ class Inventory:
 
     def standing_of(self, client_key: int) -> Standing | None:
         """The status of the part behind a session; None: there is no such session, or no part behind it."""
-        session = self._index.sessions.get(client_key)
-        record = None if session is None else session.record
+        record = self._index.record_of(client_key)
         if record is None or record.state is None:
             return None
         version = 0 if record.configuration is None else record.configuration.version
@@ -164,7 +160,7 @@ class Inventory:
             quiet: do not show it as a part until it claims (the robot's own services).
             plugged_in_at: when the link saw the peer arrive; None = the session is the first sign of it.
             client_key: the client key that the session shows, if it is not `key`.
-            patience_s: how long a living client may take to answer a probe.
+            patience_s: how long a living client may take to answer a probe; 0 = nobody probes it.
         """
         start = now if plugged_in_at is None else plugged_in_at
         self.seals.drop(key)
@@ -204,11 +200,16 @@ class Inventory:
             self._changes.move(session.record, PartState.CHECKING, now, said("reads the robot's profile (step 1)"))
             self._publish(now)
 
+    def is_no_part(self, key: int) -> None:
+        """The client of that session is an agent that brings parts: it is not shown as one."""
+        record = self._index.record_of(key)
+        if record is not None and not record.identity:
+            self._index.forget(record)
+
     def sample_refused(self, key: int, reason: str, now: float) -> None:
         """A sample of that session has no valid seal: it is counted, and noted once for each part."""
         self.dropped.count("sample without a good seal")
-        session = self._index.sessions.get(key)
-        record = None if session is None else session.record
+        record = self._index.record_of(key)
         if record is not None and record.state is not None:
             record.refused_samples += 1
             if record.refused_samples == 1:
@@ -218,8 +219,8 @@ class Inventory:
 
     def note(self, key: int, words: str, now: float) -> None:
         """Note something about the part behind a session in its history and the journal, without changing its state."""
-        if (session := self._index.sessions.get(key)) is not None and session.record is not None:
-            self._changes.note(session.record, now, words)
+        if (record := self._index.record_of(key)) is not None:
+            self._changes.note(record, now, words)
             self._publish(now)
 
     # Parts
@@ -302,8 +303,7 @@ class Inventory:
         """
         records: dict[InventoryRecord, str | None] = {}
         for key, slot in moves.items():
-            session = self._index.sessions.get(key)
-            record = None if session is None else session.record
+            record = self._index.record_of(key)
             if record is None or record.state not in PLACEABLE:
                 state = said("not there") if record is None or record.state is None else record.state.value
                 raise LocalProtocolError(

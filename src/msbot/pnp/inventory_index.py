@@ -24,7 +24,7 @@ class PartSession:
         self.opened_at = plugged_in_at
         """When its client logged in."""
         self.patience_s = patience_s
-        """How long a living client on its link may take to answer a probe."""
+        """How long a living client on its link may take to answer a probe; 0 = nobody probes it."""
         self.address = address
         self.plugged_in_at = plugged_in_at
         self.record: InventoryRecord | None = None
@@ -56,6 +56,11 @@ class InventoryIndex:
         self._by_lease: dict[int, InventoryRecord] = {}
         self._by_identity: dict[bytes, InventoryRecord] = {}
         self._ended: dict[InventoryRecord, None] = {}
+
+    def record_of(self, key: int) -> InventoryRecord | None:
+        """The part that speaks through a session, if there is such a session and its part is known."""
+        session = self.sessions.get(key)
+        return None if session is None else session.record
 
     def open_record(self, session: PartSession) -> InventoryRecord:
         """Begin a record for the part behind a session."""

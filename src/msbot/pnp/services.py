@@ -1,7 +1,7 @@
-"""The master's profile and the inventory as clients of the agent: parts of the robot like any other (R2, R3).
+"""Step 2: the inventory as a client of the agent, a part of the robot like any other (R2, R3).
 
-Both use `msbot.part.Client` over any link; in a master it is the in-process link, which makes them trusted
-(`msbot.pnp.access`). What they say is decided elsewhere: `profile`, `requests`, `inventory`.
+It uses `msbot.part.Client` over any link; in a master it is the in-process link, which makes it trusted
+(`msbot.pnp.access`). What it says is decided elsewhere: `requests`, `inventory`.
 """
 
 from __future__ import annotations
@@ -10,24 +10,21 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable
+from typing import Protocol
 
 from msbot.agent import client_key_of
-from msbot.errors import LinkFull, LocalProtocolError, RequestError
-from msbot.part import Client, ClientMaker, ConnectionState, Entity, ServiceNames
+from msbot.errors import LinkFull, LocalProtocolError
+from msbot.part import ClientMaker, Entity, ServiceNames
 from msbot.part.join import plug
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.emergency_stop import EmergencyStop
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
+from msbot.pnp.master_service import STATUS_TIMEOUT_S
 from msbot.pnp.model import Configuration, Verdict
 from msbot.pnp.part_events import PartEvent, PartState
-from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
 from msbot.pnp.requests import RequestHandler, verdict_message
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
-from msbot.xrce.objects import EndpointQos
-
-STATUS_TIMEOUT_S = 5.0
-"""How long the agent may take to create what a service needs before it is asked again."""
 
 LONGEST_BEST_EFFORT = 512
 """Answers up to this many octets go best effort: they need no window, and a part repeats an unanswered request. Longer
@@ -48,70 +45,17 @@ _COMPAT = ServiceNames(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
 _log = logging.getLogger(__name__)
 
 
-class MasterService:
-    """Step 1: publishes the robot's profile, latched and repeated every period (thesis 3.12.1, R44).
+class PartsElsewhere(Protocol):
+    """Parts at agents elsewhere; `fed_agents.MasterEnd` provides it."""
 
-    Args:
-        make_client: makes the client that speaks for the master, called with the callbacks that it needs.
-        profile: what is published.
-        period_s: seconds between two publications.
-        limit: number of publications after which it falls silent (the thesis' count limit); None = never.
-    """
+    def has(self, key: int) -> bool:
+        """Whether the session with that key is at such an agent."""
 
-    def __init__(
-        self,
-        make_client: ClientMaker,
-        profile: Profile,
-        *,
-        period_s: float = PROFILE_PERIOD_S,
-        limit: int | None = None,
-    ) -> None:
-        self.profile = profile
-        self.published = 0
-        """Publications so far; also the count in the profile."""
-        self._client = client = make_client(on_state=self._state_changed)
-        self._period_s = period_s
-        self._limit = limit
-        self._opened = asyncio.Event()
-        participant = client.create_participant("msbot_master")
-        publisher = client.create_publisher(participant)
-        topic = client.create_topic(participant, PROFILE_TOPIC, PROFILE_TYPE)
-        self._writer = client.create_writer(publisher, topic, EndpointQos(transient_local=True, depth=1))
+    def answer(self, key: int, *, in_compat: bool, identity: bytes, body: bytes) -> bool:
+        """Say something to a part; False: it is at none of them."""
 
-    async def run(self) -> None:
-        """Serve until cancelled.
-
-        Raises:
-            LinkDown: the link to the agent cannot be opened.
-        """
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._client.run())
-            tasks.create_task(self._publish_for_ever())
-
-    async def _publish_for_ever(self) -> None:
-        while self._limit is None or self.published < self._limit:
-            await self._client.connect()
-            self._opened.clear()
-            if not await _is_ready(self._client):
-                continue
-            self._publish()
-            try:
-                async with asyncio.timeout(self._period_s):
-                    await self._opened.wait()
-            except TimeoutError:
-                continue
-
-    def _publish(self) -> None:
-        self.published += 1
-        try:
-            self._client.write(self._writer, profile_message(self.profile, self.published).encode())
-        except (LinkFull, LocalProtocolError) as error:
-            _log.warning("the profile could not be published: %s", error)
-
-    def _state_changed(self, state: ConnectionState, reason: str) -> None:
-        _log.debug("master: %s: %s", state.value, reason)
-        if state is ConnectionState.CONNECTED:
-            self._opened.set()
+    def tell_stop(self) -> None:
+        """STOP or GO was said: the agents tell their parts."""
 
 
 class InventoryService:
@@ -146,6 +90,7 @@ class InventoryService:
         self.told_unasked = 0
         """Messages sent to parts that did not ask."""
         self._client = client = make_client(on_request=self._request_received)
+        self._elsewhere: PartsElsewhere | None = None
         self._askers: dict[int, bytes] = {}
         """Client key -> GUID of its requests in the compact layout."""
         self._leases: dict[int, int] = {}
@@ -221,21 +166,44 @@ class InventoryService:
         """Have a part show itself; False: it cannot be told."""
         return self._notify(client_key, plug.NoticeKind.IDENTIFY)
 
+    def use_elsewhere(self, parts: PartsElsewhere) -> None:
+        """Parts may be at agents elsewhere."""
+        self._elsewhere = parts
+
+    def request_from_elsewhere(self, key: int, *, in_compat: bool, identity: bytes, body: bytes) -> None:
+        """A part at an agent elsewhere asks.
+
+        Args:
+            key: of its session here.
+            in_compat: in the layout of the thesis' own programs.
+            identity: of its request there, which the answer needs.
+            body: the request.
+        """
+        self._asked(key, in_compat=in_compat, identity=identity, body=body)
+
     def _request_received(self, object_id: int, request_id: int, identity: bytes, body: bytes) -> None:  # noqa: ARG002
-        self._answer(object_id, identity, body, asyncio.get_running_loop().time())
+        in_compat = object_id != self._compact.object_id
+        self._asked(client_key_of(identity[:_GUID_BYTES]), in_compat=in_compat, identity=identity, body=body)
+
+    def _asked(self, client_key: int, *, in_compat: bool, identity: bytes, body: bytes) -> None:
+        now = asyncio.get_running_loop().time()
+        if in_compat:
+            self._answer_in_compat(client_key, identity, body, now)
+        else:
+            self._answer(client_key, identity, body, now)
         if self._inventory.timer() < self._awake_at:
             self._sooner.set()
 
-    def _answer(self, object_id: int, identity: bytes, body: bytes, now: float) -> None:
-        asker = identity[:_GUID_BYTES]
-        client_key = client_key_of(asker)
+    def _answer_in_compat(self, client_key: int, identity: bytes, body: bytes, now: float) -> None:
         self._asking = client_key
-        if object_id != self._compact.object_id:
-            answer = self.requests.compat(body, client_key, now)
-            self._asking = None
-            if answer is not None:
-                self._say(self._compat, identity, answer)
-            return
+        answer = self.requests.compat(body, client_key, now)
+        self._asking = None
+        if answer is not None:
+            self._say(client_key, identity, answer, in_compat=True)
+
+    def _answer(self, client_key: int, identity: bytes, body: bytes, now: float) -> None:
+        asker = identity[:_GUID_BYTES]
+        self._asking = client_key
         request = self.requests.read(body, client_key, now)
         reply = None if request is None else self.requests.answer(request, client_key, now, asker)
         self._remember(client_key, asker, reply)
@@ -248,7 +216,7 @@ class InventoryService:
             reply.settings.append(plug.Setting(name=plug.STOP_SETTING, value=str(self.stop.number)))
         octets = self.requests.encode(reply, client_key)
         if octets is not None:
-            self._say(self._compact, identity, octets)
+            self._say(client_key, identity, octets)
         if isinstance(reply, plug.BeatReply) and reply.configuration_version:
             self._speak_of_stop(request, client_key, now)
         elif isinstance(reply, plug.ConfigurationMessage) and self.stop.holds:
@@ -327,8 +295,12 @@ class InventoryService:
                 self._notify(client_key, kind, configuration.version, place)
 
     def _tell_all(self, kind: plug.NoticeKind) -> None:
+        elsewhere = self._elsewhere
+        if elsewhere is not None:
+            elsewhere.tell_stop()  # one message for all parts of an agent
         for client_key in list(self._askers):
-            self._notify(client_key, kind, self.stop.number)
+            if elsewhere is None or not elsewhere.has(client_key):
+                self._notify(client_key, kind, self.stop.number)
 
     def _notify(self, client_key: int, kind: plug.NoticeKind, number: int = 0, binding: int = plug.NO_BINDING) -> bool:
         return self._tell(client_key, plug.Notice(number=number & 0xFFFFFFFF, binding=binding, kind=kind))
@@ -341,9 +313,14 @@ class InventoryService:
         if octets is None:
             return False
         self.told_unasked += 1
-        return self._say(self._compact, asker + _NOBODYS_REQUEST, octets)
+        return self._say(client_key, asker + _NOBODYS_REQUEST, octets)
 
-    def _say(self, replier: Entity, identity: bytes, answer: bytes) -> bool:
+    def _say(self, client_key: int, identity: bytes, answer: bytes, *, in_compat: bool = False) -> bool:
+        if self._elsewhere is not None and self._elsewhere.answer(
+            client_key, in_compat=in_compat, identity=identity, body=answer
+        ):
+            return True
+        replier: Entity = self._compat if in_compat else self._compact
         stream_id = STREAM_BEST_EFFORT if len(answer) <= LONGEST_BEST_EFFORT else STREAM_RELIABLE
         try:
             self._client.reply(replier, identity, answer, stream_id=stream_id)
@@ -352,29 +329,3 @@ class InventoryService:
             self.requests.dropped.count(f"answer: {error}")
             return False
         return True
-
-
-def profile_message(profile: Profile, count: int) -> plug.ProfileMessage:
-    """The profile as a message; the thesis defines the fields by their position (3.12.1).
-
-    Raises:
-        LocalProtocolError: a text in it is too long.
-    """
-    return plug.ProfileMessage(
-        index=count & 0xFFFFFFFF,
-        message=profile.name,
-        name=profile.version,
-        id=profile.serial_number,
-        dof=profile.released,
-        make=profile.manufacturer,
-    )
-
-
-async def _is_ready(client: Client) -> bool:
-    try:
-        await client.until_all_statuses(STATUS_TIMEOUT_S)
-    except RequestError as error:
-        _log.warning("the agent is not ready for the master: %s", error)
-        await asyncio.sleep(1.0)
-        return False
-    return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -25,9 +26,13 @@ class Served:
     wishes: Wishes
     discovery: Discovery | None
     hint: str
+    open_for: Callable[[int], Link] | None
 
-    def __call__(self, link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hint: str = "") -> None:
-        self.link, self.wishes, self.discovery, self.hint = link, wishes, discovery, hint
+    def __call__(
+        self, link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hint: str = "",
+        open_for: Callable[[int], Link] | None = None,
+    ) -> None:  # fmt: skip
+        self.link, self.wishes, self.discovery, self.hint, self.open_for = link, wishes, discovery, hint, open_for
 
 
 @pytest.fixture

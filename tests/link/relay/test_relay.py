@@ -21,6 +21,7 @@ def test_parts_behind_a_relay_are_parts_of_the_robot_and_the_master_says_where_t
         places = {view.address for view in stage.master.agent.clients()} - {
             "in-process client 1",
             "in-process client 2",
+            "in-process client 3",
         }
         assert places == {"CAN node 1 behind relay pi", "CAN node 2 behind relay pi"}
         found = stage.master.inventory.find("MOUTH", asyncio.get_running_loop().time())

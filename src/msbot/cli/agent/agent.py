@@ -5,12 +5,13 @@ from __future__ import annotations
 import ipaddress
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 
 import click
 
-from msbot.cli.agent.serving import Wishes, discovery_for, serve
+from msbot.cli.agent.serving import Wishes, discovery_for, serve, wished_master
 from msbot.cli.options import metrics_option, space_option
 from msbot.cli.run.logs import LogWishes, log_options
 from msbot.errors import ConfigError
@@ -34,8 +35,9 @@ Command = Callable[..., None]
 def command() -> None:
     """Run a DDS-XRCE agent that serves every client: micro-ROS boards, eProsima programs, MsBOT parts.
 
-    Nothing is gated; what the clients create lives in this process' memory, or with --space dds in DDS. The options
-    are those of MicroXRCEAgent.
+    Nothing is gated; what the clients create lives in this process' memory, or with --space dds in DDS. With --master
+    its clients are parts of a robot whose master runs elsewhere, and that decides who is let in. The other options are
+    those of MicroXRCEAgent.
     """
 
 
@@ -56,14 +58,23 @@ def common_options(function: Command) -> Command:
     @click.option("--dead-after", metavar="SECONDS", type=click.FloatRange(min=0.1),
                   help="Silence after which a client is asked three times, and then removed; without it silent "
                   "clients stay, unless they ask for it themselves (uxr_hl).")  # fmt: skip
+    @click.option("--master", metavar="ADDRESS", help="Bring the clients as parts to the robot's master at ADDRESS, "
+                  "for example udp:192.168.1.20:8888, which decides who is let in.")  # fmt: skip
+    @click.option("--name", metavar="NAME", help="With --master: what it calls this agent when it says where a part "
+                  "is; the computer's name by default.")  # fmt: skip
     @wraps(function)
     def wrapped(
         *, middleware: str | None, space: SpaceAddress, metrics_port: int | None, log_wishes: LogWishes,
-        refs: Path | None, verbose: int, dead_after: float | None,
+        refs: Path | None, verbose: int, dead_after: float | None, master: str | None, name: str | None,
         **others: object,
     ) -> None:  # fmt: skip
-        dead_after_s = math.inf if dead_after is None else dead_after
-        function(wishes=Wishes(verbose, middleware, refs, dead_after_s, space, metrics_port, log_wishes), **others)
+        function(
+            wishes=Wishes(
+                verbose, middleware, refs, math.inf if dead_after is None else dead_after, space, metrics_port,
+                log_wishes, wished_master(master, name, space),
+            ),
+            **others,
+        )  # fmt: skip
 
     return wrapped
 
@@ -204,11 +215,16 @@ def can_command(name: str, *, doc: str, extra: Callable[[Command], Command] = la
     @extra
     @click.option("-D", "--dev", "device", metavar="BUS", required=True,
                   help="An interface of Linux (can0), or an interface of python-can and its channel "
-                  "(slcan:/dev/ttyACM0?bitrate=500000).")  # fmt: skip
+                  "(slcan:/dev/ttyACM0?bitrate=500000); can takes a simulated bus, too (sim:classroom).")  # fmt: skip
     @common_options
     def run(*, device: str, wishes: Wishes) -> None:
         settings = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
-        serve(open_link(f"{name}:{device}", serve=True, can=settings), wishes)
+
+        def open_bus(profile_hash: int) -> Link:
+            address = device if name == "can" and device.startswith("sim:") else f"{name}:{device}"
+            return open_link(address, serve=True, can=replace(settings, profile_hash=profile_hash))
+
+        serve(open_bus(0), wishes, open_for=open_bus)
 
 
 can_command("can", doc="Serve parts of MsBOT on a CAN bus, classic or FD (?fd=1); up to 120 of them.")

@@ -6,9 +6,11 @@ import asyncio
 import contextlib
 import ipaddress
 import logging
+import math
 import os
+import platform
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -20,7 +22,7 @@ from msbot.cli.run.logs import LogWishes
 from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.errors import ConfigError
-from msbot.link import Link, Peer, Signal
+from msbot.link import Link, Peer, Signal, open_link
 from msbot.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
 from msbot.ros.graph import RosGraph
 from msbot.runtime.patient_output import patient_output
@@ -45,6 +47,33 @@ FILES_BESIDES = 64
 
 
 @dataclass(frozen=True, slots=True)
+class MasterElsewhere:
+    """A master that feeds this agent's gate."""
+
+    address: str
+    name: str
+    """What it calls this agent."""
+
+
+def wished_master(address: str | None, name: str | None, space: SpaceAddress) -> MasterElsewhere | None:
+    """What `--master` and `--name` say.
+
+    Raises:
+        ConfigError: they make no sense, or not with `--space`.
+    """
+    if address is None:
+        if name is not None:
+            raise ConfigError("--name is what a master calls this agent: say with --master ADDRESS where that is")
+        return None
+    if space.kind != MEMORY:
+        raise ConfigError(
+            "with --master the topics go to the robot's master: leave --space out here, and give it to `msbot master`"
+        )
+    open_link(address)  # report mistakes before anything runs
+    return MasterElsewhere(address, name or platform.node() or "agent")
+
+
+@dataclass(frozen=True, slots=True)
 class Wishes:
     """The user's options that do not depend on the link."""
 
@@ -56,6 +85,8 @@ class Wishes:
     space: SpaceAddress = field(default_factory=SpaceAddress)
     metrics_port: int | None = None
     log: LogWishes = field(default_factory=LogWishes)
+    master: MasterElsewhere | None = None
+    """The master that says who is let in; None: everybody is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +102,18 @@ class Discovery:
     """The agent's kind of IP."""
 
 
-def serve(link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hint: str = "") -> None:
-    """Run an agent on that link until Ctrl-C or SIGTERM; `hint` is printed with its greeting.
+def serve(
+    link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hint: str = "",
+    open_for: Callable[[int], Link] | None = None,
+) -> None:  # fmt: skip
+    """Run an agent on that link until Ctrl-C or SIGTERM.
+
+    Args:
+        link: where clients come in.
+        wishes: the user's options.
+        discovery: where clients can discover it.
+        hint: printed with its greeting.
+        open_for: makes the link anew for the robot whose profile has that hash, where the link tells parts of it (CAN).
 
     Raises:
         ConfigError: the profile file cannot be used.
@@ -86,7 +127,7 @@ def serve(link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hin
     if isinstance(link, TcpServerLink):
         _allow_connections()
     with contextlib.suppress(KeyboardInterrupt), patient_output():
-        asyncio.run(_main(link, wishes, references, discovery, hint))
+        asyncio.run(_main(link, wishes, references, discovery, hint, open_for or (lambda _: link)))
 
 
 def read_references(path: Path) -> References:
@@ -151,19 +192,21 @@ def _allow_connections() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
 
 
-async def _main(
-    link: Link, wishes: Wishes, references: References | None, discovery: Discovery | None, hint: str
-) -> None:
+async def _main(  # noqa: PLR0917 - what `serve` was given
+    link: Link, wishes: Wishes, references: References | None, discovery: Discovery | None, hint: str,
+    open_for: Callable[[int], Link],
+) -> None:  # fmt: skip
     with open_space(wishes.space) as space:
         where = "; ".join(filter(None, (hint, space.words)))
         if isinstance(space, SharedSpace):
             RosGraph(space)  # micro-ROS clients are nodes for ROS 2
-        await _run_in(space, link, wishes, references, partial(_greet, wishes=wishes, hint=where), discovery)
+        greet = partial(_greet, wishes=wishes, hint=where)
+        await _run_in(space, link, wishes, references, greet, discovery, open_for)
 
 
 async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
     space: Space, link: Link, wishes: Wishes, references: References | None, greet: Callable[[Link, str], None],
-    discovery: Discovery | None,
+    discovery: Discovery | None, open_for: Callable[[int], Link],
 ) -> None:  # fmt: skip
     up = asyncio.Event()
 
@@ -178,15 +221,38 @@ async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
         any_text_is_a_name=wishes.middleware == "ced",
         domain_255=domain_override(os.environ.get(DOMAIN_VARIABLE)),
     )
-    agent = Agent(space, settings=settings, references=references, signal=signalled)
-    agent.add_link(link)
+    if wishes.master is None:
+        agent = Agent(space, settings=settings, references=references, signal=signalled)
+        agent.add_link(link)
+        work = agent.run()
+    else:
+        from msbot.master.fed_agent import FedAgent  # here, because an agent starts without all that a master needs
+
+        say = click.echo if wishes.verbose else _silent
+        fed = FedAgent(
+            open_for, open_link(wishes.master.address), name=wishes.master.name, say=say, space=space,
+            settings=fed_settings(settings), references=references, on_signal=signalled,
+        )  # fmt: skip
+        agent, work = fed.agent, fed.run()
+        say(f"agent {wishes.master.name} looks for the robot's master on {wishes.master.address}; Ctrl-C ends it")
     if wishes.verbose >= SAY_PACKETS:
         agent.tap = packet_tap(link, click.echo)
     beside = [StatusServer(agent, what="agent", name=link.info.name).run()]
     beside += metrics_beside(wishes.metrics_port, agent, click.echo)
     if discovery is not None:
         beside.append(_answer_questions(link, up, discovery))
-    await run_until_signal(agent.run(), beside=beside)
+    await run_until_signal(work, beside=beside)
+
+
+def _silent(words: str) -> None:
+    """`-v 0` says nothing."""
+
+
+def fed_settings(settings: AgentSettings) -> AgentSettings:
+    """The same for an agent of a robot: a client that is silent is removed, as at a master."""
+    if settings.dead_after_s < math.inf:
+        return settings
+    return replace(settings, dead_after_s=AgentSettings().dead_after_s)
 
 
 async def _answer_questions(link: Link, up: asyncio.Event, discovery: Discovery) -> None:

@@ -25,7 +25,7 @@ from msbot.part.client.agent_watch import Watch, WatchStep
 from msbot.part.client.loop_turn import News, Turn
 from msbot.part.client.settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
 from msbot.xrce import ClientSession, ClientSessionSettings, Status
-from msbot.xrce.messages import ASKS_AGAIN, status_words
+from msbot.xrce.messages import ASKS_AGAIN, NO_ECHO, status_words
 from msbot.xrce.sessions import (
     ClientEvent,
     Connected,
@@ -226,7 +226,7 @@ class Connection:
                 heartbeat_s=settings.heartbeat_s,
                 heartbeat_min_s=settings.heartbeat_min_s,
                 ids_by_rule=self.link.info.compresses,
-                login_properties=(ASKS_AGAIN,) if settings.asks_again else None,
+                login_properties=_properties(settings) or None,
             ),
             epoch_ns=self._epoch_ns,
         )
@@ -366,3 +366,8 @@ class Connection:
                 self.counters.dropped += 1
                 _log.debug("client %08X could not send: %s", self.key, error)
                 return
+
+
+def _properties(settings: ClientSettings) -> tuple[tuple[str, str], ...]:
+    """What the login says of the client; nothing by default, as C clients do."""
+    return (*((ASKS_AGAIN,) if settings.asks_again else ()), *(() if settings.echo else (NO_ECHO,)))

@@ -43,6 +43,8 @@ class ClientSettings:
     asks_again: bool = False
     """Whether the login says that this client understands being told when to ask again, where many join at once; else
     the login is octet for octet that of a C client, and an agent without a free place does not answer it."""
+    echo: bool = True
+    """Whether samples of its own writers come to its own readers, as in C clients."""
     reopen_s: float = 1.0
     """Time before the next try after the agent refused the session or the link broke."""
     quiet_s: float = 2.0

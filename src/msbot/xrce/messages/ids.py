@@ -19,6 +19,9 @@ ASKS_AGAIN = ("msbot_asks_again", "1")
 """Property of a client that asks again: when refused for lack of resources, it reads the implementation octet in
 STATUS_AGENT as the tenths of a second to wait (MsBOT's own; agents ignore properties they do not know)."""
 
+NO_ECHO = ("uxr_sm", "1")
+"""Property of a client that does not want its own samples back (seen on the wire)."""
+
 SESSION_NONE_KEYED = 0x00
 """No session yet; the client key follows in the header."""
 SESSION_NONE = 0x80
