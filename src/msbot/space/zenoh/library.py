@@ -43,7 +43,8 @@ def load() -> ModuleType:
         raise ConfigError(MISSING) from None
     if not hasattr(zenoh.ext, "declare_advanced_publisher"):
         raise ConfigError("this version of eclipse-zenoh cannot repeat lost samples: pip install 'eclipse-zenoh>=1.10'")
-    return zenoh
+    found: ModuleType = zenoh
+    return found
 
 
 def session_config(
