@@ -26,6 +26,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from typing import IO, TypeAlias
 
 MSBOT = (sys.executable, "-m", "msbot")
@@ -47,6 +48,8 @@ NEEDS = {
 PAGE = "msbot.web.assembly"
 Wish: TypeAlias = tuple[list[str], str, dict[str, str], tuple[int, int] | None]
 """Arguments, folder, environment and limits of a command."""
+_TURN = Lock()
+"""Commands may be started by several threads; there is one prepared process."""
 
 
 def start(
@@ -69,7 +72,9 @@ def start(
             _limit(process.pid, *limits)
         return process
     out, error = (stream if isinstance(stream, int) else stream.fileno() for stream in (stdout, stderr))
-    return _prepared().copy((list(arguments), str(cwd or Path.cwd()), dict(env), limits), out, error)
+    with _TURN:
+        prepared = _prepared()
+    return prepared.copy((list(arguments), str(cwd or Path.cwd()), dict(env), limits), out, error)
 
 
 @cache

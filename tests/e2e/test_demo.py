@@ -2,23 +2,41 @@
 
 import json
 import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 
-from tests.e2e.processes import run, running
+from tests.e2e.processes import meanwhile, run, running
 
 Json = dict[str, object]
 
 
 def demo(*arguments: str) -> dict[str, list[Json]]:
-    done = run("demo", "--robot", "thesis", "--json", *arguments)
+    return told(run("demo", "--robot", "thesis", "--json", *arguments))
+
+
+def told(done: CompletedProcess[str]) -> dict[str, list[Json]]:
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     result: dict[str, list[Json]] = json.loads(done.stdout)
     return result
 
 
+@pytest.fixture(scope="module")
+def unplugged() -> Iterator[dict[str, Callable[[], CompletedProcess[str]]]]:
+    """The ends of two demos, by link, whose BB is pulled out and plugged in; meanwhile other tests have their turn."""
+    script = ("--seconds", "11", "--script", "1.5:unplug BB;9:plug BB")
+    with ExitStack() as stack:
+        yield {
+            link: stack.enter_context(meanwhile("demo", "--robot", "thesis", "--json", "--link", link, *script))
+            for link in ("can", "udp")
+        }
+
+
+@pytest.mark.usefixtures("unplugged")
 @pytest.mark.parametrize("link", ["can", "fd", "udp"])
 def test_three_parts_join_and_the_ring_runs(link: str) -> None:
     result = demo("--seconds", "6", "--link", link)
@@ -44,8 +62,10 @@ def test_three_parts_join_and_the_ring_runs(link: str) -> None:
 
 
 @pytest.mark.parametrize("link", ["can", "udp"])
-def test_an_unplugged_part_is_lost_after_4_to_6_s_and_comes_back(link: str) -> None:
-    result = demo("--seconds", "11", "--link", link, "--script", "1.5:unplug BB;9:plug BB")
+def test_an_unplugged_part_is_lost_after_4_to_6_s_and_comes_back(
+    link: str, unplugged: dict[str, Callable[[], CompletedProcess[str]]]
+) -> None:
+    result = told(unplugged[link]())
     changes = [
         (float(str(event["at_s"])), event["from"], event["to"]) for event in result["events"] if event["part"] == "BB"
     ]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from random import Random
+from subprocess import CompletedProcess
 
 import pytest
 
@@ -15,9 +16,20 @@ from msbot.demo import DemoEvent, DemoRobot, DemoSnapshot, Wire
 from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry
 from msbot.runtime.virtual_time import run_virtual
-from tests.e2e.processes import run, running
+from tests.e2e.processes import meanwhile, run, running
 
 Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]
+End = Callable[[], CompletedProcess[str]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def command(tmp_path_factory: pytest.TempPathFactory) -> Iterator[End]:
+    """What the command tells of a loss, who takes over, and an undo; meanwhile the other tests have their turn."""
+    with meanwhile(
+        "demo", "--robot", "thesis", "--spare", "--link", "udp", "--seconds", "16",
+        "--script", "4:unplug BB;12:plug BB;14:undo", "--json", cwd=tmp_path_factory.mktemp("command"),
+    ) as end:  # fmt: skip
+        yield end
 
 
 def play(
@@ -140,18 +152,6 @@ def test_two_spares_take_over_one_after_the_other(tmp_path: Path) -> None:
     assert [part.slot for part in snapshot.parts] == ["AA", "BB", "CC", ""]
 
 
-def test_the_command_shows_it_in_its_events(tmp_path: Path) -> None:
-    done = run("demo", "--robot", "thesis", "--spare", "--link", "udp",
-               "--seconds", "16", "--script", "4:unplug BB;12:plug BB;14:undo",
-               "--json", cwd=tmp_path)  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    result = json.loads(done.stdout)
-    (lost,) = [event["at_s"] for event in result["events"] if (event["part"], event["to"]) == ("BB", "lost")]
-    (over,) = [event["at_s"] for event in result["events"] if (event["part"], event["to"]) == ("DD", "active")]
-    assert 0 <= over - lost <= 2.0
-    assert {part["name"]: part["slot"] for part in result["parts"]} == {"AA": "AA", "BB": "BB", "CC": "CC", "DD": ""}
-
-
 def test_the_commands_work_on_a_demo_that_runs_in_another_process(tmp_path: Path) -> None:
     place = {"XDG_RUNTIME_DIR": str(tmp_path)}
     own = ("--db", str(tmp_path / "demo.db"))  # STOP without it is for every robot of this computer
@@ -174,3 +174,13 @@ def test_the_commands_work_on_a_demo_that_runs_in_another_process(tmp_path: Path
         assert "STOP is over" in command("go", *own)
         assert "STOP by" in command("undo", "--list")
         assert demo.end() == 0
+
+
+def test_the_command_shows_it_in_its_events(command: End) -> None:
+    done = command()
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    (lost,) = [event["at_s"] for event in result["events"] if (event["part"], event["to"]) == ("BB", "lost")]
+    (over,) = [event["at_s"] for event in result["events"] if (event["part"], event["to"]) == ("DD", "active")]
+    assert 0 <= over - lost <= 2.0
+    assert {part["name"]: part["slot"] for part in result["parts"]} == {"AA": "AA", "BB": "BB", "CC": "CC", "DD": ""}

@@ -110,13 +110,20 @@ def signed_in(browser: Browser, demo: Site) -> Iterator[BrowserContext]:
     visitor.context.close()
 
 
-@pytest.fixture
-def blank(signed_in: BrowserContext) -> Iterator[Page]:
-    """An empty tab of theirs."""
+@pytest.fixture(scope="module")
+def tab(signed_in: BrowserContext) -> Iterator[Page]:
+    """The tab they use: a new one for each test would cost a process of the browser each."""
     tab = signed_in.new_page()
-    tab.set_viewport_size({"width": 1280, "height": 900})
     yield tab
     tab.close()
+
+
+@pytest.fixture
+def blank(tab: Page) -> Iterator[Page]:
+    """It, empty."""
+    tab.set_viewport_size({"width": 1280, "height": 900})
+    yield tab
+    tab.goto("about:blank")
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import Browser, Page, expect
 
 from tests.web.browser.conftest import Site, go
 from tests.web.browser.test_demo_pages import PAGES
@@ -74,12 +74,12 @@ DECIMAL_POINT = re.compile(r"(?<![\w.:])\d+\.\d{1,2}(?![\w.:])")
 
 
 @pytest.fixture(scope="module")
-def german(browser: Browser, demo: Site) -> Iterator[BrowserContext]:
-    """Somebody whose browser prefers German."""
-    context = browser.new_context(viewport={"width": 1280, "height": 900}, locale="de-DE")
-    visitor = context.new_page()
-    visitor.goto(demo.link)
-    yield context
+def page(browser: Browser, demo: Site) -> Iterator[Page]:
+    """The tab of somebody whose browser prefers German."""
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, locale="de-DE", reduced_motion="reduce")
+    page = context.new_page()
+    page.goto(demo.link)
+    yield page
     context.close()
 
 
@@ -102,18 +102,15 @@ FILLED = {
 
 
 @pytest.mark.parametrize("path", [*PAGES, "/?slot=fan", "/?slot=knob"])
-def test_no_page_holds_an_english_sentence(german: BrowserContext, demo: Site, path: str) -> None:
-    page = german.new_page()
+def test_no_page_holds_an_english_sentence(page: Page, demo: Site, path: str) -> None:
     go(page, demo.base + path)
     page.wait_for_function("document.documentElement.lang === 'de'")
     expect(page.locator("#ms-stop")).to_have_text("STOPP")
     expect(page.locator(FILLED.get(path, "h1")).first).to_be_attached()
     assert english_on(page) == []
-    page.close()
 
 
-def test_a_german_makes_a_slot_and_takes_none_out(german: BrowserContext, demo: Site) -> None:
-    page = german.new_page()
+def test_a_german_makes_a_slot_and_takes_none_out(page: Page, demo: Site) -> None:
     go(page, f"{demo.base}/wires")
     page.get_by_role("button", name="Neuer Platz").click()
     page.get_by_label("Suchen").fill("taster")
@@ -126,11 +123,9 @@ def test_a_german_makes_a_slot_and_takes_none_out(german: BrowserContext, demo: 
     expect(page.get_by_text("Platz horn aus dem Roboter nehmen?")).to_be_visible()
     assert english_on(page) == []
     page.get_by_role("button", name="Abbrechen").click()
-    page.close()
 
 
-def test_a_german_reads_why_a_part_is_lost(german: BrowserContext, demo: Site) -> None:
-    page = german.new_page()
+def test_a_german_reads_why_a_part_is_lost(page: Page, demo: Site) -> None:
     go(page, demo.base)
     page.get_by_role("button", name="bumper ausstecken").click()
     card = page.get_by_role("button", name="Platz bumper öffnen")
@@ -143,15 +138,12 @@ def test_a_german_reads_why_a_part_is_lost(german: BrowserContext, demo: Site) -
     go(page, demo.base)
     page.get_by_role("button", name="bumper einstecken").click()
     expect(card).to_contain_text("aktiv")
-    page.close()
 
 
-def test_the_library_is_searched_in_german(german: BrowserContext, demo: Site) -> None:
-    page = german.new_page()
+def test_the_library_is_searched_in_german(page: Page, demo: Site) -> None:
     go(page, f"{demo.base}/library")
     page.get_by_label("Suchen").fill("Abstand")
     expect(page.get_by_text("Ultraschall-Abstandssensor")).to_be_visible()
     expect(page.get_by_text("Summer", exact=True)).to_have_count(0)
     page.get_by_label("Suchen").fill("servo")
     expect(page.get_by_text("Servo, 180 Grad", exact=True)).to_be_visible()
-    page.close()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,13 +16,11 @@ DEAD = "document.documentElement.classList.contains('ms-dead')"
 
 
 @pytest.fixture
-def page(browser: Browser, demo: Site) -> Iterator[Page]:
+def page(blank: Page, demo: Site) -> Page:
     """The robot page on a phone."""
-    visitor = new_page(browser, width=390, height=844)
-    visitor.goto(demo.link)
-    go(visitor, demo.base)
-    yield visitor
-    visitor.context.close()
+    blank.set_viewport_size({"width": 390, "height": 844})
+    go(blank, demo.base)
+    return blank
 
 
 def press_go(page: Page) -> None:

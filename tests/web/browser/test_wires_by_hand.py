@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from tests.web.browser.accessible import hurdles
-from tests.web.browser.conftest import Site, go, new_page
+from tests.web.browser.conftest import Site, go
 
 
 @pytest.fixture
-def page(browser: Browser, demo: Site) -> Iterator[Page]:
+def page(blank: Page, demo: Site) -> Page:
     """The wires in a teacher's browser."""
-    visitor = new_page(browser)
-    visitor.goto(demo.link)
-    go(visitor, f"{demo.base}/wires")
-    visitor.locator("[data-wired]").wait_for()  # the drawing listens
-    yield visitor
-    visitor.context.close()
+    go(blank, f"{demo.base}/wires")
+    blank.locator("[data-wired]").wait_for()  # the drawing listens
+    return blank
 
 
 def port(page: Page, words: str) -> Locator:
