@@ -1,0 +1,66 @@
+"""Every `msbot` command that a page shows is one that there is: its words and options are those of the program."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+
+from msbot.cli import msbot
+
+ROOT = Path(__file__).parent.parent
+PAGES = [*sorted((ROOT / "docs" / "howto").glob("*.md")), *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
+SHELL = {"|", ">", ">>", "<", "&", "&&", "2>"}
+"""Where the shell takes over."""
+
+
+def shown(page: Path) -> Iterator[list[str]]:
+    """The words of every line of a code block that begins with `msbot`; a comment behind it is left out."""
+    for block in re.findall(r"^ *```\w*\n(.*?)^ *```", page.read_text(), re.MULTILINE | re.DOTALL):
+        for line in block.replace("\\\n", " ").splitlines():
+            command = line.strip().removeprefix("$ ").removeprefix("sudo ")
+            if re.match(r"msbot (?!\d)", command):  # `msbot 0.1.0` is an answer
+                words = shlex.split(command, comments=True)[1:]
+                end = next((at for at, word in enumerate(words) if word in SHELL), len(words))
+                yield words[:end]
+
+
+def parse(words: list[str]) -> None:
+    """Take the words as `msbot` does, up to the last subcommand, without doing it.
+
+    Raises:
+        click.UsageError: there is no such command or option, or too many words.
+    """
+    group: click.Command = msbot
+    context = click.Context(msbot, info_name="msbot")
+    while isinstance(group, click.Group) and words:
+        command = group.get_command(context, words[0])
+        if command is None:
+            raise click.UsageError(f"there is no command {words[0]}")
+        context, group, words = click.Context(command, parent=context, info_name=words[0]), command, words[1:]
+    if "..." not in words:
+        left = group.make_parser(context).parse_args(list(words))[1]
+        if left:
+            raise click.UsageError(f"too many words: {left}")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_command_on_a_page_is_one(page: Path) -> None:
+    wrong = []
+    for words in shown(page):
+        try:
+            parse(words)
+        except click.UsageError as error:
+            wrong.append(f"msbot {shlex.join(words)}: {error.format_message()}")
+    assert wrong == []
+
+
+def test_commands_are_found_at_all() -> None:
+    assert sum(len(list(shown(page))) for page in PAGES) > 150
+    for words in (["nonsense"], ["part", "LED", "--pinz", "s=2"], ["key", "list", "more"]):
+        with pytest.raises(click.UsageError):
+            parse(words)
