@@ -33,6 +33,7 @@ _TICK = 20  # ms
 _SLOW_TICK = 100
 _ALIVE = 1000  # ms: even a part that speaks only on a change is read that often
 _FAULTS = const(3)  # readings in a row that may fail: noise on a wire does not mean that the chip is missing
+_TELL = const(3000)  # ms: longest time that a part stays for the robot to hear why it ends
 _RETRY = const(1000)  # ms between two attempts to open a driver
 _UINT32 = const(0xFFFFFFFF)
 
@@ -167,7 +168,7 @@ class Unit:
         self._link = None
         self._given = None
         self._failed = 0
-        self._retry_at = None
+        self._retry_at = self._leave_at = None
         self._now = self._next = 0
 
     def is_over(self):
@@ -190,9 +191,12 @@ class Unit:
             except MsbotError as error:  # a link that is gone
                 self._trouble(str(error))
                 due = None
+            if self._leave_at is not None and (now >= self._leave_at or self.part._client.is_heard()):
+                self._leave_at = None
+                self.part.end()
             if due is not None:
                 return due
-            self.part = None
+            self.part = self._leave_at = None
             self._link.close()
             self._close()
             self._retry_at = now + _RETRY
@@ -293,8 +297,9 @@ class Unit:
         if self._failed >= _FAULTS:
             words = self._driver.words(error)
             self._trouble(words)
-            say_trouble(self.part._membership, words)
-            self.part.end()
+            if self._leave_at is None:
+                say_trouble(self.part._membership, words)
+                self._leave_at = self.part._now + _TELL
 
     def _period(self):
         times = [one for one in (self.model.period(), self._driver.poll) if one]

@@ -130,6 +130,10 @@ class Client:
         elif self._state != _CLOSING:
             self._closed(now)
 
+    def is_heard(self):
+        """Whether the agent has acknowledged everything that was said reliably."""
+        return not (self._waiting or self._unacked)
+
     def is_closed(self):
         """Whether it was ended."""
         return self._state == _CLOSED
