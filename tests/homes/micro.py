@@ -9,9 +9,10 @@ import sys
 import types
 import zlib
 from collections.abc import Callable
+from importlib.machinery import FileFinder, SourceFileLoader
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 from unittest import mock
 
 FOLDER = Path(__file__).parents[2] / "micropython/msbot"
@@ -34,6 +35,20 @@ class _DeflateIO:
         if not inflater.eof and len(out) < size:
             raise EOFError
         return out
+
+
+class _Loader(SourceFileLoader):
+    """Compiles each file once: modules are imported for a moment again and again."""
+
+    _compiled: ClassVar[dict[str, types.CodeType | None]] = {}
+
+    def get_code(self, fullname: str) -> types.CodeType | None:
+        if self.path not in self._compiled:
+            self._compiled[self.path] = super().get_code(fullname)
+        return self._compiled[self.path]
+
+
+sys.path_importer_cache[str(FOLDER)] = FileFinder(str(FOLDER), (_Loader, [".py"]))
 
 
 def schedule(function: Callable[[object], object], argument: object) -> None:

@@ -7,6 +7,7 @@ to `world.log` (`said`).
 from __future__ import annotations
 
 import asyncio
+import atexit
 import builtins
 import contextlib
 import io
@@ -117,6 +118,26 @@ class Engine(Protocol):
         """It is over."""
 
 
+_IDLE: list[subprocess.Popen[str]] = []
+"""Processes of node for the next engines: what one has loaded and compiled, the next has not to."""
+
+
+def _begin_node() -> subprocess.Popen[str]:
+    assert NODE is not None
+    process = subprocess.Popen(
+        [NODE, str(HERE / "vm.mjs"), str(VM)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    atexit.register(_end_node, process)
+    return process
+
+
+def _end_node(process: subprocess.Popen[str]) -> None:
+    for pipe in (process.stdin, process.stdout):
+        assert pipe is not None
+        pipe.close()
+    process.wait(30)
+
+
 class NodeEngine:
     """The real MicroPython VM, in node.
 
@@ -126,16 +147,14 @@ class NodeEngine:
     """
 
     def __init__(self, library: Path = micro.FOLDER, *more: str) -> None:
-        assert NODE is not None
-        self._process = subprocess.Popen(
-            [NODE, str(HERE / "vm.mjs"), str(VM), str(library), str(HERE / "vm_host.py"), *more],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        self._process = _IDLE.pop() if _IDLE else _begin_node()
+        self._tell([str(library), str(HERE / "vm_host.py"), *more])
 
     def ask(self, request: dict[str, Any]) -> dict[str, Any]:
         """See `Engine`."""
+        return self._tell(request)
+
+    def _tell(self, request: dict[str, Any] | list[str]) -> dict[str, Any]:
         request_pipe, answer_pipe = self._pipes()
         request_pipe.write(json.dumps(request) + "\n")
         request_pipe.flush()
@@ -145,10 +164,7 @@ class NodeEngine:
 
     def close(self) -> None:
         """See `Engine`."""
-        request_pipe, answer_pipe = self._pipes()
-        request_pipe.close()
-        self._process.wait(30)
-        answer_pipe.close()
+        _IDLE.append(self._process)
 
     def _pipes(self) -> tuple[IO[str], IO[str]]:
         assert self._process.stdin is not None

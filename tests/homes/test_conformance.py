@@ -39,7 +39,7 @@ def compiled() -> Path:
 
 HOMES: dict[str, Callable[[], Home]] = {
     "cpython": CPython,
-    "micropython-can": lambda: MicroPython(NodeEngine()),
+    "micropython-can": lambda: MicroPython(NodeEngine(compiled())),
     "micropython-serial": lambda: MicroPython(NodeEngine(compiled()), "serial"),
     "double": lambda: MicroPython(DoubleEngine()),
 }
