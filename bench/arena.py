@@ -10,8 +10,8 @@ import statistics
 import time
 
 from bench.machine import describe_machine
-from msbot.sim.arena.arena import SENSE_STEPS, Arena
-from msbot.sim.arena.wheels import STEP_S
+from msbot.sim.arena.arena import Arena
+from msbot.sim.arena.wheels import SENSE_STEPS, STEP_S
 from msbot.sim.arena.world_reader import open_world, parse_world, shipped_worlds
 
 WHEELS = ("motor.left", "motor.right")

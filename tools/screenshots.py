@@ -33,7 +33,7 @@ SCRIPT = "1:unplug bumper"
 """What happens in the demo before the pictures are taken: a part is lost."""
 KEPT = (
     "robot-desk-light", "robot-phone-dark", "slot-desk-light", "arrivals-desk-light", "bus-desk-dark",
-    "wires-desk-light", "timeline-desk-light", "settings-desk-light", "passport-desk-light",
+    "wires-desk-light", "timeline-desk-light", "settings-desk-light", "passport-desk-light", "arena-desk-light",
 )  # fmt: skip
 """The pictures in the documentation."""
 
@@ -47,6 +47,8 @@ class Shot:
     prepare: Callable[[Page], None] | None = None
     """What is done on the page before the picture is taken."""
     signed_in: bool = True
+    world: str = ""
+    """The world that the demo is in; "" = the rover, in none."""
 
 
 def _take_apart(page: Page) -> None:
@@ -91,6 +93,20 @@ def _said_by_a_part(page: Page) -> None:
     page.locator(".ms-says").first.scroll_into_view_if_needed()
 
 
+def _drive(page: Page) -> None:
+    """A few seconds by hand, so that there is a trail."""
+    plug = page.get_by_role("button", name="Plug the pilot in")
+    if plug.is_visible():
+        plug.click()
+    for name, hold_ms in (("Ahead", 900), ("Turn left", 500), ("Ahead", 700)):
+        button = page.locator(f"[data-drive][aria-label='{name}']")
+        button.hover()
+        page.mouse.down()
+        page.wait_for_timeout(hold_ms)
+        page.mouse.up()
+    page.evaluate("window.scrollTo(0, 0)")
+
+
 SHOTS = (
     Shot("login", "/login", signed_in=False),
     Shot("robot", "/"),
@@ -105,6 +121,7 @@ SHOTS = (
     Shot("describing", "/program", _describing_part),
     Shot("described", "/arrivals", _said_by_a_part),
     Shot("lost", "/?slot=bumper"),
+    Shot("arena", "/arena", _drive, world="sorting"),
     Shot("plots", "/plots?show=ear.level,ear:threshold,@late&span=10"),
     Shot("timeline", "/timeline", _last_minute),
     Shot("library", "/library"),
@@ -121,10 +138,10 @@ SHOTS = (
 
 
 @contextmanager
-def demo(folder: str) -> Iterator[str]:
+def demo(folder: str, world: str) -> Iterator[str]:
     """A running demo; gives the link that signs one in."""
-    command = [sys.executable, "-m", "msbot", "demo", "--robot", "rover", "--spare", "--seed", "1", "--port", "0",
-               "--script", SCRIPT]  # fmt: skip
+    wishes = ["--world", world] if world else ["--robot", "rover", "--spare", "--script", SCRIPT]
+    command = [sys.executable, "-m", "msbot", "demo", "--seed", "1", "--port", "0", *wishes]
     process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
     try:
         assert process.stdout is not None
@@ -178,12 +195,14 @@ def main() -> None:
     wanted = [name for name in options.only.split(",") if name]
     shots = [shot for shot in SHOTS if not wanted or shot.name in wanted]
     options.folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder, demo(folder) as link, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
-        for form in product(WIDTHS, LOOKS):
-            if not options.forms or "-".join(form) in options.forms.split(","):
-                take(browser, link, shots, form, options.folder, locale=options.locale)
-        browser.close()
+    forms = [form for form in product(WIDTHS, LOOKS) if not options.forms or "-".join(form) in options.forms.split(",")]
+    for world in sorted({shot.world for shot in shots}):
+        here = [shot for shot in shots if shot.world == world]
+        with tempfile.TemporaryDirectory() as folder, demo(folder, world) as link, sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+            for form in forms:
+                take(browser, link, here, form, options.folder, locale=options.locale)
+            browser.close()
     if options.keep is not None:
         options.keep.mkdir(parents=True, exist_ok=True)
         for name in KEPT:

@@ -7,9 +7,9 @@ part = Part("PILOT")
 
 @part.on("line", Line)
 def steer(line):
-    turn = 45 * line.position  # a line that is lost was last seen on that side
-    part.publish("left", Level(percent=45 + turn))
-    part.publish("right", Level(percent=45 - turn))
+    turn = 30 * line.position  # a line that is lost was last seen on that side
+    part.publish("left", Level(percent=35 + turn))
+    part.publish("right", Level(percent=35 - turn))
 
 
 part.run()

@@ -19,6 +19,7 @@ from msbot.operations.dispatch import RunningOperations
 from msbot.part import Message
 from msbot.registry import Registry, RobotRecord, RobotStore
 from msbot.sim import message_class
+from msbot.sim.arena.living_arena import LivingArena
 from msbot.space import SharedSpace
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.kept_sessions import session_file
@@ -51,6 +52,8 @@ class Seen:
     """Fed by the bus, or never."""
     bus: BusMeter | None = None
     bench: Bench | None = None
+    arena: LivingArena | None = None
+    """The world that its simulated parts are in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +135,7 @@ class WebRoom:
             views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock,
             programs=None if database is None else RegistryShelf(database.registry),
             doctor=Examining(partial(self._patient, master, database), clock),
-            figures=self._read_figures,
+            figures=self._read_figures, arena=seen.arena,
         )  # fmt: skip
         self.server = WebServer(self.service, settings)
         master.add_link(self.server.parts)

@@ -18,6 +18,7 @@ from msbot.operations.outcome import Outcome
 from msbot.operations.rights import Asker, Right, role_named
 from msbot.registry import EditRecord
 from msbot.runtime.sentence import counted, said
+from msbot.sim.arena.living_arena import LivingArena
 from msbot.web.access.accounts import Accounts, NotAllowed
 from msbot.web.access.class_list import Newcomer
 from msbot.web.access.sessions import Session
@@ -34,6 +35,7 @@ from msbot.web.api.models import (
     UserLine,
     Value,
 )
+from msbot.web.arena_deeds import ArenaDeeds
 from msbot.web.examining import Examining
 from msbot.web.local_masters import LocalMaster, LocalMasters, StopForAll
 from msbot.web.past import RecordedPast
@@ -65,6 +67,7 @@ class Service:
         neighbours: the masters of this computer.
         programs: where people's programs are kept; None: nowhere.
         doctor: examines robot and computer; None: nobody does.
+        arena: the world that its parts are in; None: none that is here.
         figures: reads the figures for Prometheus; None: there are none.
     """
 
@@ -72,7 +75,7 @@ class Service:
         self, *, views: Views, operations: RunningOperations, accounts: Accounts, records: Records,
         robot: Callable[[], Robot], clock: Callable[[], float], neighbours: LocalMasters | None = None,
         programs: ProgramShelf | None = None, doctor: Examining | None = None,
-        figures: Callable[[], MomentFigures] | None = None,
+        figures: Callable[[], MomentFigures] | None = None, arena: LivingArena | None = None,
     ) -> None:  # fmt: skip
         self.views = views
         self.accounts = accounts
@@ -88,6 +91,7 @@ class Service:
             views.endpoints,
         )  # fmt: skip
         """What the recorder has."""
+        self.arena = ArenaDeeds(arena, accounts)
         self.programs = ProgramDeeds(programs or NoShelf(), accounts)
         self._looking_around = asyncio.Lock()
         self._seen_robot: tuple[float, int, Robot] | None = None

@@ -206,6 +206,13 @@ def trace(seed: int) -> str:
     return " ".join(digests)
 
 
+def test_who_has_no_world_needs_no_engine() -> None:
+    """The extra is asked for only when a world is made."""
+    code = "import sys, msbot.demo, msbot.hardware, msbot.cli.run.part\n"
+    code += "import msbot.sim.arena.guest, msbot.sim.arena.world_reader; sys.exit('pymunk' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 def test_the_same_seed_gives_the_same_trace_in_any_process_and_another_seed_another() -> None:
     here = trace(5)
     environment = {**os.environ, "PYTHONHASHSEED": "2"}

@@ -49,6 +49,7 @@ from msbot.space import SharedSpace, SpaceAddress
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from msbot.sim.arena.living_arena import LivingArena
     from msbot.web.assembly import WebRoom
 
 REFRESH_S = 0.2
@@ -205,7 +206,8 @@ async def _main(
 
             if not options.page.off:
                 with made_to_stay():
-                    room = _make_page(robot, operations, library, (registry, store.robot, address), options.page)
+                    room = _make_page(robot, operations, library, (registry, store.robot, address), options.page,
+                                      arena=world.living)  # fmt: skip
                 beside.append(serve_page(room, robot.master.ready, options.page, notes.add))
             beside.append(
                 _answering(robot, operations, address, page_address, lambda: registry.storage.health.trouble).run()
@@ -254,12 +256,12 @@ def _answering(
 
 def _make_page(
     robot: DemoRobot, operations: RunningOperations, library: Library, database: tuple[Registry, RobotRecord, str],
-    wishes: PageWishes,
+    wishes: PageWishes, *, arena: LivingArena | None,
 ) -> WebRoom:  # fmt: skip
     from msbot.web.assembly import Database, WebRoom
     from msbot.web.simulated.demo_bench import seen_of
 
-    seen = seen_of(robot, asyncio.get_running_loop().time)
+    seen = seen_of(robot, asyncio.get_running_loop().time, arena)
     return WebRoom(
         robot.master, operations, library, database=Database(*database), seen=seen, settings=wishes.settings(),
         entry_link=True,

@@ -30,6 +30,11 @@ part = "TB6612FNG"
 description = "Two motors"
 
 [[slot]]
+name = "rear_wheels"
+part = "TB6612FNG"
+description = "The rear motors of a robot with four; on a robot with two they drive nothing"
+
+[[slot]]
 name = "line"
 part = "QTR-8A"
 description = "Looks for a line below the front edge"
@@ -111,6 +116,18 @@ topic = "power_right"
 type = "Level"
 from = "pilot.right"
 to = ["wheels.right"]
+
+[[binding]]
+topic = "power_rear_left"
+type = "Level"
+from = "pilot.rear_left"
+to = ["rear_wheels.left"]
+
+[[binding]]
+topic = "power_rear_right"
+type = "Level"
+from = "pilot.rear_right"
+to = ["rear_wheels.right"]
 
 [[binding]]
 topic = "line"

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from random import Random
 
 from msbot.errors import ConfigError
-from msbot.sim.arena.wheels import GRAVITY, STEP_S, push
+from msbot.sim.arena.wheels import GRAVITY, SENSE_STEPS, STEP_S, push
 from msbot.sim.arena.world import Box, Colour, Point, RobotPlan, WorldPlan
 
 try:
@@ -28,8 +28,6 @@ from msbot.sim.arena.gripper import Grippers
 from msbot.sim.arena.robot import ArenaRobot, Seat, Stance
 from msbot.sim.arena.senses import Senses
 
-SENSE_STEPS = 4
-"""Physical steps between two looks of the sensors: 20 ms."""
 BOX_GRIP = 0.35
 """Coefficient of friction of a box on the floor."""
 WALL_FRICTION = 0.4

@@ -27,7 +27,9 @@ def world_svg(plan: WorldPlan) -> str:
             for line in plan.lines
         ),
         *(_magnet(plan, magnet.at, magnet.reach_m) for magnet in plan.magnets),
+        f'<svg x="0" y="0" width="{width:g}" height="{height:g}">',  # light ends at the walls around
         *(_lamp(plan, lamp.at, lamp.lux) for lamp in plan.lamps),
+        "</svg>",
         *(_noise(plan, noise.at) for noise in plan.noises),
         *(
             f'<polyline class="arena-wall" points="{_points(plan, wall.points)}" fill="none" '
@@ -52,7 +54,7 @@ def world_svg(plan: WorldPlan) -> str:
         )
     box = f"{-edge:g} {-edge:g} {width + 2 * edge:g} {height + 2 * edge:g}"
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" class="arena" viewBox="{box}" role="img" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="arena" viewBox="{box}" role="group" '
         f'aria-label="{escape(plan.name)}" data-height="{height:g}">{"".join(inside)}{frame}</svg>'
     )
 

@@ -9,13 +9,16 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from msbot.config import SENSES
 from msbot.errors import ConfigError
-from msbot.sim.arena.arena import SENSE_STEPS, Arena
 from msbot.sim.arena.inhabitant import Inhabitant
-from msbot.sim.arena.wheels import STEP_S
+from msbot.sim.arena.wheels import SENSE_STEPS, STEP_S
 from msbot.sim.arena.world import Point
+
+if TYPE_CHECKING:  # it needs an extra
+    from msbot.sim.arena.arena import Arena
 
 TICK_S = STEP_S * SENSE_STEPS
 MOST_BEHIND_S = 0.2

@@ -126,8 +126,7 @@ class ArenaRobot:
                 if power is None:
                     continue
                 for wheel in self.wheels:
-                    if wheel.name.endswith(side) and (not seat.place.axle or wheel.name.startswith(seat.place.axle)
-                                                      or " " not in wheel.name):  # fmt: skip
+                    if wheel.name.endswith(side) and _is_at(wheel, seat.place.axle):
                         wheel.power = max(-1.0, min(1.0, power / 100))
 
     def does(self, quantity: str, otherwise: float = 0.0) -> float:
@@ -147,3 +146,8 @@ class ArenaRobot:
             at = servo.place.at
         x, y = pose.to_world(at)
         return Stance(x, y, pose.angle + math.radians(turn))
+
+
+def _is_at(wheel: Wheel, axle: str) -> bool:
+    """Whether a driver of that axle feeds a wheel; two wheels at the sides count as a front axle."""
+    return not axle or wheel.name.startswith(axle) or (" " not in wheel.name and axle == "front")

@@ -15,6 +15,8 @@ from random import Random
 from msbot.sim.arena.world import Chassis, ChassisKind, Point
 
 STEP_S = 0.005
+SENSE_STEPS = 4
+"""Physical steps between two looks of the sensors: 20 ms."""
 GRAVITY = 9.81
 WHEEL_SHARE = 0.12
 """Mass that a wheel with its motor and gear seems to have at its rim, as a share of the robot's."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from msbot.web.pages import (
     admin,
     api_docs,
+    arena,
     arrivals,
     bus,
     classroom,
@@ -27,7 +28,7 @@ from msbot.web.service import Service
 def register_pages(service: Service) -> None:
     """Make the pages of one robot known to NiceGUI; to be called once in a process."""
     for page in (
-        robot, arrivals, settings, bus, wires, program, plots, timeline, library, journal, missions, faults, doctor,
+        robot, arrivals, settings, bus, wires, program, arena, plots, timeline, library, journal, missions, faults, doctor,
         classroom, admin, api_docs, help,
     ):  # fmt: skip
         page.register(service)

@@ -54,6 +54,11 @@ HELP = {
         "checked and shown before it counts. What was changed by hand stays until somebody undoes it.",
         "howto/blueprint_changes",
     ),
+    "/arena": PageHelp(
+        "The world that simulated robots drive in, live. Drag a robot to put it elsewhere, pause the world, let it go "
+        "slower, and drive by hand. Everything that a robot senses here, its parts say as messages.",
+        "howto/arena",
+    ),
     "/bus": PageHelp(
         "Every line is a frame on the CAN bus, in words. Click a line to take the frame apart, bit by bit. The bar "
         "shows how busy the bus is: above 80 % parts begin to wait for each other.",

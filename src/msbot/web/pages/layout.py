@@ -57,6 +57,7 @@ MENU = (
     MenuEntry("/bus", "cable", "Bus"),
     MenuEntry("/wires", "hub", "Wires"),
     MenuEntry("/program", "code", "Program", Right.JOIN),
+    MenuEntry("/arena", "sports_esports", "Arena"),
     MenuEntry("/plots", "ssid_chart", "Plots"),
     MenuEntry("/timeline", "timeline", "Timeline"),
     MenuEntry("/library", "menu_book", "Library"),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from msbot.demo import DemoRobot
 from msbot.link.can.sim import SimBusDriver
+from msbot.sim.arena.living_arena import LivingArena
 from msbot.web.api.models import Scalar
 from msbot.web.assembly import Seen
 from msbot.web.frames import FrameRing
@@ -45,10 +46,10 @@ class SimMeter(BusMeter):
         return self._driver.bus.counters.errors
 
 
-def seen_of(robot: DemoRobot, clock: Callable[[], float]) -> Seen:
-    """What the page shows of a demo."""
+def seen_of(robot: DemoRobot, clock: Callable[[], float], arena: LivingArena | None = None) -> Seen:
+    """What the page shows of a demo, and of the world that it has."""
     frames, driver = FrameRing(), robot.bus_driver
     if driver is None:
-        return Seen(frames, bench=DemoBench(robot))
+        return Seen(frames, bench=DemoBench(robot), arena=arena)
     driver.listeners.append(frames.tap)
-    return Seen(frames, SimMeter("simulated CAN bus", driver, clock), DemoBench(robot))
+    return Seen(frames, SimMeter("simulated CAN bus", driver, clock), DemoBench(robot), arena)

@@ -1,0 +1,204 @@
+"""The world of a robot as the page shows it, and what people may do to it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from msbot.errors import ConfigError
+from msbot.operations.rights import Right
+from msbot.runtime.sentence import joined, said
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.sessions import Session
+from msbot.web.api.models import Done
+
+if TYPE_CHECKING:
+    from msbot.sim.arena.living_arena import LivingArena
+    from msbot.sim.arena.robot import ArenaRobot
+
+MARKS = ("distance", "near", "line", "colour", "touch", "light", "sound", "magnet", "heading", "grip", "lamp", "tone")
+"""Kinds of parts that are drawn on a robot, by the first word of what they sense or do."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensingPart:
+    """What one part senses now, by the words of `SENSES`."""
+
+    robot: str
+    slot: str
+    values: Mapping[str, float | bool]
+
+
+class ArenaDeeds:
+    """See the module's docstring.
+
+    Args:
+        living: the world; None: the robot is in none that this program has.
+        accounts: who may do what.
+    """
+
+    def __init__(self, living: LivingArena | None, accounts: Accounts) -> None:
+        self._living = living
+        self._accounts = accounts
+
+    @property
+    def is_there(self) -> bool:
+        """Whether this program has a world."""
+        return self._living is not None
+
+    @property
+    def name(self) -> str:
+        """What people call the world."""
+        return self._world.arena.plan.name
+
+    @property
+    def speed(self) -> float:
+        """Seconds that pass in the world in one second."""
+        return self._world.speed
+
+    @property
+    def paused(self) -> bool:
+        """Whether the world stands still."""
+        return self._world.paused
+
+    @property
+    def can_slide(self) -> bool:
+        """Whether a robot of the world can drive sideways."""
+        return any(robot.chassis.kind.value == "omni" for robot in self._world.arena.plan.robots)
+
+    def picture(self) -> str:
+        """The world as it began, as SVG."""
+        from msbot.sim.arena.drawing import world_svg
+
+        return world_svg(self._world.arena.plan)
+
+    def state(self) -> dict[str, object]:
+        """What moves, in mm and degrees, as short as it can be said ten times a second."""
+        living = self._world
+        poses = living.arena.poses()
+        boxes = {name: pose for name, pose in poses.items() if name not in living.arena.robots}
+        return {
+            "t": round(living.arena.now, 2),
+            "still": living.paused,
+            "robots": {name: self._robot(robot) for name, robot in living.arena.robots.items()},
+            "boxes": {name: [*_at(pose.x, pose.y), _degrees(pose.angle)] for name, pose in boxes.items()},
+        }
+
+    def sensed(self) -> list[SensingPart]:
+        """What each part senses, for a table."""
+        living, found = self._world, []
+        for name in living.arena.robots:
+            for slot in living.slots(name):
+                seat = living.arena.robot(name).seats[slot]
+                values = living.arena.sense(name, slot, seat.quantities)
+                if values:
+                    found.append(SensingPart(name, slot, values))
+        return found
+
+    def words(self) -> list[str]:
+        """Where the robots are, in words, for those who do not see the picture."""
+        found = []
+        for name, robot in self._world.arena.robots.items():
+            pose, speed = robot.pose, robot.body.velocity.length
+            areas = self._world.arena.plan.areas
+            place = next((area.name for area in areas if area.name and _is_in((pose.x, pose.y), area.corners)), "")
+            at = said("{name} is at {x:.2f}, {y:.2f} m", name=name, x=pose.x, y=pose.y)
+            looks = said("looks {degrees:.0f}° from east", degrees=math.degrees(pose.angle) % 360)
+            moves = said("drives {speed:.2f} m/s", speed=speed) if speed > 0.005 else said("stands")
+            held = robot.held is not None
+            more = [*([place] if place else []), *([said("holds a box")] if held else [])]
+            found.append(joined(", ", [at, looks, moves, *more]))
+        return found
+
+    def pause(self, session: Session, *, paused: bool) -> Done:
+        """Stop the world's time, or let it go on; the robot's own time is not the world's."""
+        self._need(session)
+        self._world.paused = paused
+        return Done(words=said("the world stands still") if paused else said("the world goes on"))
+
+    def step(self, session: Session) -> Done:
+        """Let a fiftieth of a second pass in a world that stands still."""
+        self._need(session)
+        self._world.paused = True
+        self._world.step()
+        return Done(words=said("a fiftieth of a second has passed"))
+
+    def set_speed(self, session: Session, speed: float) -> Done:
+        """How quickly time passes in the world.
+
+        Raises:
+            ConfigError: it has no such speed.
+        """
+        self._need(session)
+        self._world.speed = speed
+        return Done(words=said("the world's speed is {speed:g}", speed=speed))
+
+    def reset(self, session: Session) -> Done:
+        """Begin anew."""
+        self._need(session)
+        self._world.reset()
+        return Done(words=said("the world has begun anew"))
+
+    def put(self, session: Session, robot: str, x: float, y: float, heading_deg: float | None) -> Done:
+        """Take a robot by hand and put it elsewhere; metres and degrees.
+
+        Raises:
+            ConfigError: there is no such robot, or no such place.
+        """
+        self._need(session)
+        if not all(math.isfinite(value) for value in (x, y, heading_deg or 0.0)):
+            raise ConfigError(said("a place is two numbers in metres"))
+        self._world.put(robot, (x, y), heading_deg)
+        return Done(words=said("{robot} is put elsewhere", robot=robot))
+
+    @property
+    def _world(self) -> LivingArena:
+        if self._living is None:
+            raise ConfigError(said("this robot is in no world: start it with msbot demo --world line"))
+        return self._living
+
+    def _need(self, session: Session) -> None:
+        self._accounts.require(session, Right.OPERATE)
+
+    def _robot(self, robot: ArenaRobot) -> dict[str, object]:
+        pose, senses = robot.pose, self._world.arena.senses
+        rays = []
+        for seat in robot.seats.values():
+            if "distance" in seat.quantities:
+                looking, reach = robot.looking(seat), min(4.0, senses.distance(robot, seat))
+                at = _at(looking.x, looking.y)
+                rays.append([*at, _degrees(looking.angle), round(1000 * reach), seat.place.cone_deg])
+        lamp = [round(min(255.0, max(0.0, robot.does(f"lamp.{part}")))) for part in ("red", "green", "blue")]
+        white = robot.does("lamp")
+        return {
+            "p": [*_at(pose.x, pose.y), _degrees(pose.angle)],
+            "lamp": lamp if any(lamp) else [round(2.55 * white)] * 3 if white > 0 else None,
+            "loud": round(robot.does("loudness")),
+            "grip": round(robot.does("grip.opening", -1.0)),
+            "rays": rays,
+            "parts": [
+                [seat.slot, kind, *_at(*seat.place.at)]
+                for seat in robot.seats.values()
+                if (kind := seat.quantities[0].partition(".")[0]) in MARKS
+            ],
+        }
+
+
+def _at(x: float, y: float) -> tuple[float, float]:
+    return round(1000 * x, 1), round(1000 * y, 1)
+
+
+def _degrees(angle: float) -> float:
+    return round(math.degrees(angle), 2)
+
+
+def _is_in(at: tuple[float, float], corners: tuple[tuple[float, float], ...]) -> bool:
+    """Whether a place is in a convex area."""
+    x, y = at
+    sides = [
+        (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+        for (ax, ay), (bx, by) in zip(corners, (*corners[1:], corners[0]), strict=True)
+    ]
+    return all(side >= 0 for side in sides) or all(side <= 0 for side in sides)

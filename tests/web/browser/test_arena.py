@@ -1,0 +1,63 @@
+"""The page Arena in a real browser: the world moves, a person drives, drags, pauses; another look needs no mouse."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.e2e.processes import running
+from tests.web.browser.accessible import hurdles
+from tests.web.browser.conftest import Site, go
+
+FRAMES = "window.msbotArenaFrames ? msbotArenaFrames() : 0"
+WHERE = "document.querySelector('.arena-robot').getAttribute('transform')"
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """A robot in a world."""
+    folder = tmp_path_factory.mktemp("demo")
+    with running("demo", "--world", "sorting", "--rec", "off", "--port", "0", cwd=folder) as process:
+        yield Site(process)
+
+
+def test_a_person_drives_drags_and_pauses_the_world(page: Page, demo: Site) -> None:
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    go(page, f"{demo.base}/arena")
+    page.wait_for_function(f"{FRAMES} > 30")
+    start = page.evaluate(WHERE)
+    page.get_by_role("button", name="Plug the pilot in").click()
+    ahead = page.get_by_role("button", name="Ahead")
+    expect(ahead).to_be_visible()
+    expect(page.locator("#ms-arena-senses")).to_contain_text("distance")
+    ahead.hover()
+    page.mouse.down()
+    page.wait_for_function(f"{WHERE} !== {start!r}")
+    expect(page.locator("body")).to_contain_text(re.compile(r"robot is at .* drives"))
+    page.mouse.up()
+    expect(page.locator("body")).to_contain_text(re.compile(r"robot is at .* stands"))
+    assert page.locator(".arena-trails polyline").count() == 1
+
+    page.get_by_role("button", name="Pause").click()
+    expect(page.get_by_role("button", name="Go on")).to_be_visible()
+    robot = page.locator(".arena-robot")
+    robot.focus()
+    before = page.evaluate(WHERE)
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_function(f"{WHERE} !== {before!r}")
+    box = robot.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] - 150, box["y"] - 40, steps=4)
+    page.mouse.up()
+    page.wait_for_function(f"document.querySelector('.arena-robot').getBoundingClientRect().x < {box['x'] - 60}")
+    page.get_by_role("button", name="Begin anew").click()
+    page.wait_for_function(f"{WHERE} === {start!r}")
+    for dark in (False, True):
+        assert hurdles(page, dark=dark) == []
+    assert errors == []
