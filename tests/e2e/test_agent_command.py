@@ -15,6 +15,8 @@ from pathlib import Path
 import pytest
 
 from msbot.agent.discovery import DISCOVERY_GROUP
+from msbot.lab.recorder.recording_file import ENCAPSULATION
+from msbot.lab.recordings.reading import RecordingReader
 from msbot.link import Link, open_link
 from msbot.link.serial import SerialClientLink
 from msbot.part import ConnectionState, find_agents
@@ -92,6 +94,26 @@ async def test_our_client_over_ip(tmp_path: Path, place: dict[str, str], transpo
     assert (seen["key"], seen["published"], seen["delivered"]) == ("AABBCCDD", 3, 3)
     assert len(seen["objects"]) == 6
     assert not list((tmp_path / "msbot").iterdir()), "the file is gone with the agent"
+
+
+async def test_what_clients_say_is_recorded(tmp_path: Path, place: dict[str, str]) -> None:
+    with running("agent", "udp4", "-p", "0", "--rec", "a.mcap", cwd=tmp_path, env=place) as agent:
+        port = await asyncio.to_thread(port_of, agent)
+        async with connected(open_link(f"udp:127.0.0.1:{port}")) as client:
+            await hear_oneself(client)
+        assert agent.end(signal.SIGINT) == 0
+    reader = RecordingReader(tmp_path / "a.mcap")
+    samples = [message for message in reader.messages() if message.topic == "/light"]
+    assert reader.damage == ""
+    assert [one.data.removeprefix(ENCAPSULATION) for one in samples] == [
+        b"x", bytes(range(256)) * 12, b"\x7e\x7d" * 40
+    ]  # fmt: skip
+    assert {one.channel.metadata["type"] for one in samples} == {"T"}
+    for file, words in (("a.mcap", "is there already"), ("b.txt", "ends in .mcap: b.txt.mcap"),
+                        ("no/b.mcap", "there is no folder")):  # fmt: skip
+        refused = run("agent", "udp4", "-p", "0", "--rec", file, cwd=tmp_path, env=place)
+        assert refused.returncode == 2
+        assert words in refused.stderr
 
 
 async def test_our_client_over_a_pseudo_terminal(tmp_path: Path, place: dict[str, str]) -> None:

@@ -50,6 +50,8 @@ def common_options(function: Command) -> Command:
     @space_option
     @metrics_option
     @log_options
+    @click.option("--rec", metavar="FILE", type=click.Path(path_type=Path),
+                  help="Record samples and CAN frames in this .mcap file (extra msbot[master]).")  # fmt: skip
     @click.option("-r", "--refs", metavar="FILE", type=click.Path(path_type=Path),
                   help="Profiles (XML) for clients that create objects by reference.")  # fmt: skip
     @click.option("-v", "--verbose", type=click.IntRange(0, 6), is_flag=False, flag_value=DEFAULT_VERBOSE,
@@ -66,12 +68,13 @@ def common_options(function: Command) -> Command:
     def wrapped(
         *, middleware: str | None, space: SpaceAddress, metrics_port: int | None, log_wishes: LogWishes,
         refs: Path | None, verbose: int, dead_after: float | None, master: str | None, name: str | None,
+        rec: Path | None,
         **others: object,
     ) -> None:  # fmt: skip
         function(
             wishes=Wishes(
                 verbose, middleware, refs, math.inf if dead_after is None else dead_after, space, metrics_port,
-                log_wishes, wished_master(master, name, space),
+                log_wishes, wished_master(master, name, space), rec,
             ),
             **others,
         )  # fmt: skip

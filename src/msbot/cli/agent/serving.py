@@ -9,7 +9,7 @@ import logging
 import math
 import os
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,7 @@ import click
 
 from msbot.agent import Agent, AgentSettings, DiscoveryResponder, StatusServer, host_ipv6_addresses
 from msbot.cli.agent.packets import packet_tap
+from msbot.cli.agent.recording import AgentRecording, check_recording
 from msbot.cli.run.logs import LogWishes
 from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.until_ended import run_until_signal
@@ -87,6 +88,8 @@ class Wishes:
     log: LogWishes = field(default_factory=LogWishes)
     master: MasterElsewhere | None = None
     """The master that says who is let in; None: everybody is."""
+    rec: Path | None = None
+    """A file in which everything is recorded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +127,12 @@ def serve(
     logging.getLogger("msbot").setLevel(LEVELS[wishes.verbose])  # the details of other libraries are of no use here
     wishes.log.apply()
     references = None if wishes.refs is None else read_references(wishes.refs)
+    if wishes.rec is not None:
+        if wishes.master is not None:
+            raise ConfigError(
+                "--rec is for an agent on its own; a robot is recorded by its master: `msbot master --rec`"
+            )
+        check_recording(wishes.rec)
     if isinstance(link, TcpServerLink):
         _allow_connections()
     with contextlib.suppress(KeyboardInterrupt), patient_output():
@@ -196,17 +205,20 @@ async def _main(  # noqa: PLR0917 - what `serve` was given
     link: Link, wishes: Wishes, references: References | None, discovery: Discovery | None, hint: str,
     open_for: Callable[[int], Link],
 ) -> None:  # fmt: skip
-    with open_space(wishes.space) as space:
+    with open_space(wishes.space) as inner:
+        recording = None if wishes.rec is None else AgentRecording(wishes.rec)
+        space = inner if recording is None else recording.space(inner)
         where = "; ".join(filter(None, (hint, space.words)))
-        if isinstance(space, SharedSpace):
-            RosGraph(space)  # micro-ROS clients are nodes for ROS 2
+        if isinstance(inner, SharedSpace):
+            RosGraph(inner)  # micro-ROS clients are nodes for ROS 2
         greet = partial(_greet, wishes=wishes, hint=where)
-        await _run_in(space, link, wishes, references, greet, discovery, open_for)
+        beside = [] if recording is None else [recording.run(link)]
+        await _run_in(space, link, wishes, references, greet, discovery, open_for, beside)
 
 
 async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
     space: Space, link: Link, wishes: Wishes, references: References | None, greet: Callable[[Link, str], None],
-    discovery: Discovery | None, open_for: Callable[[int], Link],
+    discovery: Discovery | None, open_for: Callable[[int], Link], more: Sequence[Coroutine[object, object, None]],
 ) -> None:  # fmt: skip
     up = asyncio.Event()
 
@@ -237,7 +249,7 @@ async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
         say(f"agent {wishes.master.name} looks for the robot's master on {wishes.master.address}; Ctrl-C ends it")
     if wishes.verbose >= SAY_PACKETS:
         agent.tap = packet_tap(link, click.echo)
-    beside = [StatusServer(agent, what="agent", name=link.info.name).run()]
+    beside = [StatusServer(agent, what="agent", name=link.info.name).run(), *more]
     beside += metrics_beside(wishes.metrics_port, agent, click.echo)
     if discovery is not None:
         beside.append(_answer_questions(link, up, discovery))

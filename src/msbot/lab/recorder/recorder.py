@@ -7,7 +7,7 @@ calls `drain` has only to join them. A sample costs some 0.4 µs.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import count
 from typing import Final, Protocol
 
@@ -108,7 +108,11 @@ class Recorder:
             operations.faults.on_change(self._fault_changed)
             operations.missions.on_note(self._mission_noted)
         self._say_all(master)
-        for link in master.links:
+        self.watch_links(master.links)
+
+    def watch_links(self, links: Iterable[Link]) -> None:
+        """Record the frames of those that are CAN links."""
+        for link in links:
             if isinstance(link, CanEnd) and link not in self._tapped:
                 self._tapped.add(link)
                 link.on_frame(self._frame_tap(link.info.name, link.info.bits_per_second))

@@ -1,0 +1,62 @@
+"""The flight recorder beside an agent, for `msbot agent --rec FILE`."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+
+from msbot.errors import ConfigError
+from msbot.link import Link
+from msbot.space import Space
+
+SUFFIX = ".mcap"
+
+
+def check_recording(path: Path) -> None:
+    """Make sure that a recording can be made there.
+
+    Raises:
+        ConfigError: the text says what would be right.
+    """
+    if path.suffix.lower() != SUFFIX:
+        raise ConfigError(f"--rec {path}: a recording is a file that ends in {SUFFIX}: {path}{SUFFIX}")
+    if path.exists():
+        raise ConfigError(f"--rec {path}: the file is there already; give the recording another name")
+    if not path.absolute().parent.is_dir():
+        raise ConfigError(f"--rec {path}: there is no folder {path.absolute().parent}")
+    try:
+        import msbot.lab.recorder.recorder_process  # noqa: F401
+    except ImportError as error:
+        raise ConfigError(f"--rec needs the package {error.name}: `pip install 'msbot[master]'`") from error
+
+
+class AgentRecording:
+    """Records one agent; must be made inside its event loop.
+
+    Args:
+        path: where; see `check_recording`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        from msbot.config import load_library
+        from msbot.lab.recorder.recorder import Recorder
+
+        self._path = path.absolute()
+        # The types that MsBOT knows have schemas; samples of others are recorded as octets.
+        self._recorder = Recorder(asyncio.get_running_loop().time, time.time_ns, load_library())
+
+    def space(self, space: Space) -> Space:
+        """The space for the agent."""
+        return self._recorder.space(space)
+
+    async def run(self, link: Link) -> None:
+        """Record until cancelled; then the file is finished."""
+        from msbot.lab.recorder.recorder_process import RecorderProcess, run_recorder
+        from msbot.lab.recorder.ring import RingLimits
+        from msbot.lab.recorder.wish import RING_OCTETS, RING_S
+
+        process = RecorderProcess(self._recorder, None, RingLimits(RING_S, RING_OCTETS))
+        self._recorder.watch_links([link])
+        process.record(self._path)
+        await run_recorder(process)
