@@ -18,12 +18,13 @@ NO_FACTS = {
     **dict.fromkeys(("master", "part", "bus serve", *(f"agent {transport}" for transport in (
         "udp4", "udp6", "tcp4", "tcp6", "serial", "multiserial", "pseudoterminal", "can", "canfd", "can-legacy",
     ))), RUNS),
-    **dict.fromkeys(("board run", "board shell", "play", "relay"), RUNS),
+    **dict.fromkeys(("board run", "board shell", "play", "relay", "gateway", "router"), RUNS),
     **dict.fromkeys(("init", "export", "completion", "idl to-python", "idl to-idl", "idl to-c"), WRITES),
     **dict.fromkeys(("rec save", "log filter", "log export"), WRITES),
     **dict.fromkeys((
         "library add", "db migrate", "db backup", "db restore", "service install", "service remove", "user role",
         "user remove", "key board", "key remove", "bus send", "board reset", "rec start", "rec stop",
+        "class apply", "class undo",
     ), DOES),
     **dict.fromkeys(("user add", "user passwd", "key new"), SECRET),
     "plot": "draws; `--out FILE.csv` has the numbers",
@@ -37,6 +38,7 @@ WHOLE = "is about the whole database"
 NOT_ONE_ROBOT = {
     **dict.fromkeys(("master", "diff", "apply", "slot add", "service install"), BLUEPRINT),
     **dict.fromkeys(("robots", "db backup", "db check", "db migrate", "db restore"), WHOLE),
+    **dict.fromkeys(("class list", "class stop", "class apply", "class undo"), "is about all robots of the class"),
     **dict.fromkeys(("user add", "user list", "user passwd", "user remove", "user role"),
                     "people may sign in at every robot of the database"),
     **dict.fromkeys(("key board", "key new", "key list", "key remove"),

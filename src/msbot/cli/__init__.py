@@ -50,6 +50,7 @@ COMMANDS = {
     "slot": ("blueprint.slot", "Give a robot a new slot: in its blueprint, and in force at once."),
     "export": ("blueprint.export", "Write a robot of the database down as a blueprint."),
     "robots": ("look.robots", "List the robots of a database."),
+    "class": ("school.school", "All robots of a class: list, search, one STOP, one blueprint for many."),
     "user": ("user.user", "List, add and remove the people who may sign in on the page."),
     "service": ("service.service", "Have a robot start with the computer, and back up its database."),
     "db": ("db", "Take care of a robot's database: migrate, copy, restore, check."),

@@ -39,7 +39,7 @@ def command(blueprint: Path, folders: tuple[Path, ...], db: str | None, *, yes: 
         if not as_json:
             _show(registry, blueprint, plan_lines(plan), is_new=robot is None)
         if plan or robot is None:
-            if not yes and not _agreed():
+            if not yes and not agreed():
                 raise click.Abort
             words = put_in_force(registry, wanted, library, blueprint, folders)
     if as_json:
@@ -59,7 +59,12 @@ def _show(registry: Registry, blueprint: Path, lines: list[str], *, is_new: bool
         click.echo(line)
 
 
-def _agreed() -> bool:
+def agreed() -> bool:
+    """Ask whether to change it.
+
+    Raises:
+        ConfigError: nobody is there to ask.
+    """
     if not sys.stdin.isatty():
         raise ConfigError("nobody is there to ask: add --yes to change it without asking")
     return click.confirm("Change it?")

@@ -40,6 +40,7 @@ def details_of(master: Master, db: str, *, page: str = "", trouble: str | None =
     known = {
         "robot": master.profile.name,
         "serial_number": master.profile.serial_number,
+        "version": master.profile.version,
         "database": database_identity(db),
         "page": page,
         "slots": str(len(master.inventory.slots.names())),

@@ -1,0 +1,1 @@
+"""Commands for all robots of a class."""
