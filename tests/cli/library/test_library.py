@@ -116,7 +116,7 @@ def test_an_unknown_number_is_told_with_the_nearest() -> None:
 
 
 def test_what_is_right_is_said_with_hints(folder: Path) -> None:
-    assert said("check").startswith("No mistake: 4")
+    assert said("check").startswith("No mistake: 5")
     text = said("check", folder / "lux.toml")
     assert text.splitlines()[0] == (
         f'{folder}/lux.toml: hint: port "lamp" has no safe value: it keeps on when its master is lost; '

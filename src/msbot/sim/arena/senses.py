@@ -179,7 +179,7 @@ class Senses:
         down_x, down_y = self._floor.slope((pose.x, pose.y))
         c, s = math.cos(pose.angle), math.sin(pose.angle)
         ahead, left = c * down_x + s * down_y, c * down_y - s * down_x
-        return {"pitch": math.degrees(math.asin(ahead)), "roll": -math.degrees(math.asin(left))}
+        return {"pitch": math.degrees(math.asin(ahead)), "roll": 0.0 - math.degrees(math.asin(left))}
 
     def _wheel(self, robot: ArenaRobot, seat: Seat) -> float:
         """Turns of the axle per minute."""
