@@ -11,12 +11,16 @@ from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
+from unittest.mock import patch
 from urllib.request import urlopen
 
 import pytest
 
 from msbot.agent import Agent
 from msbot.errors import ConfigError
+from msbot.link import Link, LinkInfo
+from msbot.link.can.protocol import Frame
+from msbot.link.net import UdpServerLink
 from msbot.master import Master
 from msbot.metrics import (
     AgentFigures,
@@ -29,8 +33,9 @@ from msbot.metrics import (
     PageFigures,
     RobotFigures,
 )
+from msbot.metrics.bus_meter import meter_of
 from msbot.metrics.exposition import exposition
-from msbot.metrics.figures import LinkFigures
+from msbot.metrics.figures import BusLoad, LinkFigures
 from msbot.space import MemorySpace
 
 prometheus = pytest.importorskip("prometheus_client", reason="pip install 'msbot[metrics]'")
@@ -77,6 +82,30 @@ def test_everything_is_written_as_prometheus_reads_it() -> None:
     assert found["msbot_beats_total", ()] == 77
     assert found["msbot_database_well", ()] == 0
     assert found["msbot_bus_load_ratio", ("sim0",)] == 0.25
+
+
+async def test_the_bus_is_measured_without_a_page() -> None:
+    class Bus:
+        """A CAN link, as far as a meter sees it."""
+
+        info = LinkInfo("can0", 8, bits_per_second=1000)
+
+        def on_frame(self, tap: Callable[[float, str, Frame], None]) -> None:
+            self.tap = tap
+
+    now = [10.0]
+    bus, other = Bus(), UdpServerLink("127.0.0.1", 0)
+    assert meter_of([other], lambda: now[0]) is None
+    with patch("msbot.metrics.bus_meter.CanEnd", Bus):
+        meter = meter_of([cast("Link", bus), other], lambda: now[0])
+    assert meter is not None
+    bus.tap(9.5, "here", Frame(0x101, bytes(8)))
+    figures = Collecting(Agent(MemorySpace()), bus=meter)()
+    found = values(exposition(lambda: figures)[0])
+    assert found["msbot_bus_load_ratio", ("can0",)] == pytest.approx((47 + 64) / 1000)
+    assert found["msbot_bus_bitrate", ("can0",)] == 1000
+    now[0] = 10.6
+    assert Collecting(Agent(MemorySpace()), bus=meter)().bus == BusLoad("can0", 0.0, 1000)
 
 
 def test_the_page_names_every_figure_and_no_other() -> None:

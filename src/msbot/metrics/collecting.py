@@ -13,9 +13,11 @@ from typing import Final
 
 from msbot.agent import Agent
 from msbot.master import Master
+from msbot.metrics.bus_meter import FrameMeter
 from msbot.metrics.figures import (
     AgentFigures,
     Buckets,
+    BusLoad,
     DatabaseFigures,
     LinkFigures,
     MomentFigures,
@@ -85,18 +87,21 @@ class Collecting:
         master: the robot, if it is one's.
         database: how its database is.
         page: how its page is; None: it has none.
+        bus: measures its CAN bus where no page does.
         noting: what is noted between questions.
     """
 
     def __init__(
         self, agent: Agent, *, master: Master | None = None, database: Callable[[], DatabaseFigures] | None = None,
         page: Callable[[], PageFigures | None] | None = None, noting: Noting | None = None,
+        bus: FrameMeter | None = None,
     ) -> None:  # fmt: skip
         self._agent = agent
         self._master = master
         self._database = database
         self._page = page
         self._noting = noting
+        self._bus = bus
 
     def __call__(self) -> MomentFigures:
         """The figures of this moment."""
@@ -106,6 +111,7 @@ class Collecting:
             robot=None if self._master is None else _of_robot(self._master),
             database=None if self._database is None else self._database(),
             page=None if self._page is None else self._page(),
+            bus=None if (bus := self._bus) is None else BusLoad(bus.name, bus.load_percent() / 100, bus.bitrate),
             beats=0 if noting is None else noting.beats,
             beat_intervals=None if noting is None or self._master is None else noting.intervals.read(),
             loop_delays=None if noting is None else noting.delays.read(),

@@ -67,6 +67,8 @@ def families(figures: MomentFigures) -> Iterator[Metric]:
         yield from _database(figures.database)
     if figures.page is not None:
         yield from _page(figures.page)
+    if figures.bus is not None:
+        yield from _bus(figures.bus.name, figures.bus.load, figures.bus.bitrate)
 
 
 def _agent(agent: AgentFigures) -> Iterator[Metric]:
@@ -115,17 +117,21 @@ def _database(database: DatabaseFigures) -> Iterator[Metric]:
 
 
 def _page(page: PageFigures) -> Iterator[Metric]:
-    from prometheus_client.core import GaugeMetricFamily
-
     yield _gauge("msbot_page_sessions", "People and programs that are signed in.", page.sessions)
     yield _gauge("msbot_page_connections", "Connections to the page.", page.connections)
     if page.bus:
-        load = GaugeMetricFamily("msbot_bus_load_ratio", "Share of the last second in which the bus was busy.",
-                                 labels=["bus"])  # fmt: skip
-        load.add_metric([page.bus], page.bus_load)
-        bitrate = GaugeMetricFamily("msbot_bus_bitrate", "Bits per second.", labels=["bus"])
-        bitrate.add_metric([page.bus], page.bus_bitrate)
-        yield from (load, bitrate)
+        yield from _bus(page.bus, page.bus_load, page.bus_bitrate)
+
+
+def _bus(name: str, share: float, bits_per_second: int) -> Iterator[Metric]:
+    from prometheus_client.core import GaugeMetricFamily
+
+    load = GaugeMetricFamily("msbot_bus_load_ratio", "Share of the last second in which the bus was busy.",
+                             labels=["bus"])  # fmt: skip
+    load.add_metric([name], share)
+    bitrate = GaugeMetricFamily("msbot_bus_bitrate", "Bits per second.", labels=["bus"])
+    bitrate.add_metric([name], bits_per_second)
+    yield from (load, bitrate)
 
 
 def _gauge(name: str, words: str, value: float) -> Metric:

@@ -103,6 +103,16 @@ class PageFigures:
 
 
 @dataclass(frozen=True, slots=True)
+class BusLoad:
+    """The CAN bus, where no page measures it."""
+
+    name: str
+    load: float
+    """Share of the last second in which it was busy, 1 = always."""
+    bitrate: int
+
+
+@dataclass(frozen=True, slots=True)
 class MomentFigures:
     """Everything of one moment; what the process does not have is None."""
 
@@ -110,6 +120,8 @@ class MomentFigures:
     robot: RobotFigures | None = None
     database: DatabaseFigures | None = None
     page: PageFigures | None = None
+    bus: BusLoad | None = None
+    """None also where the page has it."""
     beats: int = 0
     """Beats of all parts since they are noted."""
     beat_intervals: Histogram | None = None

@@ -7,46 +7,19 @@ shows those. The load is worked out from frame lengths without stuff bits: up to
 from __future__ import annotations
 
 import asyncio
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from msbot.link import Link
 from msbot.link.can import CanEnd
 from msbot.link.can.protocol import Frame
+from msbot.metrics.bus_meter import FrameMeter
 from msbot.web.assembly import Seen
 from msbot.web.frames import FrameRing
 from msbot.web.views import BusMeter
 
-_WINDOW_S = 1.0
-_CLASSIC_BITS, _EXTENDED_BITS = 47, 67
-"""Bits of a classic frame without data: ISO 11898-1 10.4.2, with intermission, without stuff bits."""
 
-
-class LinkMeter(BusMeter):
+class LinkMeter(FrameMeter, BusMeter):
     """The figures of the buses of some links."""
-
-    def __init__(self, name: str, bitrate: int, clock: Callable[[], float]) -> None:
-        self.name = name
-        self.bitrate = bitrate
-        self._clock = clock
-        self._frames: deque[tuple[float, int]] = deque()
-        self._bits = 0
-
-    def tap(self, at: float, sender: str, frame: Frame) -> None:  # noqa: ARG002 - what a bus calls
-        """Count a frame."""
-        bits = (_EXTENDED_BITS if frame.extended else _CLASSIC_BITS) + 8 * len(frame.data)
-        self._frames.append((at, bits))
-        self._bits += bits
-        self._forget(at)
-
-    def load_percent(self) -> float:
-        """See `BusMeter.load_percent`."""
-        self._forget(self._clock())
-        return 100 * self._bits / (self.bitrate * _WINDOW_S) if self.bitrate else 0.0
-
-    def _forget(self, now: float) -> None:
-        while self._frames and self._frames[0][0] <= now - _WINDOW_S:
-            self._bits -= self._frames.popleft()[1]
 
 
 def seen_of_links(links: Sequence[Link]) -> Seen:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Coroutine
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,7 @@ def metrics_beside(
     if port is None:
         return []
     from msbot.metrics import Collecting, DatabaseFigures, MetricsServer, Noting
+    from msbot.metrics.bus_meter import meter_of
 
     def database() -> DatabaseFigures:
         assert registry is not None
@@ -32,12 +34,16 @@ def metrics_beside(
         return DatabaseFigures(health.waiting, health.lost, health.is_well)
 
     noting = Noting(master)
+    links = agent.links if master is None else master.links
+    # The page measures the bus already, if there is one.
+    meter = meter_of(links, asyncio.get_running_loop().time) if room() is None else None
     collecting = Collecting(
         agent,
         master=master,
         database=None if registry is None else database,
         page=lambda: None if (page := room()) is None else page.figures(),
         noting=noting,
+        bus=meter,
     )
     server = MetricsServer(collecting, noting, port)
     say(f"Figures for Prometheus are at {server.address}")
