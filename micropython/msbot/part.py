@@ -43,8 +43,9 @@ class Part:
     """One part of a robot: a part number, ports, and functions that are called when something happens."""
 
     def __init__(self, part_number, *, local_name=None, robot="*", uid=None, board=None, key=None, describes=False):
-        self.part_number = _name("part number", part_number)
-        self.local_name = _name("local name", part_number if local_name is None else local_name)
+        self.part_number = part_number
+        self.local_name = part_number if local_name is None else local_name
+        load("declaring").check_names(self)
         self.robot = robot if isinstance(robot, ExpectedRobot) else ExpectedRobot(robot)
         if uid is not None and len(uid) != 8:
             raise ConfigError("a UID has 8 octets, not {}".format(len(uid)))
@@ -306,13 +307,6 @@ class Part:
 def stream_of(binding):
     """The stream of a port's samples."""
     return RELIABLE if binding[4] else BEST_EFFORT
-
-
-def _name(what, text):
-    size = len(text.encode())
-    if not text or size > 254 or "\0" in text:
-        raise ConfigError("the {} must have 1 to 254 octets, not {}".format(what, size))
-    return text
 
 
 def read_setting(name, text, kind):
