@@ -124,6 +124,7 @@ SHOTS = (
     Shot("arena", "/arena", _drive, world="sorting"),
     Shot("plots", "/plots?show=ear.level,ear:threshold,@late&span=10"),
     Shot("timeline", "/timeline", _last_minute),
+    Shot("learn", "/learn"),
     Shot("library", "/library"),
     Shot("passport", "/library/SG90"),
     Shot("missions", "/missions"),

@@ -18,8 +18,8 @@ class World:
     def __init__(self, states: Mapping[str, str] = {}, numbers: Mapping[str, float] = {}) -> None:
         self.states, self.numbers = dict(states), dict(numbers)
 
-    def state(self, slot: str) -> str:
-        return self.states.get(slot, "empty")
+    def is_in_state(self, slot: str, state: str) -> bool:
+        return self.states.get(slot, "empty") == state
 
     def number(self, source: str) -> float | None:
         return self.numbers.get(source)

@@ -12,6 +12,8 @@ import pytest
 from msbot.config import PartType
 from msbot.lab.faults.fault_lab import FaultLab
 from msbot.lab.missions.mission_lab import MissionLab
+from msbot.lessons.lesson_desk import LessonDesk
+from msbot.lessons.shelf import LessonShelf
 from msbot.operations.dispatch import perform
 from msbot.operations.table import OPERATIONS
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
@@ -54,6 +56,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         stage.operations.recording.use(Tape())
         MissionLab(stage.operations, FaultLab(stage.operations))
+        LessonDesk(stage.operations, LessonShelf())
         done = {
             "swap": await ask(stage, "swap", slot="BB", to="DD"),
             "release": await ask(stage, "release", slot="CC"),
@@ -91,6 +94,12 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "mission_hint": await ask(stage, "mission_hint"),
             "stop_mission": await ask(stage, "stop_mission"),
             "mission_report": await ask(stage, "mission_report"),
+            "start_lesson": await ask(stage, "start_lesson", lesson="ring"),
+            "join_lesson": await ask(stage, "join_lesson"),
+            "answer_lesson": await ask(stage, "answer_lesson", check="1.3", answer="HelloWorldTopic_1_to_2"),
+            "hand": await ask(stage, "hand", down=True),
+            "lesson": await ask(stage, "lesson"),
+            "stop_lesson": await ask(stage, "stop_lesson"),
             "ignore": await ask(stage, "ignore", part="DD"),
             "simulate": await ask(stage, "simulate", slot="CC"),
             "identify": await ask(stage, "identify", part="AA"),

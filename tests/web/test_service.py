@@ -62,6 +62,8 @@ LEAST = {
     "simulate": Role.TEACHER, "objects": Role.VIEWER, "start_mission": Role.TEACHER, "stop_mission": Role.TEACHER,
     "answer_mission": Role.STUDENT, "repair": Role.STUDENT, "mission_hint": Role.STUDENT, "mission": Role.VIEWER,
     "mission_report": Role.VIEWER,
+    "start_lesson": Role.TEACHER, "stop_lesson": Role.TEACHER,
+    "join_lesson": Role.STUDENT, "answer_lesson": Role.STUDENT, "hand": Role.STUDENT, "lesson": Role.VIEWER,
 }  # fmt: skip
 """Who may do each operation of the table at least; said twice on purpose."""
 

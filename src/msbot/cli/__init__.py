@@ -60,6 +60,7 @@ COMMANDS = {
     "plot": ("record.plot", "Draw curves of a robot or a recording, or one CAN frame as levels."),
     "fault": ("lab.fault", "Let something go wrong on purpose, for a while: a lost part, noise, a stuck sensor."),
     "mission": ("lab.mission", "Missions: something goes wrong, a class finds and mends it, and is graded."),
+    "lesson": ("lesson", "Lessons that check themselves: list them, begin one, see who is where."),
     "idl": ("idl", "Turn message definitions (OMG IDL, ROS 2) into Python, C or IDL."),
     "explain": ("explain", "Explain a message, a frame or a capture: words, fields, bits, cost."),
     "quiz": ("quiz", "Decode messages and frames yourself, and be told how it is done."),

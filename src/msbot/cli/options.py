@@ -40,6 +40,12 @@ metrics_option = click.option(
 )  # fmt: skip
 
 
+lessons_option = click.option(
+    "--lessons", "lessons", multiple=True, type=click.Path(path_type=Path, file_okay=False), metavar="FOLDER",
+    help="A folder with more lessons (Markdown files), besides those that MsBOT brings; may be given several times.",
+)  # fmt: skip
+
+
 class SpaceType(click.ParamType[SpaceAddress]):
     """`memory`, `dds`, `dds:5?interface=eth0`, `zenoh:tcp/host:7447`."""
 

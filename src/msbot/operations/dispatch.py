@@ -21,6 +21,7 @@ from msbot.operations.bus_objects import BusObjects
 from msbot.operations.by_hand import ByHand
 from msbot.operations.described_parts import DescribedParts
 from msbot.operations.faults import Faults
+from msbot.operations.lessons import Lessons
 from msbot.operations.missions import Missions
 from msbot.operations.outcome import Outcome
 from msbot.operations.placement import Placement
@@ -175,9 +176,11 @@ class RunningOperations(Operations):
         self.recording = Recording()
         self.faults = Faults(running)
         self.missions = Missions(running)
+        self.lessons = Lessons(running)
         super().__init__(
             SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
-            self.applying, self.by_hand, self.recording, self.faults, self.missions, Blocking(running), Wires(running),
+            self.applying, self.by_hand, self.recording, self.faults, self.missions, self.lessons,
+            Blocking(running), Wires(running),
             described, self.stand_ins, BusObjects(running),
         )  # fmt: skip
 

@@ -74,7 +74,15 @@ class Faults:
     ) -> Outcome:  # fmt: skip
         """Plant a fault."""
         wish = FaultWish(kind, at, amount, jitter_ms, port, number, after_s, for_s, when, chance, seed, hidden=hidden)
-        return Outcome(self._the_lab().plant(wish, who))
+        return Outcome(self.plant(wish, who))
+
+    def plant(self, wish: FaultWish, who: str) -> str:
+        """Plant a fault; says what will happen.
+
+        Raises:
+            ConfigError: it cannot be planted; the text says why.
+        """
+        return self._the_lab().plant(wish, who)
 
     def clear_fault(self, fault: int | None, who: str) -> Outcome:
         """End one fault, or all."""

@@ -16,6 +16,8 @@ from msbot.registry.edits.editing import Making
 from msbot.runtime.sentence import said
 
 _T = TypeVar("_T")
+EMPTY = "empty"
+"""The state of a slot without a part."""
 
 
 class RunningRobot:
@@ -88,6 +90,18 @@ class RunningRobot:
     def holder(self, slot: str) -> PartInfo | None:
         """The part that holds a slot."""
         return self.inventory.holder(slot, self.now())
+
+    def state_of(self, slot: str) -> str:
+        """The state of the part in a slot, or of the one that was there last; `empty`: none was."""
+        holder = self.holder(slot)
+        if holder is not None:
+            return holder.state.value
+        gone = [info for info in self.inventory.view(self.now()) if info.slot == slot and info.state.is_over]
+        return min(gone, key=lambda info: info.state_age_s).state.value if gone else EMPTY
+
+    def is_in_state(self, slot: str, state: str) -> bool:
+        """Whether the part in a slot is in a state, or the one that was there last; `empty`: there is none now."""
+        return self.holder(slot) is None if state == EMPTY else self.state_of(slot) == state
 
     def slot_names(self) -> Sequence[str]:
         """See `ChangeableRobot.slot_names`."""

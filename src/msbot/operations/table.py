@@ -357,6 +357,31 @@ _ROWS = (
         "mission_report", "Marks, times and wrong acts of a mission that is over.",
         (Argument("number", ArgumentKind.WHOLE, least=1, most=2**53, help="Which one; left out: the latest."),),
     ),
+    Operation(
+        "start_lesson", "Set the robot up for a lesson, and begin it.",
+        (Argument("lesson", is_needed=True, shown_as="LESSON", help="Its name; `msbot lesson list` has them."),),
+        Right.DESIGN, Where.RUNNING, Kept.LINE, "lesson", "POST /lesson/start",
+    ),
+    Operation(
+        "stop_lesson", "End the lesson that runs, and put everything back.",
+        (), Right.DESIGN, Where.RUNNING, Kept.LINE, "lesson", "POST /lesson/stop",
+    ),
+    Operation(
+        "join_lesson", "Take part in the lesson that runs: what ticks is kept for you.",
+        (), Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /lesson/join",
+    ),
+    Operation(
+        "answer_lesson", "Answer a question of the lesson that runs.",
+        (Argument("check", is_needed=True, shown_as="STEP.NUMBER", help="Which question."),
+         Argument("answer", is_needed=True, longest=1000, shown_as="ANSWER", help="The answer.")),
+        Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /lesson/answer",
+    ),
+    Operation(
+        "hand", "Ask the teacher for help in the lesson that runs.",
+        (Argument("down", ArgumentKind.FLAG, default=False, option="--down", help="No help is needed any more."),),
+        Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /lesson/hand",
+    ),
+    Operation("lesson", "The lesson that runs, what has ticked, and a hint for who is stuck."),
     Operation("stored", "Wait until what the robot has said is in its database, as far as that is possible."),
     Operation("why", "The state of a part, and which rules led there.", (_part("The part."),)),
 )  # fmt: skip

@@ -87,6 +87,7 @@ class EditKind(Enum):
     RESTORE = "restore"
     FAULT = "fault"
     MISSION = "mission"
+    LESSON = "lesson"
 
 
 UNDOABLE = frozenset(

@@ -23,6 +23,7 @@ from msbot.registry.database.schema import Migrations, bring_up_to_date, check_s
 from msbot.registry.database.storage import Storage
 from msbot.registry.edits.editing import Edits
 from msbot.registry.edits.users import PartKeys, Users
+from msbot.registry.lesson_ticks import LessonTicks
 from msbot.registry.programs import Programs
 from msbot.registry.robots import Robots
 from msbot.registry.running.runs import Runs
@@ -89,6 +90,7 @@ class Registry:
         self.users = Users(storage)
         self.keys = PartKeys(storage, self.edits)
         self.programs = Programs(storage)
+        self.lesson_ticks = LessonTicks(storage)
 
     @property
     def database(self) -> str:

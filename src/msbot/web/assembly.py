@@ -12,6 +12,7 @@ from msbot.agent import read_statuses
 from msbot.config import Library
 from msbot.doctor import Patient
 from msbot.doctor.patient import PAGE_PORT
+from msbot.lessons.lesson_desk import LessonDesk
 from msbot.master import Master
 from msbot.metrics import Collecting, DatabaseFigures, MomentFigures, Noting, PageFigures
 from msbot.operations.bus_objects import known_object
@@ -28,6 +29,7 @@ from msbot.web.api.models import Robot
 from msbot.web.cards import stop_state
 from msbot.web.examining import Examining
 from msbot.web.frames import FrameRing
+from msbot.web.learning import Learning
 from msbot.web.live import Live
 from msbot.web.programs.program_shelf import RegistryShelf
 from msbot.web.records import RegistryUsers, no_records, registry_records
@@ -81,6 +83,7 @@ class WebRoom:
         database: its database; None: neither journal nor users are stored.
         seen: its bus and its simulated parts.
         settings: where the pages are served.
+        lessons: its lesson desk.
         entry_link: a link signs people in as administrator, without a password: for the demo.
 
     Raises:
@@ -90,6 +93,7 @@ class WebRoom:
     def __init__(
         self, master: Master, operations: RunningOperations, library: Library, *,
         database: Database | None, seen: Seen, settings: WebSettings, entry_link: bool = False,
+        lessons: LessonDesk | None = None,
     ) -> None:  # fmt: skip
         self._master = master
         self._frames = seen.frames
@@ -136,6 +140,7 @@ class WebRoom:
             programs=None if database is None else RegistryShelf(database.registry),
             doctor=Examining(partial(self._patient, master, database), clock),
             figures=self._read_figures, arena=seen.arena,
+            learning=Learning(lessons, None if database is None else database.registry, accounts),
         )  # fmt: skip
         self.server = WebServer(self.service, settings)
         master.add_link(self.server.parts)

@@ -37,6 +37,7 @@ from msbot.web.api.models import (
 )
 from msbot.web.arena_deeds import ArenaDeeds
 from msbot.web.examining import Examining
+from msbot.web.learning import Learning
 from msbot.web.local_masters import LocalMaster, LocalMasters, StopForAll
 from msbot.web.past import RecordedPast
 from msbot.web.programs.program_deeds import ProgramDeeds
@@ -69,6 +70,7 @@ class Service:
         doctor: examines robot and computer; None: nobody does.
         arena: the world that its parts are in; None: none that is here.
         figures: reads the figures for Prometheus; None: there are none.
+        learning: the lessons; None: there are none.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class Service:
         robot: Callable[[], Robot], clock: Callable[[], float], neighbours: LocalMasters | None = None,
         programs: ProgramShelf | None = None, doctor: Examining | None = None,
         figures: Callable[[], MomentFigures] | None = None, arena: LivingArena | None = None,
+        learning: Learning | None = None,
     ) -> None:  # fmt: skip
         self.views = views
         self.accounts = accounts
@@ -93,6 +96,7 @@ class Service:
         """What the recorder has."""
         self.arena = ArenaDeeds(arena, accounts)
         self.programs = ProgramDeeds(programs or NoShelf(), accounts)
+        self.learning = learning or Learning(None, None, accounts)
         self._looking_around = asyncio.Lock()
         self._seen_robot: tuple[float, int, Robot] | None = None
         self._seen_robots: tuple[float, list[RobotTile]] | None = None

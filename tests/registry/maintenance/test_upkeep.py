@@ -38,6 +38,7 @@ def full(registry: Registry, blueprint: Blueprint, library: Library) -> Registry
     Hand(registry).keep_user("ann", "administrator", "ann", password_hash="salt", tokens=(("desk", "abc"),))
     registry.keys.keep(UID, b"\x00secret", "ann")
     registry.programs.keep("ann", "blink", "from msbot import Part")
+    registry.lesson_ticks.note(["ann"], "ring", "1.1", 5)
     registry.runs.node_ids(robot, "can:0").keep(7, UID)
     registry.storage.flush()
     return registry

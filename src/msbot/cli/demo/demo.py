@@ -22,22 +22,26 @@ import click
 from msbot.agent import StatusServer
 from msbot.cli.bus.frame_log import FrameLog
 from msbot.cli.change.robot_access import MASTER, details_of
+from msbot.cli.demo.for_lesson import blueprint_for, start_lesson
 from msbot.cli.demo.json import as_json
 from msbot.cli.demo.key_presses import KeyPresses
 from msbot.cli.demo.notes import Notes
 from msbot.cli.demo.script import ScriptRun, ScriptStep, ScriptType
 from msbot.cli.demo.world import PILOT, DemoWorld, WorldWishes, place_option, share_option, world_option
-from msbot.cli.options import metrics_option, space_option
+from msbot.cli.options import lessons_option, metrics_option, space_option
 from msbot.cli.run.logs import LogWishes, log_event, log_options
 from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
 from msbot.cli.run.recording import RobotRecording, rec_option
-from msbot.config import SAMPLES, Blueprint, Library, load_blueprint, load_library, write_sample
+from msbot.config import SAMPLES, Blueprint, Library, open_blueprint
 from msbot.demo import DemoRobot, Wire
 from msbot.errors import ConfigError, MsbotError
 from msbot.lab.faults.fault_lab import FaultLab
 from msbot.lab.missions.mission_lab import MissionLab
 from msbot.lab.recorder.wish import RecordingWish
+from msbot.lessons.lesson import Lesson
+from msbot.lessons.lesson_desk import LessonDesk
+from msbot.lessons.shelf import LessonShelf
 from msbot.link.can.sim import SimBusServer, check_free
 from msbot.master import StopSocket, first_error, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
@@ -70,6 +74,8 @@ class _Options:
     seed: int | None
     sample: str
     spare: bool
+    lesson: Lesson | None
+    lessons: tuple[Path, ...]
     page: PageWishes
     space: SpaceAddress
     rec: RecordingWish
@@ -105,6 +111,8 @@ class _Options:
 @place_option
 @share_option
 @click.option("--spare", is_flag=True, help="One part more than slots, DD like BB: it takes over when BB is lost.")
+@click.option("--lesson", metavar="NAME", help="The robot of a lesson, which begins at once; `msbot lesson list`.")
+@lessons_option
 @space_option
 @rec_option
 @metrics_option
@@ -114,7 +122,7 @@ def command(
     *, wire: str, bitrate: int, data_bitrate: int, no_compression: bool, seconds: float | None,
     script: list[ScriptStep], as_json_object: bool, log: Path | None, bus: str | None, seed: int | None,
     db: Path | None, sample: str | None, world: str | None, place: str | None, share: str | None,
-    spare: bool, space: SpaceAddress,
+    spare: bool, lesson: str | None, lessons: tuple[Path, ...], space: SpaceAddress,
     rec: RecordingWish, metrics_port: int | None, log_wishes: LogWishes,
     port: int | None, host: str, no_page: bool, certificate: Path | None,
     certificate_key: Path | None,
@@ -130,6 +138,8 @@ def command(
         Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, log, bus, seed,
         sample or ("rover" if world is None else "buggy"),
         spare,
+        None if lesson is None else LessonShelf(lessons).get(lesson),
+        lessons,
         page_wishes(port=port, host=host, no_page=no_page or (as_json_object and port is None),
                     certificate=certificate, certificate_key=certificate_key, page_names=page_names),
         space,
@@ -151,10 +161,7 @@ def command(
     if sys.stdout.isatty() and not options.page.off and not as_json_object:
         click.echo("Starting the robot and its page ...")
     with tempfile.TemporaryDirectory(prefix="msbot-demo-") as folder, contextlib.suppress(KeyboardInterrupt):
-        path = Path(folder) / "robot.toml"
-        write_sample(path, options.sample)
-        library = load_library()
-        blueprint = load_blueprint(path, library)
+        blueprint, library = open_blueprint(blueprint_for(options.sample, options.lesson, Path(folder)))
         address = str(db or Path(folder) / "robot.db")
         with open_registry(address) as registry:  # may be slow, so no event loop waits for it
             robot = registry.robots.apply_blueprint(blueprint, library)
@@ -199,6 +206,7 @@ async def _main(
         script = ScriptRun(options.script, robot, undo, notes.add)
         with _logging(robot, options.log):
             beside: list[Coroutine[object, object, None]] = world.beside()
+            desk = LessonDesk(operations, LessonShelf(options.lessons), parts=robot, bus=robot.bus_driver)
             room: WebRoom | None = None
 
             def page_address() -> str:
@@ -207,7 +215,7 @@ async def _main(
             if not options.page.off:
                 with made_to_stay():
                     room = _make_page(robot, operations, library, (registry, store.robot, address), options.page,
-                                      arena=world.living)  # fmt: skip
+                                      arena=world.living, desk=desk)  # fmt: skip
                 beside.append(serve_page(room, robot.master.ready, options.page, notes.add))
             beside.append(
                 _answering(robot, operations, address, page_address, lambda: registry.storage.health.trouble).run()
@@ -221,6 +229,7 @@ async def _main(
             beside.extend(recording.beside(robot.master, operations))
             faults = FaultLab(operations, parts=robot, bus=robot.bus_driver)
             beside += [faults.run(), MissionLab(operations, faults).run()]
+            beside += [desk.run(), start_lesson(desk, options.lesson, robot, notes.add)]
             if isinstance(space, SharedSpace):
                 beside.append(RobotInRos(robot.master, operations, space).run())
             if options.bus is None or robot.bus_driver is None:
@@ -256,7 +265,7 @@ def _answering(
 
 def _make_page(
     robot: DemoRobot, operations: RunningOperations, library: Library, database: tuple[Registry, RobotRecord, str],
-    wishes: PageWishes, *, arena: LivingArena | None,
+    wishes: PageWishes, *, arena: LivingArena | None, desk: LessonDesk,
 ) -> WebRoom:  # fmt: skip
     from msbot.web.assembly import Database, WebRoom
     from msbot.web.simulated.demo_bench import seen_of
@@ -264,7 +273,7 @@ def _make_page(
     seen = seen_of(robot, asyncio.get_running_loop().time, arena)
     return WebRoom(
         robot.master, operations, library, database=Database(*database), seen=seen, settings=wishes.settings(),
-        entry_link=True,
+        entry_link=True, lessons=desk,
     )  # fmt: skip
 
 

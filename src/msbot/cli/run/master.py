@@ -21,6 +21,7 @@ from msbot.cli.options import (
     DEFAULT_LINK,
     database_beside,
     db_option,
+    lessons_option,
     library_option,
     metrics_option,
     space_option,
@@ -35,6 +36,8 @@ from msbot.config import Blueprint, Library, open_blueprint
 from msbot.lab.faults.fault_lab import FaultLab
 from msbot.lab.missions.mission_lab import MissionLab
 from msbot.lab.recorder.wish import RecordingWish
+from msbot.lessons.lesson_desk import LessonDesk
+from msbot.lessons.shelf import LessonShelf
 from msbot.link import Link, open_link
 from msbot.link.can import CanSettings, Codec
 from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
@@ -64,6 +67,7 @@ class _Beside:
     rec: RecordingWish
     metrics_port: int | None
     log: LogWishes
+    lessons: tuple[Path, ...]
     bigger: BiggerRobot | None
     """The robot that this one is a part of."""
 
@@ -78,6 +82,7 @@ class _Beside:
 @rec_option
 @click.option("--standby", is_flag=True, help="Share the robot with a master on another computer: wait while that one "
               "serves it, take over when it ends; needs --db postgresql://...")  # fmt: skip
+@lessons_option
 @metrics_option
 @log_options
 @click.option("--part-of", metavar="ADDRESS", help="Be a part of a bigger robot as well: the way to its master.")
@@ -87,7 +92,7 @@ class _Beside:
 def command(
     blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
     rec: RecordingWish, standby: bool, part_of: str | None, as_number: str | None,
-    metrics_port: int | None, log_wishes: LogWishes,
+    lessons: tuple[Path, ...], metrics_port: int | None, log_wishes: LogWishes,
     verbose: bool, port: int | None, host: str, no_page: bool,
     certificate: Path | None, certificate_key: Path | None,
     page_names: tuple[str, ...],
@@ -107,12 +112,13 @@ def command(
     log_wishes.set_up(logging.INFO if verbose else logging.WARNING)
     robot, library = open_blueprint(blueprint, *folders)
     description = read_description(robot)
+    LessonShelf(lessons)  # as below
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
     bigger = bigger_robot(robot, library, part_of, as_number)
     where = db or database_beside(blueprint)
     with contextlib.suppress(KeyboardInterrupt):
-        wishes = _Beside(rec, metrics_port, log_wishes, bigger)
+        wishes = _Beside(rec, metrics_port, log_wishes, lessons, bigger)
         while _with_database(robot, library, addresses, space, where, page, wishes, description, standby=standby):
             pass  # it has lost the robot to another master, and waits again
 
@@ -224,6 +230,8 @@ async def _main(  # noqa: PLR0917
         beside: list[Coroutine[object, object, None]] = [] if lease is None else [_until_lost(lease)]
         faults = FaultLab(operations)
         beside += [faults.run(), MissionLab(operations, faults).run()]
+        desk = LessonDesk(operations, LessonShelf(wishes.lessons))
+        beside.append(desk.run())
         if isinstance(space, SharedSpace):
             beside.append(RobotInRos(master, operations, space, description=description).run())
         if wishes.bigger is not None:
@@ -245,6 +253,7 @@ async def _main(  # noqa: PLR0917
                     database=Database(registry, robot, db),
                     seen=seen_of_links(links),
                     settings=page.settings(),
+                    lessons=desk,
                 )
             beside.append(serve_page(room, master.ready, page, click.echo))
         beside += metrics_beside(wishes.metrics_port, master.agent, click.echo, master=master, registry=registry,

@@ -239,6 +239,16 @@ class Table:
             return []
         return [self._item(key, position, item, example) for position, item in enumerate(value)]
 
+    def one_or_more(self, key: str, example: str) -> list[str]:
+        """A text, or a list of texts, that must be there; an empty list after a problem."""
+        value = self._get(key)
+        if value is None:
+            self._missing(key, f'"{example}"')
+            return []
+        if isinstance(value, list):
+            return self.names(key, example)
+        return [] if (word := self._text(key, example, None)) is None else [self._item(key, 0, word, example)]
+
     def scalar(self, key: str) -> Scalar | None:
         """A number, a truth value or a text; None when absent or of another kind."""
         value = self._get(key)

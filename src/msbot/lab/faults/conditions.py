@@ -26,8 +26,8 @@ LOAD: Final = "load"
 class Circumstances(Protocol):
     """What conditions look at."""
 
-    def state(self, slot: str) -> str:
-        """The state of the part in a slot; `empty` when there is none."""
+    def is_in_state(self, slot: str, state: str) -> bool:
+        """Whether the part in a slot is in a state, or the one that was there last; `empty`: there is none now."""
 
     def number(self, source: str) -> float | None:
         """The newest number of `SLOT.PORT.FIELD`, or the load; None: nothing has come yet."""
@@ -42,7 +42,7 @@ class StateCondition:
 
     def holds(self, world: Circumstances) -> bool:
         """Whether it is so now."""
-        return world.state(self.slot) == self.wanted
+        return world.is_in_state(self.slot, self.wanted)
 
     def __str__(self) -> str:
         return f"{self.slot} is {self.wanted}"

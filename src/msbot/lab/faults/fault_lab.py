@@ -265,10 +265,9 @@ class FaultLab:
             times = said("{times}, by chance ({chance:g} each second)", times=times, chance=spec.chance)
         return times
 
-    def state(self, slot: str) -> str:
+    def is_in_state(self, slot: str, state: str) -> bool:
         """See `conditions.Circumstances`."""
-        holder = self._running.holder(slot)
-        return "empty" if holder is None else holder.state.value
+        return self._running.is_in_state(slot, state)
 
     def number(self, source: str) -> float | None:
         """See `conditions.Circumstances`."""

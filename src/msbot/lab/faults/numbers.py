@@ -93,8 +93,8 @@ class Numbers:
         library = self._running.library
         message = None if library is None else library.messages.get(binding.type_name)
         cls = None if message is None else message_class(message)
-        not_numbers = (FieldKind.TEXT, FieldKind.BOOL)
-        numeric = [name for name, kind in (message.fields.items() if message else ()) if kind not in not_numbers]
+        # On and off are 1 and 0.
+        numeric = [name for name, kind in (message.fields.items() if message else ()) if kind is not FieldKind.TEXT]
         if cls is None or (field and field not in numeric) or not numeric:
             known = ", ".join(numeric) or said("none")
             raise ConfigError(

@@ -105,7 +105,7 @@ class MissionLab:
         self._conditions = conditions
         self._run = MissionRun(mission, faults, who, self._running.now(), on_fact=self._noted)
         for slot in self._running.slot_names():
-            self._run.state(slot, self._faults.state(slot), "", self._running.now())
+            self._run.state(slot, self._running.state_of(slot), "", self._running.now())
         self._missions.journal(said("mission {mission} begins", mission=mission.name), who)
         self._look()
         return said("mission {mission} begins: {title}", mission=mission.name, title=mission.title)
@@ -198,7 +198,7 @@ class MissionLab:
                 said("the mission {mission} needs a robot with the slots {missing}{sample}", mission=mission.name,
                      missing=", ".join(missing), sample=sample)
             )  # fmt: skip
-        ill = [slot for slot in mission.needs if self._faults.state(slot) != PartState.ACTIVE.value]
+        ill = [slot for slot in mission.needs if self._running.state_of(slot) != PartState.ACTIVE.value]
         if ill:
             raise ConfigError(
                 said("a mission begins in a robot that is well: {slots} must be active first", slots=", ".join(ill))

@@ -275,6 +275,15 @@ program_texts = Table(
     Column("saved_ns", BigInteger, nullable=False, comment="when it was kept"),
 )
 
+lesson_ticks = Table(
+    "lesson_ticks",
+    metadata,
+    Column("person", Text, primary_key=True, comment="name of the user who did it"),
+    Column("lesson", Text, primary_key=True, comment="name of the lesson"),
+    Column("check", Text, primary_key=True, comment="which of its checks, STEP.NUMBER; empty: the lesson was begun"),
+    Column("at_ns", BigInteger, nullable=False, comment="when it ticked for the first time"),
+)
+
 master_leases = Table(
     "master_leases",
     metadata,

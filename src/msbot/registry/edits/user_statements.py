@@ -7,6 +7,7 @@ from sqlalchemy import Connection, Row, delete, select
 from msbot.errors import ConfigError
 from msbot.registry.database.statements import upsert
 from msbot.registry.database.tables import keys, users
+from msbot.registry.lesson_ticks import remove_ticks_of
 from msbot.registry.programs import remove_programs_of
 from msbot.registry.records import KeyRecord, UserRecord, uid_text
 from msbot.runtime.sentence import said
@@ -76,6 +77,7 @@ def remove_user(connection: Connection, name: str) -> str:
         _keep_an_administrator(connection, name)
     connection.execute(delete(users).where(users.c.name == name))
     remove_programs_of(connection, name)
+    remove_ticks_of(connection, name)
     return said("user {name} ({role}) removed", name=name, role=said(user.role))
 
 

@@ -13,6 +13,7 @@ from msbot.web.pages import (
     faults,
     help,
     journal,
+    learn,
     library,
     missions,
     plots,
@@ -28,8 +29,8 @@ from msbot.web.service import Service
 def register_pages(service: Service) -> None:
     """Make the pages of one robot known to NiceGUI; to be called once in a process."""
     for page in (
-        robot, arrivals, settings, bus, wires, program, arena, plots, timeline, library, journal, missions, faults, doctor,
-        classroom, admin, api_docs, help,
+        robot, arrivals, settings, bus, wires, program, arena, plots, timeline, learn, library, journal, missions,
+        faults, doctor, classroom, admin, api_docs, help,
     ):  # fmt: skip
         page.register(service)
 

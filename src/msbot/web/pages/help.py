@@ -86,6 +86,11 @@ HELP = {
         "What the parts said at that time is on the page Plots.",
         "howto/web_page",
     ),
+    "/learn": PageHelp(
+        "A lesson says step by step what to do at this robot, and ticks by itself when it is done. A teacher begins a lesson "
+        "and ends it; then everything is as it was before. Whoever takes part keeps the ticks, and asks for help with a raised hand.",
+        "howto/lessons",
+    ),
     "/library": PageHelp(
         "The library knows what a part number means: ports, settings, pins and safe values. Search by what a part "
         "does, or by its number. A part type of your own is one small file.",

@@ -60,6 +60,7 @@ MENU = (
     MenuEntry("/arena", "sports_esports", "Arena"),
     MenuEntry("/plots", "ssid_chart", "Plots"),
     MenuEntry("/timeline", "timeline", "Timeline"),
+    MenuEntry("/learn", "school", "Learn"),
     MenuEntry("/library", "menu_book", "Library"),
     MenuEntry("/journal", "history", "Journal"),
     MenuEntry("/missions", "travel_explore", "Missions"),

@@ -1,0 +1,85 @@
+"""Where lessons are: those that MsBOT brings, and those of teachers in folders of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from msbot.errors import ConfigError
+from msbot.lessons.lesson import Lesson
+from msbot.lessons.reading import read_lesson
+from msbot.runtime.carried_files import carried_folder
+from msbot.runtime.sentence import said
+
+MOST_LESSONS = 200
+"""Most files of one folder that are read."""
+
+
+def shipped_folder() -> Path:
+    """Where MsBOT's own lessons are."""
+    return carried_folder("lessons", "lessons")
+
+
+class LessonShelf:
+    """The lessons that there are; a file of a teacher's goes before one of MsBOT's with the same name.
+
+    Args:
+        folders: folders of teachers.
+    """
+
+    def __init__(self, folders: Sequence[Path] = ()) -> None:
+        for folder in folders:
+            if not folder.is_dir():
+                raise ConfigError(said("{folder}: there is no such folder with lessons", folder=str(folder)))
+        self._folders = (shipped_folder(), *folders)
+        self._read: dict[Path, tuple[int, Lesson | ConfigError]] = {}
+
+    def names(self) -> list[str]:
+        """The names of all lessons."""
+        return list(self._files())
+
+    def get(self, name: str) -> Lesson:
+        """The lesson of that name, as its file is now.
+
+        Raises:
+            ConfigError: there is none, or its file is wrong.
+        """
+        path = self._files().get(name)
+        if path is None:
+            raise ConfigError(
+                said("there is no lesson {name!r}; there are {names}", name=name, names=", ".join(self.names()))
+            )
+        found = self._at(path)
+        if isinstance(found, ConfigError):
+            raise found
+        return found
+
+    def all(self) -> tuple[list[Lesson], list[str]]:
+        """All lessons in their order, and what is wrong with files that are none."""
+        found = [self._at(path) for path in self._files().values()]
+        lessons = [one for one in found if isinstance(one, Lesson)]
+        wrong = [str(one) for one in found if isinstance(one, ConfigError)]
+        return sorted(lessons, key=lambda lesson: (lesson.number, lesson.name)), wrong
+
+    def _files(self) -> dict[str, Path]:
+        return {
+            path.stem: path
+            for folder in self._folders
+            for path in sorted(folder.glob("*.md"))[:MOST_LESSONS]
+            if path.stem != "README"
+        }
+
+    def _at(self, path: Path) -> Lesson | ConfigError:
+        try:
+            changed = path.stat().st_mtime_ns
+        except OSError as error:
+            return ConfigError(said("{path}: cannot be read ({reason})", path=str(path), reason=error.strerror or ""))
+        known = self._read.get(path)
+        if known is not None and known[0] == changed:
+            return known[1]
+        try:
+            found: Lesson | ConfigError = read_lesson(path)
+        except ConfigError as error:
+            found = error
+        self._read[path] = changed, found
+        return found

@@ -1,0 +1,75 @@
+"""Lessons as the page Learn shows them: the texts as HTML, the lesson that runs, and how far everybody is."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import markdown2
+
+from msbot.errors import ConfigError
+from msbot.lessons.lesson import Lesson
+from msbot.lessons.lesson_desk import LessonDesk
+from msbot.lessons.progress import PersonInLesson, progress_of
+from msbot.operations.rights import Right
+from msbot.registry import Registry
+from msbot.runtime.sentence import said
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.sessions import Session
+
+
+class Learning:
+    """What can be seen of lessons.
+
+    Args:
+        desk: the lesson desk of the robot; None: it has none.
+        registry: where progress is kept; None: nowhere.
+        accounts: who is signed in.
+    """
+
+    def __init__(self, desk: LessonDesk | None, registry: Registry | None, accounts: Accounts) -> None:
+        self._desk = desk
+        self._registry = registry
+        self._accounts = accounts
+
+    @property
+    def lesson(self) -> Lesson | None:
+        """The lesson that runs."""
+        return None if self._desk is None else self._desk.lesson
+
+    def now(self) -> dict[str, object]:
+        """What has ticked, who takes part, who asks for help."""
+        return {"lesson": None} if self._desk is None else dict(self._desk.as_json())
+
+    def lessons(self) -> tuple[list[Lesson], list[str]]:
+        """All lessons, and what is wrong with files that are none."""
+        return ([], []) if self._desk is None else self._desk.shelf.all()
+
+    async def progress(self, session: Session) -> list[PersonInLesson]:
+        """How far everybody is, for a teacher; how far one is oneself, for everybody else.
+
+        Raises:
+            RegistryError: the database does not answer.
+        """
+        self._accounts.require(session, Right.SEE)
+        if self._registry is None:
+            return []
+        ticks = await self._registry.storage.in_time(self._registry.lesson_ticks.all)
+        rows = progress_of(ticks, self.lessons()[0])
+        return rows if session.may(Right.ARRANGE) else [row for row in rows if row.person == session.name]
+
+    async def done(self, session: Session, lesson: str) -> PersonInLesson:
+        """What somebody has done of a lesson to its end, for the certificate.
+
+        Raises:
+            ConfigError: it is not done yet.
+        """
+        found = [row for row in await self.progress(session) if row.person == session.name and row.lesson == lesson]
+        if not found or not found[0].is_done:
+            raise ConfigError(said("{who} has not done this lesson to its end yet", who=session.name))
+        return found[0]
+
+
+@cache
+def text_html(text: str) -> str:
+    """A piece of a lesson as HTML; what is no Markdown is shown as it is written."""
+    return str(markdown2.markdown(text, extras=["fenced-code-blocks", "tables"], safe_mode="escape"))

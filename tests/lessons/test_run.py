@@ -1,0 +1,172 @@
+"""A run of a lesson, without a robot: when checks tick, what is remembered, when a hint comes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msbot.errors import ConfigError
+from msbot.lessons.conditions import read_lesson_condition
+from msbot.lessons.lesson import Lesson, LessonCheck, LessonQuestion, Step
+from msbot.lessons.progress import csv_of, progress_of
+from msbot.lessons.run import LessonRun
+from msbot.registry.lesson_ticks import Tick
+
+
+@dataclass
+class Robot:
+    states: dict[str, str] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
+    parts: dict[str, str] = field(default_factory=dict)
+    settings: dict[tuple[str, str], str] = field(default_factory=dict)
+    wires: set[tuple[str, str]] = field(default_factory=set)
+    is_stopped: bool = False
+
+    def state(self, slot: str) -> str:
+        return self.states.get(slot, "empty")
+
+    def is_in_state(self, slot: str, state: str) -> bool:
+        return self.state(slot) == state
+
+    def number(self, source: str) -> float | None:
+        return self.numbers.get(source)
+
+    def part_in(self, slot: str) -> str:
+        return self.parts.get(slot, "")
+
+    def identity_in(self, slot: str) -> str:
+        return self.parts.get(slot, "")
+
+    def has_slot(self, slot: str) -> bool:
+        return slot in self.states
+
+    def knows(self, number: str) -> bool:
+        return number == "LED"
+
+    def setting(self, slot: str, name: str) -> str | None:
+        return self.settings.get((slot, name))
+
+    def is_wired(self, source: str, target: str) -> bool:
+        return (source, target) in self.wires
+
+
+def check(name: str, *texts: str, for_s: float = 0.0) -> LessonCheck:
+    return LessonCheck(name, f"say {name}", tuple(read_lesson_condition(text) for text in texts), for_s, hint="look")
+
+
+def run(*steps: tuple[LessonCheck, ...], hint_after_s: float = 60.0) -> LessonRun:
+    return LessonRun(Lesson("l", "L", 45, 1, tuple(Step("", step) for step in steps), hint_after_s=hint_after_s), 0.0)
+
+
+def test_a_check_ticks_after_its_time_and_stays() -> None:
+    done, robot = run((check("1.1", "fan is active", for_s=2.0),)), Robot({"fan": "active"})
+    assert done.look(robot, 0.0) == []
+    robot.states["fan"] = "late"
+    assert done.look(robot, 1.0) == []
+    robot.states["fan"] = "active"
+    assert done.look(robot, 1.5) == []
+    assert done.look(robot, 3.4) == []
+    assert [one.name for one in done.look(robot, 3.5)] == ["1.1"]
+    robot.states["fan"] = "lost"
+    assert done.look(robot, 9.0) == []
+    assert done.ticked == {"1.1": 3.5}
+    assert done.is_done
+
+
+def test_a_step_waits_for_the_one_before_it_and_what_was_before_does_not_count() -> None:
+    done, robot = run((check("1.1", "knob is active"),), (check("2.1", "knob was lost"),)), Robot({"knob": "lost"})
+    done.look(robot, 0.0)
+    robot.states["knob"] = "active"
+    assert [one.name for one in done.look(robot, 1.0)] == ["1.1"]
+    assert done.look(robot, 2.0) == []  # it was lost before the step began
+    robot.states["knob"] = "lost"
+    assert [one.name for one in done.look(robot, 3.0)] == ["2.1"]
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong", "right"),
+    [
+        ("knob.level spans 50", Robot(numbers={"knob.level": 1.0}), Robot(numbers={"knob.level": 51.0})),
+        ("wired a.x -> b.y", Robot(wires={("b.y", "a.x")}), Robot(wires={("a.x", "b.y")})),
+        ("setting fan start_at >= 20", Robot(settings={("fan", "start_at"): "19"}),
+         Robot(settings={("fan", "start_at"): "20.5"})),
+        ("setting fan mode = slow", Robot(settings={("fan", "mode"): "fast"}),
+         Robot(settings={("fan", "mode"): "slow"})),
+        ("BB has DD", Robot(parts={"BB": "BB"}), Robot(parts={"BB": "DD"})),
+        ("BB has another part", Robot(parts={"BB": "BB"}), Robot(parts={"BB": "EE"})),
+        ("slot lamp exists", Robot(), Robot({"lamp": "empty"})),
+        ("type LED exists", Robot(), Robot()),
+        ("stopped", Robot(), Robot(is_stopped=True)),
+        ("not stopped", Robot(is_stopped=True), Robot()),
+        ("not fan is active", Robot({"fan": "active"}), Robot({"fan": "late"})),
+        ("fan is empty", Robot({"fan": "active"}), Robot()),
+        ("load > 4", Robot(numbers={"load": 4.0}), Robot(numbers={"load": 4.1})),
+    ],
+)  # fmt: skip
+def test_each_condition_holds_for_what_is_right_only(text: str, wrong: Robot, right: Robot) -> None:
+    done = run((check("1.1", text),))
+    if text != "type LED exists":
+        assert done.look(wrong, 0.0) == []
+        missing = done.missing(wrong)
+        assert missing is not None
+        assert missing.seen
+    assert [one.name for one in done.look(right, 1.0)] == ["1.1"]
+
+
+def test_a_question_is_answered_in_its_turn() -> None:
+    question = LessonCheck("1.2", "How many?", question=LessonQuestion(("3",)), hint="count")
+    done, robot = run((check("1.1", "stopped"), question), (check("2.1", "not stopped"),)), Robot()
+    assert done.answer("1.2", "4", 1.0) is False
+    assert done.tries("1.2") == 1
+    assert done.answer("1.2", "3.0", 2.0) is True
+    with pytest.raises(ConfigError, match=r"no open question 1\.2 now"):
+        done.answer("1.2", "3", 3.0)
+    assert done.look(robot, 3.0) == []  # the second step waits for STOP
+    robot.is_stopped = True
+    assert len(done.look(robot, 4.0)) == 1
+    assert not done.is_done
+
+
+def test_a_hint_comes_when_nothing_has_ticked_for_long() -> None:
+    done, robot = (
+        run((check("1.1", "fan is active"), check("1.2", "stopped")), hint_after_s=30.0),
+        Robot({"fan": "late"}),
+    )
+    done.look(robot, 29.0)
+    assert done.hint(robot, 29.0) is None
+    hint = done.hint(robot, 30.0)
+    assert hint is not None
+    assert (hint.check, hint.seen, hint.look) == ("1.1", "fan is late", "look")
+    robot.states["fan"] = "active"
+    done.look(robot, 31.0)
+    assert done.hint(robot, 60.0) is None
+    robot.is_stopped = True
+    done.look(robot, 61.0)
+    assert done.hint(robot, 500.0) is None
+
+
+@given(st.lists(st.sampled_from(["active", "late", "lost", "empty"]), max_size=40))
+def test_ticks_only_grow_and_go_by_steps(states: list[str]) -> None:
+    done = run((check("1.1", "f is active"),), (check("2.1", "f was lost"),), (check("3.1", "f is active", for_s=2.0),))
+    robot = Robot()
+    before: dict[str, float] = {}
+    for now, state in enumerate(states):
+        robot.states["f"] = state
+        done.look(robot, float(now))
+        ticked = dict(done.ticked)
+        assert before.items() <= ticked.items()
+        assert list(ticked) == ["1.1", "2.1", "3.1"][: len(ticked)]
+        before = ticked
+
+
+def test_progress_counts_the_checks_that_the_lesson_has() -> None:
+    lesson = Lesson("l", "L", 45, 1, (Step("", (check("1.1", "stopped"), check("1.2", "stopped"))),))
+    ticks = [Tick("=ann", "l", "", 10**6), Tick("=ann", "l", "1.1", 5 * 10**6), Tick("=ann", "l", "9.9", 6 * 10**6),
+             Tick("bob", "gone", "", 10**6)]  # fmt: skip
+    ann, bob = progress_of(ticks, [lesson])
+    assert (ann.ticked, ann.checks, ann.is_done, ann.begun_ms, ann.last_ms) == (1, 2, False, 1, 5)
+    assert (bob.title, bob.checks, bob.is_done) == ("gone", 0, False)
+    assert csv_of([ann]).splitlines()[1] == "'=ann,l,1,2,1,5"

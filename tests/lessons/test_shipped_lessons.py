@@ -1,0 +1,224 @@
+"""Every lesson that MsBOT brings, done from beginning to end: its checks tick in order, and only for what is right."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from msbot.lessons.shelf import LessonShelf
+from tests.lessons.lesson_stage import LessonStage, lesson_scene
+
+PATIENCE_S = 12.0
+"""Longest time until a check ticks after the right thing was done."""
+WRONG_S = 3.0
+"""How long a wrong solution is left alone."""
+
+
+@dataclass(frozen=True)
+class Deed:
+    """What is done for one check."""
+
+    right: Callable[[LessonStage], Awaitable[None]]
+    wrong: Callable[[LessonStage], Awaitable[None]] | None = None
+    """Something else, that must not make it tick."""
+
+
+async def nothing(stage: LessonStage) -> None:
+    """It is so already, or comes by itself."""
+
+
+def plug(slot: str) -> Callable[[LessonStage], Awaitable[None]]:
+    async def do(stage: LessonStage) -> None:
+        stage.robot.plug(slot)
+
+    return do
+
+
+def unplug(slot: str) -> Callable[[LessonStage], Awaitable[None]]:
+    async def do(stage: LessonStage) -> None:
+        stage.robot.unplug(slot)
+
+    return do
+
+
+def turned(*values: float) -> Callable[[LessonStage], Awaitable[None]]:
+    async def do(stage: LessonStage) -> None:
+        for value in values:
+            stage.turn("knob", "knob", value)
+            await asyncio.sleep(0.6)
+
+    return do
+
+
+def done(operation: str, **arguments: object) -> Callable[[LessonStage], Awaitable[None]]:
+    async def do(stage: LessonStage) -> None:
+        await stage.operations.do(operation, who="Ada", **arguments)
+
+    return do
+
+
+def several(*deeds: Callable[[LessonStage], Awaitable[None]]) -> Callable[[LessonStage], Awaitable[None]]:
+    async def do(stage: LessonStage) -> None:
+        for deed in deeds:
+            await deed(stage)
+
+    return do
+
+
+def adopt(number: str) -> Callable[[LessonStage], Awaitable[None]]:
+    async def do(stage: LessonStage) -> None:
+        stage.run_program({"WEATHER-1": "own_message", "BLINK-1": "own_part_type"}[number])
+        await asyncio.sleep(3)
+        await stage.do("adopt", part=number)
+
+    return do
+
+
+def in_program(number: str) -> Callable[[LessonStage], Awaitable[None]]:
+    """Run it, and do not adopt it."""
+
+    async def do(stage: LessonStage) -> None:
+        stage.run_program({"WEATHER-1": "own_message", "BLINK-1": "own_part_type"}[number])
+        await asyncio.sleep(3)
+        stage.programs.pop().cancel()
+
+    return do
+
+
+async def end_the_program(stage: LessonStage) -> None:
+    stage.programs.pop().cancel()
+
+
+async def unplug_stand_in(stage: LessonStage) -> None:
+    stage.operations.stand_ins.unplug("BB")
+
+
+SOLVED: dict[str, dict[str, Deed]] = {
+    "first_part": {
+        "1.1": Deed(nothing),
+        "2.1": Deed(plug("knob"), unplug("fan")),
+        "3.1": Deed(turned(10.0, 90.0), turned(45.0, 55.0)),
+        "4.1": Deed(unplug("knob"), unplug("ear")),
+        "5.1": Deed(plug("knob"), plug("ear")),
+    },
+    "own_message": {
+        "2.1": Deed(adopt("WEATHER-1"), in_program("WEATHER-1")),
+        "2.2": Deed(nothing),
+        "3.1": Deed(
+            done("bind", topic="weather", type="Weather", **{"from": "weather_1.weather"}),
+            done("identify", part="fan"),
+        ),
+    },
+    "ring": {
+        "1.1": Deed(nothing),
+        "1.2": Deed(nothing),
+        "2.1": Deed(plug("CC")),
+        "2.2": Deed(nothing),
+        "3.1": Deed(unplug("AA")),
+        "4.1": Deed(plug("AA")),
+    },
+    "part_dies": {
+        "1.1": Deed(turned(80.0), turned(60.0)),
+        "2.1": Deed(done("stop"), done("identify", part="fan")),
+        "3.1": Deed(done("go")),
+        "4.1": Deed(unplug("knob"), unplug("ear")),
+        "6.1": Deed(several(plug("knob"), lambda _: asyncio.sleep(2), turned(20.0, 80.0)), plug("ear")),
+    },
+    "spare": {
+        "1.1": Deed(done("simulate", slot="BB")),
+        "1.2": Deed(nothing),
+        "2.1": Deed(unplug_stand_in),
+        "2.2": Deed(nothing),
+    },
+    "bits_on_the_bus": {
+        "1.1": Deed(turned(20.0, 60.0), turned(50.0, 52.0)),
+        "2.1": Deed(
+            several(
+                done("set", slot="knob", name="period_s", value=0.02),
+                done("set", slot="knob", name="change", value=0),
+            ),
+            done("set", slot="knob", name="period_s", value=0.02),
+        ),
+        "2.2": Deed(nothing),
+        "3.1": Deed(
+            done("reset", slot="knob", name="period_s"),
+            done("reset", slot="knob", name="change"),
+        ),
+    },
+    "own_part_type": {
+        "1.1": Deed(adopt("BLINK-1"), in_program("BLINK-1")),
+        "1.2": Deed(nothing),
+        "2.1": Deed(
+            done("bind", topic="headlight_on", type="Switch", **{"from": "blink_1.light"}, move=True),
+        ),
+        "2.2": Deed(nothing),
+        "3.1": Deed(
+            done("set", slot="blink_1", name="period_s", value=0.1),
+            done("set", slot="blink_1", name="period_s", value=1.0),
+        ),
+    },
+}
+"""What is done for each check that is no question."""
+
+
+def test_every_lesson_is_solved_here() -> None:
+    lessons, wrong = LessonShelf().all()
+    assert wrong == []
+    assert {lesson.name for lesson in lessons} == set(SOLVED)
+    for lesson in lessons:
+        deeds = {check.name for check in lesson.checks if check.question is None}
+        assert deeds == set(SOLVED[lesson.name])
+
+
+@pytest.mark.parametrize("name", sorted(SOLVED))
+def test_a_lesson_is_done_from_beginning_to_end_and_put_back(name: str, tmp_path: Path) -> None:
+    lesson = LessonShelf().get(name)
+
+    async def scene(stage: LessonStage) -> None:
+        blueprint = await stage.operations.applying.present()
+        plugged = {slot: stage.robot.is_plugged(slot) for slot in stage.robot.names}
+        await stage.do("start_lesson", lesson=name)
+        expected: list[str] = []
+        for check in lesson.checks:
+            early = [name for name in await stage.ticked() if name > f"{check.name.split('.')[0]}.99"]
+            assert not early, "the checks of a step tick after those of the steps before"
+            if check.question is not None:
+                assert await stage.refused("answer_lesson", check=check.name, answer="wrong")
+                await stage.do("answer_lesson", check=check.name, answer=check.question.right[0])
+            else:
+                deed = SOLVED[name][check.name]
+                if deed.wrong is not None:
+                    await deed.wrong(stage)
+                    await asyncio.sleep(WRONG_S)
+                    assert check.name not in await stage.ticked(), f"{check.name} ticks for the wrong solution"
+                elif deed.right is not nothing:
+                    await asyncio.sleep(WRONG_S)
+                    assert check.name not in await stage.ticked(), f"{check.name} ticks by itself"
+                await deed.right(stage)
+                await until_ticked(stage, check.name)
+            expected.append(check.name)
+        assert (await stage.seen())["done"] is True
+        said = await stage.do("stop_lesson")
+        assert said == f"the lesson {lesson.title!r} is over; everything is as it was before"
+        assert await stage.operations.applying.present() == blueprint
+        assert {slot: stage.robot.is_plugged(slot) for slot in stage.robot.names} == plugged | {
+            slot: stage.robot.is_plugged(slot) for slot in plugged if slot not in lesson.unplugged
+        }
+        assert await stage.operations.undoing.read(1000)
+        assert stage.registry.storage.flush(60.0)
+        kept = [tick.check for tick in stage.registry.lesson_ticks.all() if tick.person == "Ada"]
+        assert sorted(kept) == ["", *expected]
+
+    lesson_scene(tmp_path, scene, sample=lesson.robot)
+
+
+async def until_ticked(stage: LessonStage, check: str) -> None:
+    for _ in range(round(PATIENCE_S * 10)):
+        if check in await stage.ticked():
+            return
+        await asyncio.sleep(0.1)
+    raise AssertionError(f"{check} does not tick: {stage.desk.hint_now()}")
