@@ -62,6 +62,7 @@ def test_one_stop_for_all_says_how_many_it_did_not_reach() -> None:
     done = asyncio.run(LocalMasters(ask).stop_all("ann", "enough"))
     assert asked == [{"do": "stop", "who": "ann", "reason": "enough"}]
     assert (done.told, done.confirmed, done.parts, done.silent) == (("A", "C"), 2, 6, 2)
+    assert done.waiting == ("A (BB, CC)", "C (BB, CC)")
 
 
 def test_what_a_master_says_of_itself_is_taken_as_far_as_it_makes_sense() -> None:

@@ -44,6 +44,8 @@ class StopForAll:
     """Parts that were told."""
     silent: int
     """Masters that run and gave no answer."""
+    waiting: tuple[str, ...] = ()
+    """Robots with parts that had not confirmed it then, with their names."""
 
 
 class LocalMasters:
@@ -66,6 +68,11 @@ class LocalMasters:
             confirmed=sum(len(found) for answer in taken if isinstance(found := answer.get("confirmed"), list)),
             parts=sum(found for answer in taken if isinstance(found := answer.get("told"), int)),
             silent=silent + len(answers) - len(taken),
+            waiting=tuple(
+                f"{answer.get('robot', '')} ({', '.join(map(str, names))})"
+                for answer in taken
+                if isinstance(names := answer.get("silent"), list) and names
+            ),
         )
 
 

@@ -66,6 +66,9 @@ async def _stop_all(page: Page) -> None:
         robots=len(done.told), confirmed=done.confirmed, parts=done.parts,
     )  # fmt: skip
     ui.notify(words, type="warning", multi_line=True, timeout=8000)
+    if done.waiting:
+        words = page.say("Not confirmed yet, they may still move: {robots}", robots=", ".join(done.waiting))
+        ui.notify(words, type="negative", multi_line=True, timeout=15_000)
     if done.silent:
         words = page.say("NOT delivered to {count} masters that run here: cut their power.", count=done.silent)
         ui.notify(words, type="negative", multi_line=True, timeout=15_000)
