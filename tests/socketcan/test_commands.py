@@ -42,7 +42,7 @@ def test_four_processes_make_a_robot_on_a_can_bus(stack: ExitStack, tmp_path: Pa
 
 def test_a_master_without_its_interface_says_what_to_do(tmp_path: Path) -> None:
     assert run("init", cwd=tmp_path).returncode == 0
-    done = run("master", "--link", "can:vcan7", cwd=tmp_path)
+    done = run("master", "--no-page", "--link", "can:vcan7", cwd=tmp_path)
     assert done.returncode == 2
     assert "sudo ip link add dev vcan7 type vcan && sudo ip link set vcan7 mtu 72 up" in done.stderr
     assert "Traceback" not in done.stderr

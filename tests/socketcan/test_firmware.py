@@ -80,7 +80,7 @@ def program(tmp_path: Path) -> Path:
     need("gcc")
     examples = SOURCES / "examples"
     modules = [*sorted(SOURCES.glob("msbot_*.c")), examples / "pin_board.c", examples / "linux_socketcan" / "main.c"]
-    build("gcc", "-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-I", SOURCES, *modules, "-o", tmp_path / "board")
+    build("gcc", "-std=c99", "-O0", "-Wall", "-Wextra", "-Werror", "-I", SOURCES, *modules, "-o", tmp_path / "board")
     return tmp_path / "board"
 
 
