@@ -11,7 +11,7 @@ import pytest
 from msbot.errors import ConfigError
 from msbot.runtime.kept_worker import MOST_WAITING, KeptWorker
 from msbot.runtime.worker import TooMuchWork, WorkLimits
-from tests.runtime.test_worker import chatter, eat_memory, eat_time, fail, process_number, refuse
+from tests.runtime.work import chatter, eat_memory, eat_time, fail, process_number, refuse
 
 has_limits = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limits for processes")
 LIMITS = WorkLimits(cpu_s=1, memory_mb=300, wall_s=20.0)

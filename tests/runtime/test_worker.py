@@ -12,35 +12,10 @@ from msbot.config import FoundProblems, Library, load_library, parse_blueprint
 from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML
 from msbot.errors import ConfigError
 from msbot.runtime.worker import AT_ONCE, WorkLimits, Workshop, run_limited
+from tests.runtime.work import chatter, eat_memory, eat_time, fail, process_number, refuse
 
 LIMITS = WorkLimits()
 has_limits = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limits for processes")
-
-
-def process_number() -> int:
-    return os.getpid()
-
-
-def refuse(words: str) -> None:
-    raise ConfigError(words)
-
-
-def fail() -> None:
-    raise KeyError("a bug")
-
-
-def chatter() -> str:
-    print("a library says something")
-    return "done"
-
-
-def eat_memory() -> int:
-    return len(bytearray(1 << 30))
-
-
-def eat_time() -> None:
-    while True:
-        pass
 
 
 def test_it_runs_elsewhere_and_gives_the_result() -> None:

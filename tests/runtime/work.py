@@ -1,0 +1,33 @@
+"""What the tests of `msbot.runtime.worker` have done elsewhere; each process there imports it, so it imports little."""
+
+from __future__ import annotations
+
+import os
+
+from msbot.errors import ConfigError
+
+
+def process_number() -> int:
+    return os.getpid()
+
+
+def refuse(words: str) -> None:
+    raise ConfigError(words)
+
+
+def fail() -> None:
+    raise KeyError("a bug")
+
+
+def chatter() -> str:
+    print("a library says something")
+    return "done"
+
+
+def eat_memory() -> int:
+    return len(bytearray(1 << 30))
+
+
+def eat_time() -> None:
+    while True:
+        pass
