@@ -8,7 +8,8 @@ import pytest
 
 from msbot.lab.faults.kinds import KINDS
 from msbot.registry import EditKind
-from msbot.web.api.models import BusFigures, PartLine, SlotCard
+from msbot.web.api.bus_lines import BusFigures
+from msbot.web.api.models import PartLine, SlotCard
 from tests.lab.fault_stage import FaultStage, fault_scene
 
 PLANTED: dict[str, tuple[str, float | None, float]] = {

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from io import StringIO
 from itertools import islice
 
-from msbot.link.can.protocol import CanIds, Frame, LogLine, format_log_line, node_of, show_frame
+from msbot.link.can.protocol import CanIds, Frame, LogLine, format_frame, format_log_line, node_of, show_frame
 from msbot.part import Message
 from msbot.pnp import KNOWN_TYPES, FrameListener, KnownObject, Overhearer
 
@@ -41,6 +41,8 @@ class FrameRow:
     """The values in it, in sentences for everybody (`knob says level 49.9 %`)."""
     about: tuple[str, ...] = ()
     """What a frame without such values is for (`knob says that it is alive`)."""
+    notation: str = ""
+    """The frame as can-utils and `msbot plot --frame` take it (`101#C010`)."""
 
 
 class FrameRing:
@@ -120,7 +122,10 @@ class FrameRing:
             words = self._listener.hear(frame, at)
             node, _ = node_of(frame, self._ids) or (0, False)
             text = show_frame(frame)
-            self._rows.append(FrameRow(number, at, sender, text, node, words.protocol, words.plain, words.about))
+            row = FrameRow(
+                number, at, sender, text, node, words.protocol, words.plain, words.about, format_frame(frame)
+            )
+            self._rows.append(row)
         self._decoded = self.total
 
 

@@ -28,7 +28,8 @@ from msbot.pnp.emergency_stop import StopConfirmation, StopStatus
 from msbot.runtime.sentence import from_json
 from msbot.sim import message_class
 from msbot.space import MemorySpace, Sample
-from msbot.web.api.models import BusFigures, FrameLine, Robot, SlotCard, TopicLine, WirePort
+from msbot.web.api.bus_lines import BusFigures, FrameLine
+from msbot.web.api.models import Robot, SlotCard, TopicLine, WirePort
 from msbot.web.cards import SlotCards, stop_state
 from msbot.web.frames import FrameRing
 from msbot.web.live import Live

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from msbot.errors import NotThere
 from msbot.runtime.sentence import said
-from msbot.web.api.models import BusFigures, FrameLine, Robot, SlotCard, TopicLine, WirePort
+from msbot.web.api.bus_lines import BusFigures, FrameLine
+from msbot.web.api.models import Robot, SlotCard, TopicLine, WirePort
 from msbot.web.past_robot import Moment
 
 if TYPE_CHECKING:

@@ -11,10 +11,9 @@ from msbot.master import Master
 from msbot.operations.bus_objects import known_object
 from msbot.pnp import PartInfo
 from msbot.runtime.sentence import said
+from msbot.web.api.bus_lines import BusFigures, FrameLine
 from msbot.web.api.models import (
-    BusFigures,
     ControlLine,
-    FrameLine,
     PartLine,
     Simulated,
     SlotCard,
@@ -46,6 +45,7 @@ class BusMeter:
 
     name = ""
     bitrate = 0
+    data_bitrate = 0
 
     def load_percent(self) -> float:
         """Share of the last second in which the bus was busy."""
@@ -235,6 +235,7 @@ class Views:
             watched=bool(self._bus.name),
             name=self._bus.name,
             bitrate=self._bus.bitrate,
+            data_bitrate=self._bus.data_bitrate,
             frames=total,
             load_percent=self._bus.load_percent(),
             frames_per_second=rate,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from msbot.config import Blueprint, Direction, Library
-from msbot.web.api.models import FrameLine, TopicLine, WirePort
+from msbot.web.api.bus_lines import FrameLine
+from msbot.web.api.models import TopicLine, WirePort
 from msbot.web.frames import FrameRow
 from msbot.web.live import Live
 
@@ -70,4 +71,5 @@ def frame_line_of(row: FrameRow, now: float) -> FrameLine:
         plain=list(row.plain),
         about=list(row.about),
         words=list(row.words),
+        notation=row.notation,
     )

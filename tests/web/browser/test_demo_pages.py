@@ -190,7 +190,10 @@ def test_the_bus_is_paused_and_a_frame_taken_apart(blank: Page, demo: Site) -> N
     page.get_by_label("Filter").fill("")
     expect(rows.first).to_have_attribute("data-number", str(first))
     rows.first.click()
-    expect(page.get_by_role("heading", name=f"Frame {first}")).to_be_visible()
+    expect(page.get_by_role("heading", name=f"Frame {first}", exact=True)).to_be_visible()
+    expect(page.get_by_role("heading", name=f"Frame {first} on the wire")).to_be_visible()
+    levels = page.get_by_role("img", name="CAN-H and CAN-L, bit by bit")
+    page.wait_for_function("(image) => image.naturalHeight > 300", arg=levels.element_handle())
 
 
 def test_two_browsers_see_the_same_change(browser: Browser, demo: Site, page: Page) -> None:

@@ -216,33 +216,6 @@ class Robot(Model):
     """Faults of the robot as a whole."""
 
 
-class BusFigures(Model):
-    """The CAN bus, or zeros when there is none to watch."""
-
-    watched: bool
-    name: str
-    bitrate: int
-    frames: int
-    """Frames since the server began to listen; exact."""
-    load_percent: float
-    frames_per_second: float
-    errors: int
-
-
-class FrameLine(Model):
-    """One frame of the bus."""
-
-    number: int
-    age_s: float
-    sender: str
-    text: str
-    node: int
-    plain: list[Said]
-    about: list[Said]
-    """To a person: the values in it (`knob says level 49.9 %`), or what it is for (`knob says that it is alive`)."""
-    words: list[str]  # to an engineer, from the frame to the sample
-
-
 class TopicLine(Model):
     """One topic with who writes and reads it."""
 

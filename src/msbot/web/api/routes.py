@@ -14,15 +14,14 @@ from fastapi.responses import Response
 
 from msbot.lab.missions.played import grade_json, played_from_json
 from msbot.web.api.answers import Health, ProblemAnswer
+from msbot.web.api.bus_lines import BusFigures, FrameLine
 from msbot.web.api.doctor_models import ExaminationState
 from msbot.web.api.mission_models import MissionMarks, MissionState
 from msbot.web.api.models import (
     BlueprintDiff,
     BlueprintText,
-    BusFigures,
     Done,
     EditLine,
-    FrameLine,
     JournalLine,
     Me,
     PartLine,

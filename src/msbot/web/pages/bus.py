@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 from fastapi import Request
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from msbot.web.api.models import FrameLine
+from msbot.errors import LocalProtocolError
+from msbot.lab.frame_picture import frame_picture
+from msbot.link.can.protocol import parse_frame, wire_bits
+from msbot.web.api.bus_lines import BusFigures, FrameLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
@@ -84,6 +89,7 @@ class _Table:
                         .on("keydown.enter", self._clicked, js_handler=_ROW_CLICKED)
                     )
                 self._detail = ui.html("", sanitize=False).classes("ms-side").props("aria-live=polite")
+        self._levels = ui.html("", sanitize=False).classes("w-full")
         page.every_look(self._show)
         if page.looking_back is not None:
             page.looking_back.on_change(self._other_moment)
@@ -93,6 +99,7 @@ class _Table:
         self._rows = []
         self._paused.set_value(False)
         self._detail.set_content("")
+        self._levels.set_content("")
 
     def _pause(self) -> None:
         """Keep what the server still has of the past, for filtering at leisure."""
@@ -130,9 +137,36 @@ class _Table:
         if row is None:
             return
         identifier, _, data = row.text.strip().partition("  ")
+        levels = levels_of(row, self._page.sight.bus())
         self._detail.set_content(
-            render("frame", say=self._page.say, row=row, identifier=identifier, data=data.strip())
-        )  # fmt: skip
+            render(
+                "frame", say=self._page.say, row=row, identifier=identifier, data=data.strip(), has_levels=bool(levels)
+            )
+        )
+        self._levels.set_content(render("frame_levels", say=self._page.say, row=row, levels=levels))
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """A frame as an oscilloscope shows it."""
+
+    picture: str
+    """SVG, base64: its styles must not reach the page."""
+    bits: int
+    stuff_bits: int
+
+
+def levels_of(row: FrameLine, bus: BusFigures) -> Levels | None:
+    """CAN-H and CAN-L of a frame; None: it cannot be drawn, or nobody knows how fast its parts were."""
+    try:
+        frame = parse_frame(row.notation)
+        bits = wire_bits(frame)
+    except (ValueError, LocalProtocolError):  # an error frame has no bits of its own
+        return None
+    if not bus.bitrate or (frame.brs and not bus.data_bitrate):
+        return None
+    picture = frame_picture(frame, bitrate=bus.bitrate, data_bitrate=bus.data_bitrate or None)
+    return Levels(b64encode(picture.encode()).decode(), len(bits), sum(bit.stuff for bit in bits))
 
 
 _ROW_CLICKED = (

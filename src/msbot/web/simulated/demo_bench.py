@@ -34,6 +34,7 @@ class SimMeter(BusMeter):
     def __init__(self, name: str, driver: SimBusDriver, clock: Callable[[], float]) -> None:
         self.name = name
         self.bitrate = driver.bus.bitrate
+        self.data_bitrate = driver.bus.data_bitrate or 0
         self._driver = driver
         self._clock = clock
 
