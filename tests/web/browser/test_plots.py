@@ -32,7 +32,7 @@ def test_curves_live_held_and_back_by_keyboard_with_their_figures(page: Page, de
     area = page.locator(".plot-area")
     area.focus()
     page.keyboard.press("Space")
-    expect(page.get_by_role("status").filter(has_text="The past")).to_be_visible()
+    expect(page.get_by_role("status").filter(has_text=" to ")).to_be_visible()
     drawn = page.evaluate(FRAMES)
     page.keyboard.press("ArrowLeft")
     expect(page.locator("#ms-plot-figures th.at")).not_to_have_text("Latest")
@@ -46,7 +46,7 @@ def test_curves_live_held_and_back_by_keyboard_with_their_figures(page: Page, de
     assert {(cells[1], cells[3]) for cells in rows} == {("ear.level.percent", "%"), ("@bus", "%")}
     area.focus()
     page.keyboard.press("Home")
-    expect(page.get_by_role("status").filter(has_text="The past")).to_have_count(0)
+    expect(page.get_by_role("status").filter(has_text=" to ")).to_have_count(0)
     page.wait_for_function(f"{FRAMES} > {drawn + 10}")
 
 
@@ -54,7 +54,7 @@ def test_the_recorder_s_time_is_shown_a_view_is_kept_and_a_picture_saved(page: P
     go(page, demo.base + SHOWN)
     page.wait_for_function(f"{FRAMES} > 3")
     page.get_by_text("10 min", exact=True).click()
-    expect(page.get_by_role("status").filter(has_text="The past:")).to_be_visible()
+    expect(page.get_by_role("status").filter(has_text=" to ")).to_be_visible()
     row = page.locator("#ms-plot-figures tr", has_text="ear.level.percent")
     expect(row.locator("td").nth(1)).not_to_have_text("–")
     page.get_by_label("Name of this view").fill("noise")

@@ -1,13 +1,13 @@
 // Curves of a page: the robot sends numbers as they come, the browser draws them ten times a second.
 // Times are milliseconds since 1970 on the clock of the robot's computer, so that all who look see the same hour.
 const msbotPlots = (() => {
-  const DRAW_MS = 100, BUSY = 0.5, QUIET_MS = 350, MOST_KEPT = 6000, LEAST_SPAN_MS = 200, PAN = 0.25, STEP = 0.01;
+  const DRAW_MS = 100, BUSY = 0.5, QUIET_MS = 350, MOST_KEPT = 6000, LEAST_SPAN_MS = 200, PAN = 0.25, STEP = 0.01, LATELY = 5;
   const VIEWS = "msbot_plots_views";
   // Okabe and Ito's, which people tell apart who see few colours; the black one is that of letters.
   const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6BB1", "#7F7F7F"];
   const DASHES = ["solid", "dashed", "dotted"];
   let chart = null, host = null, curves = [], isLive = true, span = 60000, from = 0, to = 0, clockAt = 0;
-  let cursor = null, timer = null, quiet = null, frames = 0, layout = "", words = {}, dragged = null, isShown = true;
+  let cursor = null, timer = null, quiet = null, frames = 0, layout = "", words = {}, dragged = null, isShown = true, lately = [];
 
   const now = () => clockAt + performance.now();
   const colour = (name) => getComputedStyle(document.body).getPropertyValue(name).trim();
@@ -64,16 +64,19 @@ const msbotPlots = (() => {
     }
   }
 
-  // Ten times a second; where drawing takes long, seldom enough to leave half of the time to all else.
+  // Ten times a second; where drawing takes long, seldom enough to leave half of the time to all else. What counts is
+  // the median of the latest pictures: that other programs took the processor during one of them says nothing.
   function tick() {
-    let took = 0;
+    let took = 0, usual = 0;
     if (isLive && isShown && !document.hidden && document.contains(host)) {
       const began = performance.now();
       draw();
       took = performance.now() - began;
+      lately = [...lately.slice(1 - LATELY), took];
+      usual = [...lately].sort((one, other) => one - other)[lately.length >> 1];
     }
     clearTimeout(timer);
-    timer = setTimeout(tick, Math.max(DRAW_MS - took, took / BUSY - took, 10));
+    timer = setTimeout(tick, Math.max(DRAW_MS - took, usual / BUSY - took, 10));
   }
 
   // Of each step of time the least and the greatest value; the steps stand still while the window moves.
@@ -181,8 +184,10 @@ const msbotPlots = (() => {
       const curve = curves[+row.dataset.place];
       if (!curve) continue;
       const value = valueAt(curve, at), cell = row.querySelector("td.at"), key = row.querySelector(".key");
-      cell.textContent = value === null ? "–" : number(value);
-      key.style.borderTop = `3px ${curve.dash} ${curve.colour}`;
+      const text = value === null ? "–" : number(value);
+      if (cell.textContent !== text) cell.textContent = text; // what stays the same need not be laid out again
+      const look = `3px ${curve.dash} ${curve.colour}`;
+      if (key.dataset.look !== look) key.style.borderTop = key.dataset.look = look;
     }
   }
 
