@@ -26,7 +26,8 @@ class SampleEnvelope:
     offered: Qos
     related: tuple[Guid, int] | None
     is_repeated: bool
-    """It was written before, and is repeated so that a reader that was cut off notices what it has missed."""
+    """It was written before: repeated, so that a reader that was cut off notices what it has missed, or written before
+    there was a connection. It is not for volatile readers that have heard nothing of this writer yet."""
 
 
 class Sealer:

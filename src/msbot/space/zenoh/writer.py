@@ -22,6 +22,9 @@ LEAST_REPEATABLE = 64
 """Samples of a reliable, volatile writer that can be repeated, whatever its depth."""
 HEARTBEAT_S = 0.2
 """How long after the last sample a reader may learn that it has missed it."""
+SETTLE_S = 0.25
+"""How long a writer that keeps samples waits for the router to tell who reads: a reader that hears a later sample first
+does not accept the earlier ones any more."""
 REPEAT_S = 0.2
 """How long after a reader is back the last sample is repeated; its subscription may come after its token."""
 
@@ -67,8 +70,10 @@ class Outlet(Crossing):
         """Call the listener on the loop when samples can be written."""
         self._told_open = listener
 
-    def write(self, payload: bytes, number: int, related: tuple[Guid, int] | None = None) -> None:
-        """Write a sample; never waits."""
+    def write(
+        self, payload: bytes, number: int, related: tuple[Guid, int] | None = None, *, is_late: bool = False
+    ) -> None:  # fmt: skip
+        """Write a sample, or one that was written before there was a connection (`is_late`); never waits."""
         if self._put is None or not (self.is_wanted or self.is_kept):
             return
         try:
@@ -78,7 +83,7 @@ class Outlet(Crossing):
             return
         if self.qos.reliable:
             self._last = octets, number, related
-        self._send(octets, self._sealer.seal(number, related))
+        self._send(octets, self._sealer.seal(number, related, is_repeated=is_late))
 
     def close(self) -> None:
         """Write nothing more."""
@@ -103,7 +108,8 @@ class Outlet(Crossing):
             )  # fmt: skip
         self._declared.append(publisher)
         self._zenoh_error = library.ZError
-        tell(self._loop, self._opened, publisher.put)
+        settle_s = SETTLE_S if self.qos.transient_local else 0.0
+        tell(self._loop, self._loop.call_later, settle_s, self._opened, publisher.put)
 
     def _opened(self, put: Callable[..., None]) -> None:
         if self.is_open:
@@ -187,4 +193,4 @@ class ZenohWriter:
     def _catch_up(self, outlet: Outlet) -> None:
         """What was kept for late readers before there was a connection."""
         for sample in tuple(self._memory.kept):
-            outlet.write(sample.payload, sample.sequence_nr, sample.related)
+            outlet.write(sample.payload, sample.sequence_nr, sample.related, is_late=True)
