@@ -33,6 +33,7 @@ class Outlet(Crossing):
     """One writer in Zenoh, under one of the topic's names."""
 
     __slots__ = (
+        "_awaited",
         "_known",
         "_last",
         "_put",
@@ -60,6 +61,8 @@ class Outlet(Crossing):
         self._known: set[Guid] = set()
         """Readers that were there at some time: one that appears again was cut off."""
         self._last: tuple[bytes, int, tuple[Guid, int] | None] | None = None
+        self._awaited: int | None = None
+        """Number of the first sample that a reader was there for, while it could not be sent yet."""
         self._put: Callable[..., None] | None = None
         self._zenoh_error: type[Exception] = RemoteProtocolError
         """The library's error, once the library is there."""
@@ -71,16 +74,21 @@ class Outlet(Crossing):
         self._told_open = listener
 
     def write(
-        self, payload: bytes, number: int, related: tuple[Guid, int] | None = None, *, is_late: bool = False
+        self, payload: bytes, number: int, related: tuple[Guid, int] | None = None, *, is_kept: bool = False
     ) -> None:  # fmt: skip
-        """Write a sample, or one that was written before there was a connection (`is_late`); never waits."""
-        if self._put is None or not (self.is_wanted or self.is_kept):
+        """Write a sample, or one that was kept while there was no connection (`is_kept`); never waits."""
+        if self._put is None:
+            if self.is_wanted and self._awaited is None:
+                self._awaited = number
+            return
+        if not (self.is_wanted or self.is_kept):
             return
         try:
             octets = payload if self.outward is None else self.outward(payload)
         except RemoteProtocolError:
             self.refused += 1
             return
+        is_late = is_kept and (self._awaited is None or number < self._awaited)
         if self.qos.reliable:
             self._last = octets, number, related
         self._send(octets, self._sealer.seal(number, related, is_repeated=is_late))
@@ -193,4 +201,4 @@ class ZenohWriter:
     def _catch_up(self, outlet: Outlet) -> None:
         """What was kept for late readers before there was a connection."""
         for sample in tuple(self._memory.kept):
-            outlet.write(sample.payload, sample.sequence_nr, sample.related, is_late=True)
+            outlet.write(sample.payload, sample.sequence_nr, sample.related, is_kept=True)
