@@ -116,8 +116,10 @@ class Outlet(Crossing):
             )  # fmt: skip
         self._declared.append(publisher)
         self._zenoh_error = library.ZError
-        settle_s = SETTLE_S if self.qos.transient_local else 0.0
-        tell(self._loop, self._loop.call_later, settle_s, self._opened, publisher.put)
+        if self.qos.transient_local:
+            tell(self._loop, self._loop.call_later, SETTLE_S, self._opened, publisher.put)
+        else:  # at once: before its readers are heard of
+            tell(self._loop, self._opened, publisher.put)
 
     def _opened(self, put: Callable[..., None]) -> None:
         if self.is_open:
