@@ -28,7 +28,7 @@ class HandOver(Generic[T]):
     No lock is taken: a deque's append and popleft are atomic, and the flag may be set once too often, not too rarely.
     """
 
-    __slots__ = ("_is_announced", "_loop", "_most", "_queue", "_size_of", "_take", "lost")
+    __slots__ = ("_is_announced", "_loop", "_most", "_queue", "_size_of", "_take", "first_lost", "lost")
 
     def __init__(
         self, loop: asyncio.AbstractEventLoop, take: Callable[[T], None], most: int,
@@ -44,6 +44,8 @@ class HandOver(Generic[T]):
         """
         self.lost = 0
         """Items that gave way."""
+        self.first_lost: T | None = None
+        """The first of them."""
         self._loop = loop
         self._take = take
         self._most = most
@@ -58,7 +60,9 @@ class HandOver(Generic[T]):
             most = min(most, max(1, MOST_OCTETS // (self._size_of(item) + 1)))
         while len(queue) >= most:
             with contextlib.suppress(IndexError):  # the loop has just taken it
-                queue.popleft()
+                lost = queue.popleft()
+                if self.first_lost is None:
+                    self.first_lost = lost
                 self.lost += 1
         queue.append(item)
         if not self._is_announced:

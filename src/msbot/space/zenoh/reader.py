@@ -103,7 +103,7 @@ class Inlet(Crossing):
         ):
             return
         if self.qos.reliable:
-            self._look_for_losses(envelope.number, peer.newest)
+            self._look_for_losses(envelope, peer.newest)
         peer.newest = envelope.number
         if isinstance(self._reader, SelectiveReader):
             self._reader.strengths[envelope.writer] = envelope.offered.strength
@@ -124,20 +124,27 @@ class Inlet(Crossing):
         expires_at = None if lifespan is None else self._clock() + lifespan
         self._reader.accept(Sample(payload, envelope.writer, envelope.number, related, expires_at))
 
-    def _look_for_losses(self, number: int, newest: int) -> None:
+    def _look_for_losses(self, envelope: SampleEnvelope, newest: int) -> None:
         """Count what gave way here, and what the numbers show to be missing besides."""
         if self._samples.lost != self._given_way:
             here, self._given_way = self._samples.lost - self._given_way, self._samples.lost
             self._credit += here
             self._count_lost(here)
         if newest == 0:
-            self._credit = 0  # what gave way before the first sample leaves no gap
-        elif number > newest + 1:
-            missing = number - newest - 1
+            newest = self._before_the_first(envelope)
+        if envelope.number > newest + 1:
+            missing = envelope.number - newest - 1
             known = min(missing, self._credit)
             self._credit -= known
             if missing > known:
                 self._count_lost(missing - known)
+
+    def _before_the_first(self, envelope: SampleEnvelope) -> int:
+        """The number before the first sample of a writer that came here, whether that could be taken or gave way."""
+        first = self._samples.first_lost
+        attachment = None if first is None else first.attachment
+        lost = None if attachment is None else read_envelope(attachment.to_bytes())
+        return (envelope if lost is None or lost.writer != envelope.writer else lost).number - 1
 
     def _meet(self, envelope: SampleEnvelope) -> Peer:
         if len(self._peers) >= MAX_PEERS:
