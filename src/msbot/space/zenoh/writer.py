@@ -25,6 +25,9 @@ HEARTBEAT_S = 0.2
 SETTLE_S = 0.25
 """How long a writer that keeps samples waits for the router to tell who reads: a reader that hears a later sample first
 does not accept the earlier ones any more."""
+IDLE_S = 1.0
+"""A reliable writer that has been idle for so long, or twice that, repeats its last sample once: if the connection was
+congested, the last ones may have been dropped, and the library's heartbeat with them."""
 REPEAT_S = 0.2
 """How long after a reader is back the last sample is repeated; its subscription may come after its token."""
 
@@ -34,6 +37,8 @@ class Outlet(Crossing):
 
     __slots__ = (
         "_awaited",
+        "_has_written",
+        "_is_watched",
         "_known",
         "_last",
         "_put",
@@ -61,6 +66,9 @@ class Outlet(Crossing):
         self._known: set[Guid] = set()
         """Readers that were there at some time: one that appears again was cut off."""
         self._last: tuple[bytes, int, tuple[Guid, int] | None] | None = None
+        self._has_written = False
+        """Whether it has since somebody looked whether it is idle."""
+        self._is_watched = False
         self._awaited: int | None = None
         """Number of the first sample that a reader was there for, while it could not be sent yet."""
         self._put: Callable[..., None] | None = None
@@ -91,6 +99,10 @@ class Outlet(Crossing):
         is_late = is_kept and (self._awaited is None or number < self._awaited)
         if self.qos.reliable:
             self._last = octets, number, related
+            self._has_written = True
+            if not self._is_watched:
+                self._is_watched = True
+                self._loop.call_later(IDLE_S, self._look_if_idle)
         self._send(octets, self._sealer.seal(number, related, is_repeated=is_late))
 
     def close(self) -> None:
@@ -134,6 +146,14 @@ class Outlet(Crossing):
                 self._known.add(other.guid)
         self._readers.add(other.guid)
         self.is_wanted = True
+
+    def _look_if_idle(self) -> None:
+        if self._has_written and self.is_open:
+            self._has_written = False
+            self._loop.call_later(IDLE_S, self._look_if_idle)
+        else:
+            self._is_watched = False
+            self._repeat()
 
     def _repeat(self) -> None:
         """A reader that was cut off has to notice what it has missed, or it would only ask with the next sample."""
