@@ -83,6 +83,7 @@ bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/page_parts.py
 	PYTHONPATH=. $(BIN)/python bench/agent.py --write
 	PYTHONPATH=. $(BIN)/python bench/dds.py --write
+	PYTHONPATH=. $(BIN)/python bench/scale.py --write
 	PYTHONPATH=. $(BIN)/python bench/takeover.py --write
 
 wheel: | $(BIN)/python

@@ -1,4 +1,4 @@
-"""What the data space over DDS costs, beside the one in memory and beside Cyclone's own `ddsperf`.
+"""What the data spaces over DDS and Zenoh cost, beside the one in memory and beside Cyclone's own `ddsperf`.
 
     python bench/dds.py [--quick] [--write]
 
@@ -25,7 +25,7 @@ from typing import Any
 
 from bench.agent import LOADS, build_generator, run
 from bench.machine import describe_machine
-from msbot.space import MemorySpace, Qos, Sample, Space, Topic
+from msbot.space import MemorySpace, Qos, Sample, Space, Topic, open_space, parse_space
 from msbot.space.dds import DdsSpace
 from msbot.space.dds.writer import DdsWriter
 
@@ -45,12 +45,12 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--quick", action="store_true", help="one run instead of three")
     options.add_argument("--write", action="store_true", help=f"put the tables into {PAGE.name}")
-    options.add_argument("--echo", action="store_true", help=argparse.SUPPRESS)
+    options.add_argument("--echo", choices=("dds", "zenoh"), help=argparse.SUPPRESS)
     options.add_argument("--count", action="store_true", help=argparse.SUPPRESS)
     options.add_argument("--best-effort", action="store_true", help=argparse.SUPPRESS)
     chosen = options.parse_args()
     if chosen.echo:
-        asyncio.run(echo())
+        asyncio.run(echo(chosen.echo))
         return
     if chosen.count:
         asyncio.run(count(reliable=not chosen.best_effort))
@@ -61,6 +61,7 @@ def main() -> None:
     lines = [f"{describe_machine()}; load {os.getloadavg()[0]:.1f}; median of {runs} run(s), in brackets the range", ""]
     lines += costs(runs)
     lines += ["", *between_processes(runs)]
+    lines += ["", *over_zenoh(runs)]
     lines += ["", *agents(runs)]
     print("\n".join(lines))
     if chosen.write:
@@ -235,22 +236,22 @@ async def throughput(*, reliable: bool, seconds: float = 2.0) -> tuple[float, fl
     return sent / took, state["count"] / span, int(sent - state["count"])
 
 
-async def echo() -> None:
+async def echo(kind: str) -> None:
     """The echoing process."""
-    with DdsSpace() as space:
+    with open_space(parse_space(kind)) as space:
         writer = space.writer(BACK, Qos(depth=1), bytes(15) + b"\1")
         space.reader(TOPIC, Qos(depth=1), lambda sample: writer.write(sample.payload) > 0)
         print("ready", flush=True)
         await asyncio.to_thread(sys.stdin.read)
 
 
-async def round_trips(times: int = 3000) -> tuple[float, float]:
+async def round_trips(kind: str = "dds", times: int = 3000) -> tuple[float, float]:
     """p50 and p99 of a round trip to another process, in µs."""
     process = subprocess.Popen(  # noqa: ASYNC220 - before anything is measured
-        [sys.executable, __file__, "--echo"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, __file__, "--echo", kind], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
     try:
-        with DdsSpace() as space:
+        with open_space(parse_space(kind)) as space:
             taken: list[float] = []
             done = asyncio.Event()
             started = 0.0
@@ -328,6 +329,43 @@ def perf_rate(*, reliable: bool) -> str:
     wish = [] if reliable else ["-u"]
     found = re.findall(r"rate ([\d.]+) kS/s", perf_with([*wish, "pub", "size", "64"], *wish, "sub"))
     return f"{float(found[-1]) * 1000:,.0f}" if found else "-"
+
+
+# Zenoh.
+
+
+def over_zenoh(runs: int) -> list[str]:
+    """Round trips and a write by way of a router in a process of its own, in turns with DDS."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "msbot", "router"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as router:
+        try:
+            assert router.stdout is not None
+            router.stdout.readline()
+            trips: dict[str, list[tuple[float, float]]] = {"dds": [], "zenoh": []}
+            for _ in range(runs):
+                for kind, found in trips.items():
+                    found.append(asyncio.run(round_trips(kind)))
+            writes = [asyncio.run(zenoh_write()) for _ in range(runs)]
+        finally:
+            router.terminate()
+    lines = ["| 64 octets, in turns | over DDS | over Zenoh, by a router | ratio |", "|---|---|---|---|"]
+    for index, name in enumerate(("p50", "p99")):
+        dds, zenoh = ([one[index] for one in trips[kind]] for kind in ("dds", "zenoh"))
+        ratio = statistics.median(zenoh) / statistics.median(dds)
+        lines.append(f"| round trip, {name} µs | {said(dds, '.0f')} | {said(zenoh, '.0f')} | {ratio:.1f} |")
+    lines.append(f"| write, one reader elsewhere, µs | see above | {said(writes, '.2f')} | |")
+    return lines
+
+
+async def zenoh_write() -> float:
+    """What a write to a reader behind the router costs."""
+    with open_space(parse_space("zenoh")) as here, open_space(parse_space("zenoh")) as there:
+        there.reader(TOPIC, Qos(reliable=False, depth=BATCH), lambda _sample: True)
+        writer: Any = here.writer(TOPIC, Qos(reliable=False, depth=BATCH), bytes(16))
+        while not writer.outlets[0].is_wanted:  # noqa: ASYNC110 - it is told to nobody
+            await asyncio.sleep(0.01)
+        return timed(lambda: writer.write(PAYLOAD))
 
 
 # The agent.

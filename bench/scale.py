@@ -1,0 +1,278 @@
+"""What a thousand robots with ten parts each cost: a few robots for real, then one database and one router for all.
+
+    python bench/scale.py [--robots 1000] [--write]
+
+Three samples, in a network namespace of its own with nothing in it but the loopback interface (needs root, `unshare`,
+`ip`), within three minutes:
+
+* robots: a few real masters (`msbot master --space zenoh`) with ten real parts each; time and memory of a master at
+  rest, with the spread between them.
+* database: so many robots in one SQLite file, and the changes of state of all their parts when all are switched on.
+* router: a real `msbot router`; a few processes have the writers of so many robots, and one program reads them all.
+
+`--write` puts the tables into docs/explain/scale.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import os
+import sqlite3
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from bench.dds import enter
+from bench.machine import describe_machine
+from bench.many_parts import PART_NUMBER, be_parts, blueprint, cpu_s
+from msbot.config import load_library, parse_blueprint
+from msbot.pnp import PartEvent, PartState
+from msbot.registry import open_registry
+from msbot.space import Qos, Topic
+from msbot.space.zenoh import ZenohSpace
+
+PAGE = Path(__file__).parent.parent / "docs/explain/scale.md"
+BEGIN, END = "<!-- bench/scale.py begins -->", "<!-- bench/scale.py ends -->"
+INSIDE = "MSBOT_BENCH_DDS_INSIDE"
+HERE = "tcp/127.0.0.1:7447"
+PARTS = 10
+SAMPLED = 3
+REST_S = 10.0
+PATIENCE_S = 60.0
+HOSTS = 4
+"""Processes that stand for the sites."""
+PAYLOAD = bytes(64)
+
+
+def main() -> None:
+    """Print the three tables."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--robots", type=int, default=1000)
+    options.add_argument("--write", action="store_true", help=f"put the tables into {PAGE.name}")
+    options.add_argument("--parts", help=argparse.SUPPRESS)
+    options.add_argument("--site", help=argparse.SUPPRESS)
+    chosen = options.parse_args()
+    if chosen.parts:
+        asyncio.run(be_parts(0, PARTS, chosen.parts, 0))
+    elif chosen.site:
+        asyncio.run(be_site(*map(int, chosen.site.split(":"))))
+    else:
+        if INSIDE not in os.environ:
+            enter()
+        with tempfile.TemporaryDirectory() as folder:
+            os.environ |= {"XDG_STATE_HOME": folder, "XDG_RUNTIME_DIR": folder}
+            lines = [f"{describe_machine()}; load {os.getloadavg()[0]:.1f}"]
+            for table in (partial(robots, Path(folder)), partial(database, Path(folder), chosen.robots),
+                          partial(router, chosen.robots)):  # fmt: skip
+                made = ["", *table()]
+                print("\n".join(made), flush=True)
+                lines += made
+        if chosen.write:
+            before, rest = PAGE.read_text().split(BEGIN)
+            after = rest.split(END)[1]
+            PAGE.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}")
+
+
+def memory_mb(pid: int) -> float:
+    """Memory of a process, what it shares counted by its share, in MB."""
+    text = Path(f"/proc/{pid}/smaps_rollup").read_text()
+    return next(int(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:")) / 1024
+
+
+@contextlib.contextmanager
+def running(*command: str, folder: Path | None = None) -> Iterator[subprocess.Popen[str]]:
+    """A process of this bench, ended with the block."""
+    with subprocess.Popen(
+        [sys.executable, *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)},
+    ) as process:  # fmt: skip
+        try:
+            yield process
+        finally:
+            process.kill()
+            process.communicate()
+
+
+def wait_for(process: subprocess.Popen[str], words: str) -> str:
+    """The next line with these words."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        if words in line:
+            return line
+    raise RuntimeError(f"it ended without {words!r}")
+
+
+# Robots.
+
+
+def robots(folder: Path) -> list[str]:
+    """A few masters with their parts, at rest."""
+    with contextlib.ExitStack() as stack:
+        masters = []
+        for number in range(SAMPLED):
+            (folder / str(number)).mkdir()
+            file = folder / str(number) / "robot.toml"
+            file.write_text(blueprint(PARTS).replace("C-0001", f"C-{number}"))
+            address = f"udp:127.0.0.1:{9000 + number}"
+            wish = ("--no-page", "--rec", "off", "--space", "zenoh", "--link", address)
+            master = stack.enter_context(running("-m", "msbot", "master", *wish, folder=file.parent))
+            wait_for(master, "is up on")
+            parts = stack.enter_context(running(str(Path(__file__).resolve()), "--parts", address))
+            assert parts.stdin is not None
+            parts.stdin.write("\n")
+            parts.stdin.flush()
+            wait_for(parts, f'"active": {PARTS}')
+            masters.append(master)
+        before = [cpu_s(master.pid) for master in masters]
+        started = time.monotonic()
+        time.sleep(REST_S)
+        spent = time.monotonic() - started
+        load = [(cpu_s(master.pid) - was) / spent * 100 for master, was in zip(masters, before, strict=True)]
+        memory = [memory_mb(master.pid) for master in masters]
+    return [
+        f"| one robot of {PARTS} parts at rest ({SAMPLED} of them, least to most) | |", "|---|---|",
+        f"| its master, of a core | {min(load):.2f} to {max(load):.2f} % |",
+        f"| its master, memory (shared pages by their share) | {min(memory):.0f} to {max(memory):.0f} MB |",
+    ]  # fmt: skip
+
+
+# The database.
+
+
+def database(folder: Path, number: int) -> list[str]:
+    """So many robots in one file, all switched on."""
+    library = load_library()
+    sample = parse_blueprint(blueprint(PARTS), library)
+    file = folder / "school.db"
+    applied, journal = [], []
+    with open_registry(str(file)) as registry:
+        for index in range(number):
+            robot = replace(sample.robot, name=f"R{index}", serial_number=f"S-{index}")
+            started = time.perf_counter()
+            registry.robots.apply_blueprint(replace(sample, robot=robot), library)
+            applied.append(time.perf_counter() - started)
+        first = registry.robots.find(replace(sample, robot=replace(sample.robot, name="R0", serial_number="S-0")))
+        assert first is not None
+        store = registry.runs.begin(first)
+        started = time.perf_counter()
+        count = 2000
+        for index in range(count):
+            part = index % PARTS
+            state = PartState.ACTIVE if index // PARTS % 2 else PartState.LATE
+            store.journal(
+                PartEvent(
+                    float(index),
+                    f"P{part:04}",
+                    f"P{part:04}",
+                    None,
+                    state,
+                    "its beats",
+                    part_number=PART_NUMBER,
+                    local_name=f"P{part:04}",
+                    uid=part.to_bytes(8),
+                    client_key=part + 1,
+                )
+            )
+            if index % PARTS == PARTS - 1:  # what one robot writes together
+                registry.storage.flush()
+        journal.append((time.perf_counter() - started) / count)
+    with contextlib.closing(sqlite3.connect(file)) as written:
+        kept = written.execute("SELECT count(*) FROM journal").fetchone()[0]
+    assert kept >= count, f"{kept} changes were kept"
+    size = file.stat().st_size / number / 1024
+    changes = 3 * PARTS * number
+    edges = statistics.median(applied[:20]) * 1e3, statistics.median(applied[-20:]) * 1e3
+    return [
+        f"| one SQLite file with {number:,} robots of {PARTS} parts | |", "|---|---|",
+        f"| a blueprint put into force, the first 20 / the last 20 | {edges[0]:.1f} / {edges[1]:.1f} ms |",
+        f"| file, for each robot | {size:.1f} kB |",
+        f"| a change of state, kept | {journal[0] * 1e6:.0f} µs, {1 / journal[0]:,.0f} a second |",
+        f"| all robots switched on at once: {changes:,} changes | {changes * journal[0]:.1f} s of one writer |",
+    ]  # fmt: skip
+
+
+# The router.
+
+
+async def be_site(first: int, count: int) -> None:
+    """The writers of some robots; writes one sample of each a second when told to."""
+    with ZenohSpace([HERE]) as space:
+        writers = [
+            space.writer(Topic(f"part_{part}", "Level"), Qos(depth=16, partitions=(f"R{robot}",)), os.urandom(16))
+            for robot in range(first, first + count) for part in range(PARTS)
+        ]  # fmt: skip
+        while not writers[-1].outlets[0]._declared:  # type: ignore[attr-defined]  # noqa: ASYNC110
+            await asyncio.sleep(0.05)
+        for writer in writers:
+            writer.outlets[0].is_wanted = True  # type: ignore[attr-defined]
+        print("ready", flush=True)
+        await asyncio.to_thread(sys.stdin.readline)
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        for index in range(10 * len(writers)):
+            writers[index % len(writers)].write(PAYLOAD)
+            due += 1 / len(writers)
+            if index % 20 == 19:
+                await asyncio.sleep(max(0.0, due - loop.time()))
+        print("done", flush=True)
+        await asyncio.to_thread(sys.stdin.readline)
+
+
+def router(number: int) -> list[str]:
+    """One router and the topics of so many robots."""
+    from msbot.space.zenoh.library import load, session_config
+
+    with contextlib.ExitStack() as stack:
+        process = stack.enter_context(running("-m", "msbot", "router"))
+        wait_for(process, "router at")
+        empty = memory_mb(process.pid)
+        got = 0
+
+        def count(_sample: object) -> None:
+            nonlocal got
+            got += 1
+
+        reader = stack.enter_context(load().open(session_config("client", connect=[HERE])))
+        everything = reader.declare_subscriber("msbot/**", load().handlers.Callback(count, indirect=False))
+        started = time.perf_counter()
+        each = number // HOSTS
+        sites = [
+            stack.enter_context(running(str(Path(__file__).resolve()), "--site", f"{host * each}:{each}"))
+            for host in range(HOSTS)
+        ]
+        for site in sites:
+            wait_for(site, "ready")
+        known = time.perf_counter() - started
+        full, before, began = memory_mb(process.pid), cpu_s(process.pid), time.perf_counter()
+        for site in sites:
+            assert site.stdin is not None
+            site.stdin.write("\n")
+            site.stdin.flush()
+        for site in sites:
+            wait_for(site, "done")
+        took, spent = time.perf_counter() - began, cpu_s(process.pid) - before
+        deadline = time.perf_counter() + 2
+        sent = 10 * HOSTS * each * PARTS
+        while got < sent and time.perf_counter() < deadline:
+            time.sleep(0.05)
+        everything.undeclare()
+    topics = HOSTS * each * PARTS
+    return [
+        f"| one router, {topics:,} topics of {HOSTS * each:,} robots at {HOSTS} sites | |", "|---|---|",
+        f"| all writers made known | {known:.1f} s |",
+        f"| memory, empty / with them | {empty:.0f} / {full:.0f} MB, {(full - empty) * 1024 / topics:.1f} kB each |",
+        f"| samples carried to one reader, of {sent:,} | {got:,}, {sent / took:,.0f} a second |",
+        f"| its processor time | {spent / took * 100:.0f} % of a core, {spent / sent * 1e6:.1f} µs a sample |",
+    ]  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
