@@ -158,7 +158,7 @@ def test_a_life_with_missions(tmp_path: Path) -> None:
 async def what_cannot_begin_changes_nothing(played: Played) -> None:
     stage = played.stage
     for arguments, words in (
-        ({"mission": "no-answer"}, "in a robot that is well: ear, headlight, bumper must be active first"),
+        ({"mission": "one-silent"}, "in a robot that is well: ear, headlight, bumper must be active first"),
         (
             {"mission": "x.toml", "toml": OWN.replace("fan", "nose") + '[robot]\nsample = "rover"'},
             "needs a robot with the slots nose: `msbot demo --robot rover` has them",

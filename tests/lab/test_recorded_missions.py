@@ -160,7 +160,7 @@ def test_the_command_grades_a_recording_and_writes_the_page(
 
 def test_the_list_and_the_check_tell_what_there_is(tmp_path: Path) -> None:
     listed = CliRunner().invoke(command, ["list"]).output
-    assert "no-answer        One of us does not answer (5 min, robot: rover)" in listed
+    assert "one-silent       One of us does not answer (5 min, robot: rover)" in listed
     (tmp_path / "mine.toml").write_text(MINE)
     checked = CliRunner().invoke(command, ["check", str(tmp_path / "mine.toml")]).output
     assert checked.endswith("mine.toml is right: faults: 1, things to do: 1, 60 s; slots: BB\n")

@@ -23,6 +23,10 @@ from msbot.operations.dispatch import RunningOperations
 from msbot.part import Part
 from msbot.registry import Registry, open_registry
 from msbot.runtime.virtual_time import run_virtual
+from msbot.sim.arena.arena import Arena
+from msbot.sim.arena.door import OwnDoor
+from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.world_reader import open_world
 from tests.operations.stage import put_database
 
 PROGRAM = re.compile(r"```python\n(.*?)```", re.DOTALL)
@@ -38,6 +42,8 @@ class LessonStage:
     registry: Registry
     hub: InprocHub
     tasks: asyncio.TaskGroup
+    living: LivingArena | None = None
+    """The world that the robot is in."""
     programs: list[asyncio.Task[None]] = field(default_factory=list)
 
     async def do(self, operation: str, who: str = "Ada", **arguments: object) -> str:
@@ -74,8 +80,8 @@ class LessonStage:
             self.turn("knob", "knob", value)
             await asyncio.sleep(0.6)
 
-    def run_program(self, lesson: str) -> None:
-        """Run the program that a lesson prints."""
+    def run_program(self, lesson: str, old: str = "", new: str = "") -> None:
+        """Run the program that a lesson prints, with one line in place of another."""
         path = self.desk.shelf.get(lesson).file
         assert path is not None
         found = PROGRAM.search(path.read_text())
@@ -86,15 +92,17 @@ class LessonStage:
             mock.patch.dict(sys.modules, {module.__name__: module}),
             mock.patch.object(Part, "run", autospec=True, side_effect=parts.append),
         ):
-            exec(compile(found[1], str(path), "exec"), vars(module))
+            exec(compile(found[1].replace(old, new), str(path), "exec"), vars(module))
         self.programs.append(self.tasks.create_task(parts[0].run_async(self.hub.connect(), epoch_ns=lambda: 0)))
 
 
 Scene = Callable[[LessonStage], Awaitable[None]]
 
 
-def lesson_scene(folder: Path, scene: Scene, *, sample: str = "rover", folders: Sequence[Path] = ()) -> None:
-    """Run a sample robot with all its parts, and its lesson desk."""
+def lesson_scene(
+    folder: Path, scene: Scene, *, sample: str = "rover", folders: Sequence[Path] = (), world: str = ""
+) -> None:
+    """Run a sample robot with all its parts, in a world or in none, and its lesson desk."""
 
     async def main() -> None:
         path = folder / "robot.toml"
@@ -105,10 +113,12 @@ def lesson_scene(folder: Path, scene: Scene, *, sample: str = "rover", folders: 
         with open_registry(folder / "robot.db") as registry:
             record = registry.robots.apply_blueprint(blueprint, library)
             store = registry.runs.begin(record)
-            robot = DemoRobot(blueprint, store, random=Random(1), library=library)
+            living = LivingArena(Arena(open_world(world))) if world else None
+            door = None if living is None else OwnDoor(living, "robot")
+            robot = DemoRobot(blueprint, store, random=Random(1), library=library, door=door)
             operations = RunningOperations(robot.master, registry, record, library=library)
             lab = FaultLab(operations, parts=robot, bus=robot.bus_driver)
-            desk = LessonDesk(operations, LessonShelf(folders), parts=robot, bus=robot.bus_driver)
+            desk = LessonDesk(operations, LessonShelf(folders), parts=robot, bus=robot.bus_driver, world=world)
             hub = InprocHub()
             hub.server.info = LinkInfo("students", hub.server.info.mtu)
             robot.master.add_link(hub.server)
@@ -116,7 +126,7 @@ def lesson_scene(folder: Path, scene: Scene, *, sample: str = "rover", folders: 
                 running = [tasks.create_task(work) for work in (robot.run(), lab.run(), desk.run())]
                 await robot.master.ready.wait()
                 await asyncio.sleep(3)
-                stage = LessonStage(robot, operations, desk, registry, hub, tasks)
+                stage = LessonStage(robot, operations, desk, registry, hub, tasks, living)
                 await scene(stage)
                 for task in (*running[1:], *stage.programs):
                     task.cancel()

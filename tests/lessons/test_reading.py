@@ -119,3 +119,24 @@ def test_a_teachers_lesson_goes_before_one_of_ours_and_a_wrong_one_is_named(tmp_
         shelf.get("none")
     with pytest.raises(ConfigError, match="there is no such folder"):
         LessonShelf([tmp_path / "nowhere"])
+
+
+def test_a_translation_is_shown_only_if_it_asks_the_same(tmp_path: Path) -> None:
+    question = '```question\nsay = "Who?"\nanswer = "nobody"\nchoices = ["nobody", "all"]\n```\n'
+    (tmp_path / "mine.md").write_text(HEAD + "## A\n" + CHECK + question)
+    (tmp_path / "de").mkdir()
+    german = tmp_path / "de" / "mine.md"
+    german.write_text((HEAD + "## A\n" + CHECK + question).replace("nobody", "niemand").replace('"T"', '"D"'))
+    shelf = LessonShelf([tmp_path])
+    lesson = shelf.get("mine")
+    assert shelf.translated(lesson, "de").title == "D"
+    assert shelf.translated(lesson, "fr") is lesson
+    assert [one.is_right("niemand") for one in shelf.questions(lesson, "1.2")] == [True]
+    german.write_text((HEAD + "## A\n" + CHECK.replace("fan", "ear") + question).replace('"T"', '"D"'))
+    assert LessonShelf([tmp_path]).translated(lesson, "de") is lesson
+
+
+def test_our_own_lessons_are_in_every_language_of_the_page() -> None:
+    shelf = LessonShelf()
+    for lesson in shelf.all()[0]:
+        assert shelf.translated(lesson, "de") is not lesson, lesson.name

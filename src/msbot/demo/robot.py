@@ -19,9 +19,10 @@ from msbot.errors import ConfigError, MsbotError
 from msbot.link.can import FrameTap
 from msbot.link.can.protocol import NodeIds
 from msbot.link.can.sim import SimBusDriver
-from msbot.master import Master, first_error
+from msbot.master import Master
 from msbot.part import SimGpio
 from msbot.pnp import PartEvent, PartInfo, PartState, PartStore
+from msbot.runtime.task_errors import ungrouped
 from msbot.sim import SimulatedPart
 from msbot.sim.arena.door import Door
 from msbot.space import Space
@@ -130,24 +131,23 @@ class DemoRobot:
         """
         self._started_at = self._loop.time()
         try:
-            async with asyncio.TaskGroup() as tasks:
-                self._tasks = tasks
-                background = [tasks.create_task(self.master.run())]
-                if self._door is not None:
-                    background.append(tasks.create_task(self._door.run()))
-                await self.master.ready.wait()
-                for name in self._plugs:
-                    if name not in self._spares and name not in self._unplugged:
-                        self.plug(name)
-                self.begun.set()
-                self._watch_start()
-                await self._finished.wait()
-                await self._settle()
-                self._final = self._look()
-                for task in background + [plug.task for plug in self._plugs.values() if plug.task is not None]:
-                    task.cancel()
-        except* MsbotError as errors:
-            raise first_error(errors) from None
+            with ungrouped(MsbotError):
+                async with asyncio.TaskGroup() as tasks:
+                    self._tasks = tasks
+                    background = [tasks.create_task(self.master.run())]
+                    if self._door is not None:
+                        background.append(tasks.create_task(self._door.run()))
+                    await self.master.ready.wait()
+                    for name in self._plugs:
+                        if name not in self._spares and name not in self._unplugged:
+                            self.plug(name)
+                    self.begun.set()
+                    self._watch_start()
+                    await self._finished.wait()
+                    await self._settle()
+                    self._final = self._look()
+                    for task in background + [plug.task for plug in self._plugs.values() if plug.task is not None]:
+                        task.cancel()
         finally:
             self._tasks = None
 

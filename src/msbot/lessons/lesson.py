@@ -83,6 +83,8 @@ class Lesson:
     """A sample of `msbot init`; empty with `blueprint`."""
     blueprint: Path | None = None
     """The blueprint that the lesson brings."""
+    world: str = ""
+    """The world that its robot must be in; empty: any, or none."""
     unplugged: tuple[str, ...] = ()
     """Slots whose part is pulled out when the lesson begins."""
     settings: Mapping[str, Mapping[str, str]] | None = None

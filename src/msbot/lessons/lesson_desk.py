@@ -67,18 +67,20 @@ class LessonDesk:
         shelf: the lessons that there are.
         parts: its parts that are simulated in this process; None: its stand-ins.
         bus: its simulated bus.
+        world: the name of the world that the robot is in; empty: none.
         epoch_ns: wall clock, nanoseconds since 1970.
     """
 
     def __init__(
         self, operations: RunningOperations, shelf: LessonShelf, *, parts: PartsHere | None = None,
-        bus: SimBusDriver | None = None, epoch_ns: Callable[[], int] = time.time_ns,
+        bus: SimBusDriver | None = None, world: str = "", epoch_ns: Callable[[], int] = time.time_ns,
     ) -> None:  # fmt: skip
         self._operations = operations
         self._running = operations.faults.running
         self.shelf = shelf
         self._parts: PartsHere = operations.stand_ins if parts is None else parts
         self._robot = RunningRobotNow(self._running, bus)
+        self._world = world
         self._epoch_ns = epoch_ns
         self._workshop = Workshop()
         self._begun: _Begun | None = None
@@ -107,7 +109,15 @@ class LessonDesk:
             raise ConfigError(said("STOP holds: a lesson begins after GO"))
         self._is_busy = True
         try:
-            return await self._set_up(self.shelf.get(lesson), who)
+            wanted = self.shelf.get(lesson)
+            if wanted.world and wanted.world != self._world:
+                raise ConfigError(
+                    said(
+                        "the lesson {title!r} needs a robot in the world {world}: `msbot demo --lesson {name}` has one",
+                        title=wanted.title, world=wanted.world, name=wanted.name,
+                    )
+                )  # fmt: skip
+            return await self._set_up(wanted, who)
         finally:
             self._is_busy = False
 
@@ -154,12 +164,9 @@ class LessonDesk:
             ConfigError: there is no such question now, or the answer is wrong.
         """
         begun = self._need()
-        if not begun.run.answer(check, answer, self._running.now()):
-            found = begun.run.lesson.check(check)
-            hint = "" if found is None else found.hint
-            raise ConfigError(
-                said("that is not right yet. {hint}", hint=hint) if hint else said("that is not right yet")
-            )
+        questions = self.shelf.questions(begun.run.lesson, check)
+        if not begun.run.answer(check, answer, self._running.now(), questions):
+            raise ConfigError(said("that is not right yet"))
         self._ticked(begun, check)
         return said("that is right, {who}", who=who)
 

@@ -19,7 +19,7 @@ from msbot.lessons.lesson import Lesson, LessonCheck, LessonQuestion, Step
 from msbot.operations.fault_wish import FaultWish
 from msbot.runtime.sentence import said
 
-FOR_TEACHERS: Final = ("For the teacher", "Answers")
+FOR_TEACHERS: Final = ("For the teacher", "Answers", "Für die Lehrkraft", "Antworten")
 """Sections that only teachers read."""
 MOST_CHECKS: Final = 100
 LONGEST_S: Final = 600.0
@@ -86,6 +86,7 @@ class _Reader:
             steps=tuple(steps),
             robot=robot,
             blueprint=self._path.parent / blueprint if blueprint else None,
+            world=header.text("world", "line"),
             unplugged=tuple(header.names("unplugged", "knob")),
             settings=self._settings(header.table("settings")),
             faults=tuple(_fault(table) for table in header.tables("fault")),

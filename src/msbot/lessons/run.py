@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from msbot.errors import ConfigError
 from msbot.lessons.conditions import ConditionMemory, RobotNow
-from msbot.lessons.lesson import Lesson, LessonCheck
+from msbot.lessons.lesson import Lesson, LessonCheck, LessonQuestion
 from msbot.runtime.sentence import joined, said
 
 
@@ -86,8 +86,8 @@ class LessonRun:
                 found.append(check)
         return found
 
-    def answer(self, name: str, answer: str, now: float) -> bool:
-        """Answer a question; whether that was right.
+    def answer(self, name: str, answer: str, now: float, others: Sequence[LessonQuestion] = ()) -> bool:
+        """Answer a question; whether that was right, for it or for one of its translations.
 
         Raises:
             ConfigError: there is no such question, or it is not its turn.
@@ -97,7 +97,7 @@ class LessonRun:
             raise ConfigError(said("there is no open question {name} now", name=name))
         assert check.question is not None
         progress = self._progress[name]
-        if not check.question.is_right(answer):
+        if not any(question.is_right(answer) for question in (check.question, *others)):
             progress.tries += 1
             return False
         self._tick(progress, now)

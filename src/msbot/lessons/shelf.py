@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from msbot.errors import ConfigError
-from msbot.lessons.lesson import Lesson
+from msbot.lessons.lesson import Lesson, LessonQuestion
 from msbot.lessons.reading import read_lesson
 from msbot.runtime.carried_files import carried_folder
 from msbot.runtime.sentence import said
@@ -54,6 +54,29 @@ class LessonShelf:
             raise found
         return found
 
+    def translated(self, lesson: Lesson, language: str) -> Lesson:
+        """The lesson in a language, from the folder of that name beside it; as it is where there is none.
+
+        Its checks are those of the lesson: a translation that has others, or cannot be read, is not shown.
+        """
+        if lesson.file is None:
+            return lesson
+        path = lesson.file.parent / language / lesson.file.name
+        if not path.is_file():
+            return lesson
+        found = self._at(path)
+        if isinstance(found, ConfigError) or _asked(found) != _asked(lesson):
+            return lesson
+        return found
+
+    def questions(self, lesson: Lesson, check: str) -> list[LessonQuestion]:
+        """A question in the other languages that the lesson has."""
+        if lesson.file is None:
+            return []
+        languages = [path.parent.name for path in lesson.file.parent.glob(f"*/{lesson.file.name}")]
+        found = [self.translated(lesson, language).check(check) for language in languages]
+        return [one.question for one in found if one is not None and one.question is not None]
+
     def all(self) -> tuple[list[Lesson], list[str]]:
         """All lessons in their order, and what is wrong with files that are none."""
         found = [self._at(path) for path in self._files().values()]
@@ -83,3 +106,11 @@ class LessonShelf:
             found = error
         self._read[path] = changed, found
         return found
+
+
+def _asked(lesson: Lesson) -> list[tuple[str, list[str], float, bool]]:
+    """What the checks look at, whatever language their words are in."""
+    return [
+        (check.name, [str(one) for one in check.conditions], check.for_s, check.question is None)
+        for check in lesson.checks
+    ]

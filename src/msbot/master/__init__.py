@@ -3,7 +3,7 @@
 STOP, which outlives the master, is stored here and can be said from here.
 """
 
-from msbot.master.master import Master, SaysStop, first_error, profile_of, timing_of
+from msbot.master.master import Master, SaysStop, profile_of, timing_of
 from msbot.master.robot_as_part import ExportedPort, RobotAsPart, exported_ports
 from msbot.master.stop_persistence import StopKeeper, stop_file
 from msbot.master.stop_socket import StopSocket, answer_of
@@ -19,7 +19,6 @@ __all__ = [
     "answer_of",
     "dds_topics_of",
     "exported_ports",
-    "first_error",
     "profile_of",
     "robot_space",
     "stop_file",

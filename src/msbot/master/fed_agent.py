@@ -32,6 +32,7 @@ from msbot.pnp.fed_agents.service import NAMES, Sayings, goes_at_once
 from msbot.pnp.master_service import MasterService
 from msbot.pnp.services import LONGEST_BEST_EFFORT, MOST_ASKERS
 from msbot.runtime.tally import Tally
+from msbot.runtime.task_errors import ungrouped
 from msbot.space import MemorySpace, Space
 from msbot.xrce import References
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
@@ -168,13 +169,12 @@ class FedAgent:
         self.gate.start(self._loop.time())
         self._tick()
         try:
-            async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self.agent.run())
-                tasks.create_task(self._deputy.run())
-                tasks.create_task(self._keep_way())
-                tasks.create_task(self._serve_parts())
-        except* LinkDown as errors:
-            raise errors.exceptions[0] from None
+            with ungrouped(LinkDown):
+                async with asyncio.TaskGroup() as tasks:
+                    tasks.create_task(self.agent.run())
+                    tasks.create_task(self._deputy.run())
+                    tasks.create_task(self._keep_way())
+                    tasks.create_task(self._serve_parts())
         finally:
             if self._alarm is not None:
                 self._alarm.cancel()

@@ -30,6 +30,7 @@ from msbot.pnp.fed_agents.service import AgentsService
 from msbot.pnp.master_service import MasterService
 from msbot.pnp.services import InventoryService
 from msbot.runtime.sentence import said
+from msbot.runtime.task_errors import ungrouped
 from msbot.space import MemorySpace, Space
 
 _log = logging.getLogger(__name__)
@@ -312,18 +313,17 @@ class Master:
             LinkDown: a link cannot be opened; the text names the remedy.
         """
         try:
-            async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self.agent.run())
-                tasks.create_task(self._inventory.run())
-                tasks.create_task(self._master.run())
-                tasks.create_task(self._agents.run())
-                # No part is let in before the services can answer it.
-                await self._inventory.until_ready()
-                self._serving = True
-                for link in self._links:
-                    self._serve(link)
-        except* MsbotError as errors:
-            raise first_error(errors) from None
+            with ungrouped(MsbotError):
+                async with asyncio.TaskGroup() as tasks:
+                    tasks.create_task(self.agent.run())
+                    tasks.create_task(self._inventory.run())
+                    tasks.create_task(self._master.run())
+                    tasks.create_task(self._agents.run())
+                    # No part is let in before the services can answer it.
+                    await self._inventory.until_ready()
+                    self._serving = True
+                    for link in self._links:
+                        self._serve(link)
         finally:
             self._serving = False
             self.ready.clear()
@@ -371,12 +371,3 @@ def timing_of(blueprint: Blueprint) -> LifeTiming:
     """The robot's periods in the form that the inventory uses."""
     timing = blueprint.timing
     return LifeTiming(beat_s=timing.beat_period_s, tick_s=timing.tick_period_s, life=timing.life)
-
-
-def first_error(errors: BaseExceptionGroup[MsbotError]) -> MsbotError:
-    """The first error in a group that ended a `TaskGroup`: the one that a person has to fix."""
-    leaves: Sequence[BaseException] = errors.exceptions
-    while isinstance(leaves[0], BaseExceptionGroup):
-        leaves = leaves[0].exceptions
-    assert isinstance(leaves[0], MsbotError)
-    return leaves[0]

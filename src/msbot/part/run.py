@@ -21,6 +21,7 @@ from msbot.link.can import CanSettings, Codec
 from msbot.part.beginner import HandlerWatch, part_is_run
 from msbot.part.join.keys import KEY_VARIABLE, given_key
 from msbot.part.join.uid import parse_uid, stored_uid
+from msbot.runtime.task_errors import ungrouped
 from msbot.runtime.terminal_log import TerminalHandler
 from msbot.xrce import compress, decompress, is_whole
 
@@ -86,11 +87,10 @@ async def _run_all(pairs: list[tuple[Part, Link]]) -> None:
     end_on_signals([part for part, _ in pairs])
     watch = HandlerWatch(lambda: next((part.busy_with for part, _ in pairs if part.busy_with is not None), None))
     try:
-        async with asyncio.TaskGroup() as group:
-            for part, link in pairs:
-                group.create_task(part.run_async(link))
-    except* MsbotError as errors:
-        raise _first(errors) from None
+        with ungrouped(MsbotError):
+            async with asyncio.TaskGroup() as group:
+                for part, link in pairs:
+                    group.create_task(part.run_async(link))
     finally:
         watch.end()
 
@@ -116,11 +116,3 @@ def _parse(args: list[str] | None) -> argparse.Namespace:
     parser.add_argument("-v", "--verbose", action="store_true", help="show the whole traceback of an error, and more")
     parser.add_argument("--quiet", action="store_true", help="say only what is wrong")
     return parser.parse_args(args)
-
-
-def _first(errors: BaseExceptionGroup[MsbotError]) -> MsbotError:
-    error: BaseException = errors
-    while isinstance(error, BaseExceptionGroup):
-        error = error.exceptions[0]
-    assert isinstance(error, MsbotError)
-    return error

@@ -31,20 +31,25 @@ class Learning:
         self._registry = registry
         self._accounts = accounts
 
-    @property
-    def lesson(self) -> Lesson | None:
-        """The lesson that runs."""
-        return None if self._desk is None else self._desk.lesson
+    def lesson(self, language: str) -> Lesson | None:
+        """The lesson that runs, in that language if there is a translation."""
+        if self._desk is None or self._desk.lesson is None:
+            return None
+        return self._desk.shelf.translated(self._desk.lesson, language)
 
     def now(self) -> dict[str, object]:
         """What has ticked, who takes part, who asks for help."""
         return {"lesson": None} if self._desk is None else dict(self._desk.as_json())
 
-    def lessons(self) -> tuple[list[Lesson], list[str]]:
-        """All lessons, and what is wrong with files that are none."""
-        return ([], []) if self._desk is None else self._desk.shelf.all()
+    def lessons(self, language: str = "en") -> tuple[list[Lesson], list[str]]:
+        """All lessons, in that language where there is a translation; and what is wrong with files that are none."""
+        if self._desk is None:
+            return [], []
+        shelf = self._desk.shelf
+        lessons, wrong = shelf.all()
+        return [shelf.translated(lesson, language) for lesson in lessons], wrong
 
-    async def progress(self, session: Session) -> list[PersonInLesson]:
+    async def progress(self, session: Session, language: str = "en") -> list[PersonInLesson]:
         """How far everybody is, for a teacher; how far one is oneself, for everybody else.
 
         Raises:
@@ -54,16 +59,18 @@ class Learning:
         if self._registry is None:
             return []
         ticks = await self._registry.storage.in_time(self._registry.lesson_ticks.all)
-        rows = progress_of(ticks, self.lessons()[0])
+        rows = progress_of(ticks, self.lessons(language)[0])
         return rows if session.may(Right.ARRANGE) else [row for row in rows if row.person == session.name]
 
-    async def done(self, session: Session, lesson: str) -> PersonInLesson:
+    async def done(self, session: Session, lesson: str, language: str) -> PersonInLesson:
         """What somebody has done of a lesson to its end, for the certificate.
 
         Raises:
             ConfigError: it is not done yet.
         """
-        found = [row for row in await self.progress(session) if row.person == session.name and row.lesson == lesson]
+        found = [
+            row for row in await self.progress(session, language) if row.person == session.name and row.lesson == lesson
+        ]
         if not found or not found[0].is_done:
             raise ConfigError(said("{who} has not done this lesson to its end yet", who=session.name))
         return found[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -20,7 +21,11 @@ from tests.e2e.processes import run, running
 def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[str, str]]]:
     """Robots X1 and X2 run, each with a database of its own; X3 is in robot.db and does not run."""
     folder = tmp_path_factory.mktemp("school")
-    place = {"XDG_STATE_HOME": str(folder / "state"), "XDG_RUNTIME_DIR": str(folder), "MSBOT_STOP_GROUP": str(folder)}
+    place = {
+        "XDG_STATE_HOME": str(folder / "state"),
+        "XDG_RUNTIME_DIR": str(folder),
+        "MSBOT_STOP_GROUP": f"{os.getpid()}school",
+    }
     assert run("init", cwd=folder).returncode == 0
     text = (folder / "robot.toml").read_text()
     serial = next(line for line in text.splitlines() if line.startswith("serial_number"))
@@ -88,7 +93,11 @@ def test_one_stop_names_who_was_told_and_who_was_not(school: tuple[Path, dict[st
 
 
 def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
-    place = {"XDG_RUNTIME_DIR": str(tmp_path), "MSBOT_STOP_GROUP": str(tmp_path), "XDG_STATE_HOME": str(tmp_path)}
+    place = {
+        "XDG_RUNTIME_DIR": str(tmp_path),
+        "MSBOT_STOP_GROUP": f"{os.getpid()}none",
+        "XDG_STATE_HOME": str(tmp_path),
+    }
     assert run("init", cwd=tmp_path).returncode == 0
     for words, said in (
         (("apply", "robot.toml", "--yes"), "no robot fits"),

@@ -328,7 +328,7 @@ def test_the_doctor_answers_teachers(site: Site) -> None:
 def test_missions_say_what_they_need(site: Site) -> None:
     assert site.ask("GET", "/api/mission", role="viewer").json()["mission"] == ""
     for method, path, body, words in (
-        ("POST", "/api/mission/start", {"mission": "no-answer"}, "needs a robot with the slots knob, fan"),
+        ("POST", "/api/mission/start", {"mission": "one-silent"}, "needs a robot with the slots knob, fan"),
         ("POST", "/api/mission/start", {"mission": "a.toml", "toml": "x"}, "a.toml, line 1"),
         ("POST", "/api/mission/answer", {"kind": "loss"}, "no mission runs"),
         ("POST", "/api/mission/hint", None, "no mission runs"),

@@ -22,7 +22,7 @@ import click
 from msbot.agent import StatusServer
 from msbot.cli.bus.frame_log import FrameLog
 from msbot.cli.change.robot_access import MASTER, details_of
-from msbot.cli.demo.for_lesson import blueprint_for, start_lesson
+from msbot.cli.demo.for_lesson import blueprint_for, chosen_lesson, lesson_desk, start_lesson
 from msbot.cli.demo.json import as_json
 from msbot.cli.demo.key_presses import KeyPresses
 from msbot.cli.demo.notes import Notes
@@ -41,13 +41,13 @@ from msbot.lab.missions.mission_lab import MissionLab
 from msbot.lab.recorder.wish import RecordingWish
 from msbot.lessons.lesson import Lesson
 from msbot.lessons.lesson_desk import LessonDesk
-from msbot.lessons.shelf import LessonShelf
 from msbot.link.can.sim import SimBusServer, check_free
-from msbot.master import StopSocket, first_error, robot_space
+from msbot.master import StopSocket, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.registry import Registry, RobotRecord, RobotStore, StoredNodeIds, open_registry
 from msbot.ros.robot_in_ros import RobotInRos
 from msbot.runtime.patient_output import patient_output
+from msbot.runtime.task_errors import ungrouped
 from msbot.space import SharedSpace, SpaceAddress
 
 if TYPE_CHECKING:
@@ -134,11 +134,12 @@ def command(
     again, q ends the robot. With --json nothing but the object is printed, and there is no page, unless --port asks
     for one.
     """
+    chosen = chosen_lesson(lesson, lessons)
     options = _Options(
         Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, log, bus, seed,
         sample or ("rover" if world is None else "buggy"),
         spare,
-        None if lesson is None else LessonShelf(lessons).get(lesson),
+        chosen,
         lessons,
         page_wishes(port=port, host=host, no_page=no_page or (as_json_object and port is None),
                     certificate=certificate, certificate_key=certificate_key, page_names=page_names),
@@ -146,7 +147,7 @@ def command(
         rec,
         metrics_port,
         log_wishes,
-        WorldWishes(world, place, share),
+        WorldWishes(world or (chosen.world or None if chosen else None), place, share),
     )  # fmt: skip
     options.world.check()
     log_wishes.set_up(logging.WARNING)
@@ -206,7 +207,7 @@ async def _main(
         script = ScriptRun(options.script, robot, undo, notes.add)
         with _logging(robot, options.log):
             beside: list[Coroutine[object, object, None]] = world.beside()
-            desk = LessonDesk(operations, LessonShelf(options.lessons), parts=robot, bus=robot.bus_driver)
+            desk = lesson_desk(operations, options.lessons, robot, options.world.world or "")
             room: WebRoom | None = None
 
             def page_address() -> str:
@@ -279,14 +280,12 @@ def _make_page(
 
 async def _run_beside(work: Coroutine[object, object, None], beside: Iterable[Coroutine[object, object, None]]) -> None:
     """Run the robot, and its helpers as long as it runs."""
-    try:
+    with ungrouped(MsbotError):
         async with asyncio.TaskGroup() as tasks:
             helping = [tasks.create_task(helper) for helper in beside]
             await work
             for helper in helping:
                 helper.cancel()
-    except* MsbotError as errors:
-        raise first_error(errors) from None
 
 
 async def _run_served(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from msbot.cli.options import user_name
@@ -12,6 +12,8 @@ from msbot.config import write_sample
 from msbot.demo import DemoRobot
 from msbot.lessons.lesson import Lesson
 from msbot.lessons.lesson_desk import LessonDesk
+from msbot.lessons.shelf import LessonShelf
+from msbot.operations.dispatch import RunningOperations
 from msbot.pnp import PartState
 
 PATIENCE_S = 10.0
@@ -26,6 +28,16 @@ def blueprint_for(sample: str, lesson: Lesson | None, folder: Path) -> Path:
     return path
 
 
+def chosen_lesson(name: str | None, folders: Sequence[Path]) -> Lesson | None:
+    """The lesson of that name; None: none is wanted."""
+    return None if name is None else LessonShelf(folders).get(name)
+
+
+def lesson_desk(operations: RunningOperations, folders: Sequence[Path], robot: DemoRobot, world: str) -> LessonDesk:
+    """The lesson desk of a demo in a world, or in none."""
+    return LessonDesk(operations, LessonShelf(folders), parts=robot, bus=robot.bus_driver, world=world)
+
+
 async def start_lesson(desk: LessonDesk, lesson: Lesson | None, robot: DemoRobot, say: Callable[[str], None]) -> None:
     """Begin the lesson, if there is one, when all parts are in; at the latest after `PATIENCE_S`."""
     if lesson is not None:
@@ -33,7 +45,7 @@ async def start_lesson(desk: LessonDesk, lesson: Lesson | None, robot: DemoRobot
         all_in = asyncio.Event()
 
         def look(_: object = None) -> None:
-            if all(part.state == PartState.ACTIVE.value for part in robot.snapshot().parts):
+            if all(part.state == PartState.ACTIVE.value for part in robot.snapshot().parts if part.plugged):
                 all_in.set()
 
         robot.on_event(look)

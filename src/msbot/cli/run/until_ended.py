@@ -8,6 +8,7 @@ import signal
 from collections.abc import Callable, Coroutine, Iterable
 
 from msbot.errors import MsbotError
+from msbot.runtime.task_errors import ungrouped
 
 
 async def run_until_signal(
@@ -26,7 +27,7 @@ async def run_until_signal(
         MsbotError: the error that ended the work, taken out of its exception group.
     """
     loop = asyncio.get_running_loop()
-    try:
+    with ungrouped(MsbotError):
         async with asyncio.TaskGroup() as tasks:
             working = tasks.create_task(work)
             helpers = [tasks.create_task(helping) for helping in beside]
@@ -37,10 +38,6 @@ async def run_until_signal(
             if ready is not None and say is not None:
                 greeting = tasks.create_task(_say_when(ready, say))
                 working.add_done_callback(lambda _: greeting.cancel())
-    except* MsbotError as errors:
-        from msbot.master import first_error  # here, because an agent starts without all that a master needs
-
-        raise first_error(errors) from None
 
 
 async def _say_when(ready: asyncio.Event, say: Callable[[], None]) -> None:

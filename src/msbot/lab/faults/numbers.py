@@ -60,7 +60,8 @@ class Numbers:
             if oldest.reader is not None:
                 oldest.reader.close()
         topic = Topic(found.topic, found.message.type_name)
-        found.reader = self._running.master.space.reader(topic, Qos(), found.deliver)
+        # Best effort hears reliable writers as well; the other way round nothing would come.
+        found.reader = self._running.master.space.reader(topic, Qos(reliable=False, depth=1), found.deliver)
         self._watches[source] = found
 
     def newest(self, source: str) -> float | None:

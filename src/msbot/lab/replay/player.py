@@ -16,9 +16,9 @@ from msbot.errors import ConfigError, LocalProtocolError, MsbotError
 from msbot.lab.replay.piece import Piece, RecordedSample, RecordedSlot
 from msbot.lab.replay.schedule import Schedule
 from msbot.link import Link
-from msbot.master import first_error
 from msbot.part import JoinState, Part
 from msbot.part.join.plug import Nature, Refusal
+from msbot.runtime.task_errors import ungrouped
 
 LOOK_S = 0.05
 """How often a replay looks whether it may go: a part that was refused does not call anybody."""
@@ -86,12 +86,11 @@ class Player:
             LinkDown: a link broke before it ever carried anything.
         """
         try:
-            async with asyncio.TaskGroup() as tasks:
-                for part in self.parts.values():
-                    tasks.create_task(part.run_async(connect(part), epoch_ns=epoch_ns))
-                self._arm(asyncio.get_running_loop().time())
-        except* MsbotError as errors:
-            raise first_error(errors) from None
+            with ungrouped(MsbotError):
+                async with asyncio.TaskGroup() as tasks:
+                    for part in self.parts.values():
+                        tasks.create_task(part.run_async(connect(part), epoch_ns=epoch_ns))
+                    self._arm(asyncio.get_running_loop().time())
         finally:
             if self._timer is not None:
                 self._timer.cancel()

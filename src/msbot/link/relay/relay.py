@@ -19,6 +19,7 @@ from msbot.link.relay.forwarder import (
     Welcomed,
 )
 from msbot.link.relay.messages import BOOT_SIZE, Happened, Refused
+from msbot.runtime.task_errors import ungrouped
 
 SMALLEST_WAY: Final = 256
 """Octets that a packet to the master must be able to have."""
@@ -86,16 +87,15 @@ class PartsRelay:
         self.forwarder.start(self._loop.time())
         self._tick()
         try:
-            async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._keep_way())
-                tasks.create_task(self._serve_parts())
-                try:
-                    await self._loop.create_future()
-                finally:
-                    with contextlib.suppress(LinkError):
-                        self._way.send(self.forwarder.end(), self._way.remote)
-        except* LinkDown as errors:
-            raise errors.exceptions[0] from None
+            with ungrouped(LinkDown):
+                async with asyncio.TaskGroup() as tasks:
+                    tasks.create_task(self._keep_way())
+                    tasks.create_task(self._serve_parts())
+                    try:
+                        await self._loop.create_future()
+                    finally:
+                        with contextlib.suppress(LinkError):
+                            self._way.send(self.forwarder.end(), self._way.remote)
         finally:
             if self._alarm is not None:
                 self._alarm.cancel()

@@ -33,7 +33,7 @@ def register(service: Service) -> None:
     async def certificate(request: Request, lesson: str) -> None:
         with page_frame(service, request, "/learn", "Certificate") as page:
             try:
-                done = await service.learning.done(page.session, lesson)
+                done = await service.learning.done(page.session, lesson, page.language.code)
             except MsbotError as error:
                 ui.label(page.say(str(error))).classes("ms-banner warn")
                 return
@@ -52,6 +52,10 @@ class _Running:
         self._box = ui.column().classes("w-full").style("gap:1rem")
         self._shown: Lesson | None = None
         self._marks: dict[str, ui.html] = {}
+        self._says: dict[str, str] = {}
+        self._looks: dict[str, str] = {}
+        self._wrong: set[str] = set()
+        """Questions that this person has answered wrongly."""
         self._hints: dict[str, ui.label] = {}
         self._answers: dict[str, ui.element] = {}
         self._head: ui.html | None = None
@@ -59,7 +63,7 @@ class _Running:
         page.every_look(self._show)
 
     def _show(self) -> None:
-        lesson = self._page.service.learning.lesson
+        lesson = self._page.service.learning.lesson(self._page.language.code)
         if lesson is not self._shown:
             self._shown = lesson
             self._box.clear()
@@ -105,6 +109,7 @@ class _Running:
         say = self._page.say
         with ui.element("div").classes("ms-check"):
             self._marks[check.name] = ui.html("", sanitize=False)
+            self._says[check.name], self._looks[check.name] = check.says, check.hint
             if check.question is not None and self._page.may(Right.OPERATE):
                 with ui.element("div").classes("row") as answer:
                     if check.question.choices:
@@ -118,7 +123,9 @@ class _Running:
             self._hints[check.name] = ui.label("").classes("ms-banner info")
 
     async def _answer(self, check: str, field: ui.select | ui.input) -> None:
-        await self._page.act("answer_lesson", check=check, answer=str(field.value or "-"))
+        if await self._page.act("answer_lesson", check=check, answer=str(field.value or "-")) is None:
+            self._wrong.add(check)
+            self._page.refresh()
 
     def _end(self) -> None:
         words = self._page.say("End the lesson? Whatever was changed since it began is put back.")
@@ -140,15 +147,16 @@ class _Running:
             name = str(one["check"])
             if name not in self._marks:
                 continue
-            set_html(self._marks[name], render("check", say=say, says=one["says"], ticked=one["ticked"]))
+            set_html(self._marks[name], render("check", say=say, says=self._says[name], ticked=one["ticked"]))
             if name in self._answers:
                 self._answers[name].set_visibility(not one["ticked"])
             is_stuck = stuck.get("check") == name
-            if is_stuck:
-                what_is, where = str(stuck["seen"]), str(stuck["look"])
+            is_told = (is_stuck or name in self._wrong) and not one["ticked"]
+            if is_told:
+                what_is = str(stuck["seen"]) if is_stuck else ""
                 seen = say("Seen: {seen}.", seen=say(what_is)) + " " if what_is else ""
-                self._hints[name].set_text(f"{seen}{where}")
-            self._hints[name].set_visibility(is_stuck)
+                self._hints[name].set_text(f"{seen}{self._looks[name]}")
+            self._hints[name].set_visibility(is_told and bool(self._looks[name] or is_stuck))
         me = page.session.name
         for button, is_shown in (("join", me not in people), ("hand", me not in hands), ("down", me in hands)):
             if button in self._buttons:
@@ -168,8 +176,8 @@ class _Shelf:
 
     def _show(self) -> None:
         page, say = self._page, self._page.say
-        lessons, wrong = page.service.learning.lessons()
-        seen = ([id(one) for one in lessons], wrong, page.service.learning.lesson is None)
+        lessons, wrong = page.service.learning.lessons(page.language.code)
+        seen = ([id(one) for one in lessons], wrong, page.service.learning.lesson("en") is None)
         if seen == self._seen:
             return
         self._seen = seen
@@ -188,7 +196,7 @@ class _Shelf:
                         words = say("{minutes} minutes · {checks} checks", minutes=lesson.minutes,
                                     checks=len(lesson.checks))  # fmt: skip
                         ui.label(words).classes("soft num")
-                    if page.may(Right.DESIGN) and page.service.learning.lesson is None:
+                    if page.may(Right.DESIGN) and page.service.learning.lesson("en") is None:
                         ui.button(say("Begin"), icon="play_arrow", on_click=partial(self._begin, lesson)).props(
                             f'outline aria-label="{say("Begin")}: {lesson.title}"'
                         )
@@ -216,7 +224,7 @@ class _Progress:
 
     async def _show(self) -> None:
         page, say = self._page, self._page.say
-        rows = await page.service.learning.progress(page.session)
+        rows = await page.service.learning.progress(page.session, page.language.code)
         if rows == self._rows:
             return
         self._rows = rows

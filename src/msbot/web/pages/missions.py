@@ -20,7 +20,7 @@ from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import file_button, heading, panel
 from msbot.web.service import Service
 
-FIRST = "no-answer"
+FIRST = "one-silent"
 """The ready mission that is offered first: the easiest one."""
 WHOLE = "-"
 """In a choice of slots: the robot as a whole."""
