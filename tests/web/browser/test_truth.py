@@ -93,6 +93,20 @@ def test_a_refused_setting_goes_back_and_other_tabs_follow(page: Page, demo: Sit
     other.close()
 
 
+def test_what_is_being_typed_stays_when_somebody_else_changes_something(page: Page, demo: Site) -> None:
+    other = page.context.new_page()
+    for tab in (page, other):
+        go(tab, f"{demo.base}/?slot=knob")
+    page.get_by_label("change [%]").fill("7")
+    other.get_by_label("period_s [s]").fill("0.3")
+    other.get_by_label("period_s [s]").blur()
+    expect(page.get_by_label("period_s [s]")).to_have_value("0.3")
+    expect(page.get_by_label("change [%]")).to_have_value("7")
+    page.get_by_label("change [%]").blur()
+    expect(other.get_by_label("change [%]")).to_have_value(re.compile(r"7(\.0)?"))
+    other.close()
+
+
 def test_a_master_that_is_frozen_or_gone_is_seen_and_stop_says_so(browser: Browser, tmp_path: Path) -> None:
     with running("demo", "--port", "0", cwd=tmp_path) as process:
         site = Site(process)

@@ -73,6 +73,8 @@ class _Line:
         with ui.element("div").classes("row w-full").style("flex-wrap:nowrap"):
             with ui.element("div").style("flex:1;min-width:0"):
                 self._field = self._make_field()
+                self._said = self._field.value
+                """What the field showed last; another value in it is being typed."""
             if value.kind == "part" and page.may(Right.SET):
                 wires = ui.button(icon="cable", on_click=self._edit_wires).props("flat round dense")
                 words = page.say("Choose part and pins")
@@ -86,17 +88,21 @@ class _Line:
         self.show(value)
 
     def show(self, value: Value) -> None:
-        """Show what holds."""
+        """Show what holds; what somebody is typing stays until it is typed."""
         self._value = value
-        self._field.value = self._shown(value)
+        if self._field.value == self._said:
+            self._field.value = self._said = self._shown(value)
         self._origin.set_content(render("origin", origin=value.origin, words=self._page.say(value.origin)))
         self._reset.set_visibility(value.origin == "hand" and self._page.may(Right.SET))
 
     async def _typed(self) -> None:
+        self._said = self._field.value
         wanted = self._wanted()
         if wanted is None or wanted == self._value.value:
             return
-        if await self._page.act("set", slot=self._slot, name=self._value.name, value=wanted) is None:
+        done = await self._page.act("set", slot=self._slot, name=self._value.name, value=wanted)
+        self._said = self._field.value  # which NiceGUI may have brought within its limits meanwhile
+        if done is None:
             self.show(self._value)
         else:
             await self._form.read()
