@@ -220,7 +220,7 @@ class Robot:
         """How often a part got into which state since that line of the journal, other than by the master's own end."""
         rows = self._ask(
             f"select to_state, count(*) from journal where id > {since} and {whose} "
-            "and reason != 'the master was started anew' group by to_state"
+            "and reason != 'the master was restarted' group by to_state"
         )
         return Counter({str(state): int(str(count)) for state, count in rows})
 

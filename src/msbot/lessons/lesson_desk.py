@@ -164,6 +164,7 @@ class LessonDesk:
             ConfigError: there is no such question now, or the answer is wrong.
         """
         begun = self._need()
+        self.join(who)
         questions = self.shelf.questions(begun.run.lesson, check)
         if not begun.run.answer(check, answer, self._running.now(), questions):
             raise ConfigError(said("that is not right yet"))
