@@ -31,6 +31,8 @@ from msbot.runtime.worker import Workshop
 
 LOOK_S: Final = 0.25
 """Period in which checks are looked at."""
+FILES_S: Final = 5.0
+"""How old the lessons' texts may be, while somebody looks at them."""
 MOST_PEOPLE: Final = 100
 """Most people who take part in one run of a lesson."""
 EDITS: Final = 1000
@@ -85,6 +87,7 @@ class LessonDesk:
         self._workshop = Workshop()
         self._begun: _Begun | None = None
         self._is_busy = False
+        self._looked_at = self._running.now()
         self._wake = asyncio.Event()
         self._trouble = ""
         operations.lessons.use(self)
@@ -109,6 +112,7 @@ class LessonDesk:
             raise ConfigError(said("STOP holds: a lesson begins after GO"))
         self._is_busy = True
         try:
+            await asyncio.to_thread(self.shelf.refresh)  # its author may have changed it this moment
             wanted = self.shelf.get(lesson)
             if wanted.world and wanted.world != self._world:
                 raise ConfigError(
@@ -184,6 +188,13 @@ class LessonDesk:
         begun.hands.pop(who, None)
         return said("{who} asks for nothing", who=who)
 
+    def look_again(self) -> None:
+        """Somebody looks at the lessons: read the files again, unless that was just done."""
+        now = self._running.now()
+        if now - self._looked_at >= FILES_S:
+            self._looked_at = now
+            self._running.later(asyncio.to_thread(self.shelf.refresh))
+
     def hint_now(self) -> Hint | None:
         """What is missing for the next check; None: nothing, or no lesson runs."""
         return None if self._begun is None else self._begun.run.missing(self._robot)
@@ -211,6 +222,7 @@ class LessonDesk:
 
     async def run(self) -> None:
         """Look at the checks of the lesson that runs, until cancelled."""
+        await asyncio.to_thread(self.shelf.refresh)
         while True:
             await self._wake.wait()
             self._wake.clear()

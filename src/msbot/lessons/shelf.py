@@ -13,6 +13,7 @@ from msbot.runtime.sentence import said
 
 MOST_LESSONS = 200
 """Most files of one folder that are read."""
+MOST_LANGUAGES = 20
 
 
 def shipped_folder() -> Path:
@@ -33,23 +34,33 @@ class LessonShelf:
                 raise ConfigError(said("{folder}: there is no such folder with lessons", folder=str(folder)))
         self._folders = (shipped_folder(), *folders)
         self._read: dict[Path, tuple[int, Lesson | ConfigError]] = {}
+        self._lessons: dict[str, Lesson | ConfigError] | None = None
+        self._translations: dict[tuple[str, str], Lesson] = {}
+        """By the name of the lesson and its language."""
 
-    def names(self) -> list[str]:
-        """The names of all lessons."""
-        return list(self._files())
+    def refresh(self) -> None:
+        """Look at the files again. It reads from a disk: a robot's event loop has a thread do it."""
+        lessons, translations = dict[str, Lesson | ConfigError](), dict[tuple[str, str], Lesson]()
+        for folder in self._folders:
+            for path in sorted(folder.glob("*.md"))[:MOST_LESSONS]:
+                lessons[path.stem] = self._at(path)
+                for other in sorted(folder.glob(f"*/{path.name}"))[:MOST_LANGUAGES]:
+                    found = self._at(other)
+                    if isinstance(found, Lesson):
+                        translations[path.stem, other.parent.name] = found
+        self._lessons, self._translations = lessons, translations
 
     def get(self, name: str) -> Lesson:
-        """The lesson of that name, as its file is now.
+        """The lesson of that name.
 
         Raises:
             ConfigError: there is none, or its file is wrong.
         """
-        path = self._files().get(name)
-        if path is None:
+        found = self._known().get(name)
+        if found is None:
             raise ConfigError(
-                said("there is no lesson {name!r}; there are {names}", name=name, names=", ".join(self.names()))
+                said("there is no lesson {name!r}; there are {names}", name=name, names=", ".join(self._known()))
             )
-        found = self._at(path)
         if isinstance(found, ConfigError):
             raise found
         return found
@@ -59,38 +70,27 @@ class LessonShelf:
 
         Its checks are those of the lesson: a translation that has others, or cannot be read, is not shown.
         """
-        if lesson.file is None:
-            return lesson
-        path = lesson.file.parent / language / lesson.file.name
-        if not path.is_file():
-            return lesson
-        found = self._at(path)
-        if isinstance(found, ConfigError) or _asked(found) != _asked(lesson):
-            return lesson
-        return found
+        found = self._translations.get((lesson.name, language))
+        return lesson if found is None or _asked(found) != _asked(lesson) else found
 
     def questions(self, lesson: Lesson, check: str) -> list[LessonQuestion]:
         """A question in the other languages that the lesson has."""
-        if lesson.file is None:
-            return []
-        languages = [path.parent.name for path in lesson.file.parent.glob(f"*/{lesson.file.name}")]
+        languages = [language for name, language in self._translations if name == lesson.name]
         found = [self.translated(lesson, language).check(check) for language in languages]
         return [one.question for one in found if one is not None and one.question is not None]
 
     def all(self) -> tuple[list[Lesson], list[str]]:
         """All lessons in their order, and what is wrong with files that are none."""
-        found = [self._at(path) for path in self._files().values()]
+        found = self._known().values()
         lessons = [one for one in found if isinstance(one, Lesson)]
         wrong = [str(one) for one in found if isinstance(one, ConfigError)]
         return sorted(lessons, key=lambda lesson: (lesson.number, lesson.name)), wrong
 
-    def _files(self) -> dict[str, Path]:
-        return {
-            path.stem: path
-            for folder in self._folders
-            for path in sorted(folder.glob("*.md"))[:MOST_LESSONS]
-            if path.stem != "README"
-        }
+    def _known(self) -> dict[str, Lesson | ConfigError]:
+        if self._lessons is None:
+            self.refresh()
+        assert self._lessons is not None
+        return self._lessons
 
     def _at(self, path: Path) -> Lesson | ConfigError:
         try:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from functools import cache
+from typing import Final
 
 import markdown2
 
@@ -12,9 +14,13 @@ from msbot.lessons.lesson_desk import LessonDesk
 from msbot.lessons.progress import PersonInLesson, progress_of
 from msbot.operations.rights import Right
 from msbot.registry import Registry
+from msbot.registry.lesson_ticks import Tick
 from msbot.runtime.sentence import said
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
+
+PROGRESS_S: Final = 2.0
+"""How old the class table may be."""
 
 
 class Learning:
@@ -30,6 +36,8 @@ class Learning:
         self._desk = desk
         self._registry = registry
         self._accounts = accounts
+        self._reading = asyncio.Lock()
+        self._ticks: tuple[float, list[Tick]] | None = None
 
     def lesson(self, language: str) -> Lesson | None:
         """The lesson that runs, in that language if there is a translation."""
@@ -45,6 +53,7 @@ class Learning:
         """All lessons, in that language where there is a translation; and what is wrong with files that are none."""
         if self._desk is None:
             return [], []
+        self._desk.look_again()
         shelf = self._desk.shelf
         lessons, wrong = shelf.all()
         return [shelf.translated(lesson, language) for lesson in lessons], wrong
@@ -58,7 +67,12 @@ class Learning:
         self._accounts.require(session, Right.SEE)
         if self._registry is None:
             return []
-        ticks = await self._registry.storage.in_time(self._registry.lesson_ticks.all)
+        async with self._reading:  # once for all pages that ask
+            now = asyncio.get_running_loop().time()
+            if self._ticks is None or now - self._ticks[0] >= PROGRESS_S:
+                ticks = await self._registry.storage.in_time(self._registry.lesson_ticks.all)
+                self._ticks = now, ticks
+            ticks = self._ticks[1]
         rows = progress_of(ticks, self.lessons(language)[0])
         return rows if session.may(Right.ARRANGE) else [row for row in rows if row.person == session.name]
 
