@@ -20,6 +20,7 @@ from msbot.doctor.facts import (
     RobotFacts,
     SerialFacts,
     WrittenFolder,
+    ZenohFacts,
 )
 from msbot.link.can import BusState
 from msbot.link.can.adapters import CanInterface, CanTotals, Wanted
@@ -46,6 +47,7 @@ CAN = CanFacts(has_socketcan=True, interfaces=(CAN0,), wanted=(Wanted("can0", bi
 SERIAL = SerialFacts(("/dev/ttyUSB0",), ("/dev/ttyUSB0",), {}, ())
 I2C = I2cFacts("Raspberry Pi 4 Model B", (1,), ())
 DDS = DdsFacts("/usr/lib/libddsc.so.11", "", "42", ())
+ZENOH = ZenohFacts(routers={"tcp/127.0.0.1:7447": ""})
 NETWORKS = (
     NetInterface("eth0", is_up=True, multicast=True, is_loopback=False),
     NetInterface("lo", is_up=True, multicast=False, is_loopback=True),

@@ -12,10 +12,10 @@ from msbot.doctor import Finding, NotSeen
 from msbot.doctor.checks.bus import check_can, check_i2c, check_serial
 from msbot.doctor.checks.installation import check_access, check_packages, check_python
 from msbot.doctor.checks.machine import check_clock, check_disk
-from msbot.doctor.checks.network import check_dds, check_firewall, check_multicast, check_ports
+from msbot.doctor.checks.network import check_dds, check_firewall, check_multicast, check_ports, check_zenoh
 from msbot.doctor.checks.robot import check_robot, loops
 from msbot.doctor.checks.storage import check_database
-from msbot.doctor.facts import Device, NetInterface, PackageNeed, PartSeen, PortUse
+from msbot.doctor.facts import Device, NetInterface, PackageNeed, PartSeen, PortUse, ZenohFacts
 from msbot.link.can import BusState
 from msbot.link.can.adapters import CanTotals, Wanted
 from msbot.operations.arguments import read_arguments
@@ -38,6 +38,7 @@ from tests.doctor.healthy import (
     ROBOT,
     SERIAL,
     WIRE,
+    ZENOH,
 )
 
 Looked = Callable[[], Iterable[Finding | NotSeen]]
@@ -98,6 +99,10 @@ PLANTED: dict[str, tuple[str, Looked]] = {
     "dds-domain": ("ROS_DOMAIN_ID", lambda: check_dds(replace(DDS, domain="forty"))),
     "dds-domain-ports": ("ROS_DOMAIN_ID", lambda: check_dds(replace(DDS, domain="150"))),
     "dds-configuration": ("CYCLONEDDS_URI", lambda: check_dds(replace(DDS, missing_files=("/etc/dds.xml",)))),
+    "zenoh-library": ("eclipse-zenoh", lambda: check_zenoh(ZenohFacts(missing="it is not here"))),
+    "zenoh-certificates": ("zenoh", lambda: check_zenoh(ZenohFacts(certificates="ca.pem: cannot be read"))),
+    "zenoh-router": ("tcp/10.1.2.3:7447",
+                     lambda: check_zenoh(ZenohFacts(routers={"tcp/10.1.2.3:7447": "Connection refused"}))),
     "no-multicast": ("eth0", lambda: check_multicast([NetInterface("eth0", True, False, False)])),
     "firewall": ("udp 8888", lambda: check_firewall(replace(FIREWALL, open_ports=frozenset()))),
     "port-taken": ("udp 0.0.0.0:8888",
@@ -146,6 +151,7 @@ HEALTHY: dict[str, Looked] = {
     "serial": lambda: check_serial(SERIAL),
     "i2c": lambda: check_i2c(I2C),
     "dds": lambda: check_dds(DDS),
+    "zenoh": lambda: check_zenoh(ZENOH),
     "multicast": lambda: check_multicast(NETWORKS),
     "firewall": lambda: check_firewall(FIREWALL),
     "ports": lambda: check_ports(PORTS),

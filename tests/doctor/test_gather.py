@@ -25,6 +25,7 @@ from msbot.doctor.gather.storage import database, network_drive, newest_backup_s
 from msbot.errors import ConfigError
 from msbot.pnp import PartEvent, PartState
 from msbot.registry import open_registry
+from msbot.space import parse_space
 
 NFT = {
     "nftables": [
@@ -191,7 +192,9 @@ def test_what_has_to_be_mended_comes_before_what_is_noted() -> None:
 
 def test_this_computer_can_be_examined(rover: Path) -> None:
     """Whatever it is: each check finds something, nothing, or says why it cannot look."""
-    found = examine(Patient(str(rover), links=("udp:0.0.0.0:8888", "can:can0", "serial:/dev/nobody"), uses_dds=True))
+    found = examine(
+        Patient(str(rover), links=("udp:0.0.0.0:8888", "can:can0", "serial:/dev/nobody"), space=parse_space("dds"))
+    )
     told = {name for name, _ in (*found.findings, *found.not_seen, *found.not_needed)} | set(found.well)
     assert told == {check.name for check in CHECKS}
     assert ("port-missing", "/dev/nobody") in [(finding.problem, finding.about) for _, finding in found.findings]

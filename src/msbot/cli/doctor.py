@@ -14,7 +14,7 @@ import click
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, json_option, robot_options, space_option
 from msbot.link import open_link
 from msbot.runtime.terminal_log import TerminalHandler
-from msbot.space import MEMORY, SpaceAddress
+from msbot.space import SpaceAddress
 from msbot.xrce import is_whole
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def _patient(addresses: tuple[str, ...], db: str | None, robot: str | None, spac
         robot=robot,
         blueprint=DEFAULT_BLUEPRINT if DEFAULT_BLUEPRINT.exists() else None,
         links=links,
-        uses_dds=space.kind != MEMORY,
+        space=space,
         masters=masters,
         page_port=next((port for one in meant if (port := urlsplit(one.details.get("page", "")).port)), PAGE_PORT),
     )

@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 from msbot.doctor.checks.bus import check_can, check_i2c, check_serial
 from msbot.doctor.checks.installation import check_access, check_packages, check_python
 from msbot.doctor.checks.machine import check_clock, check_disk
-from msbot.doctor.checks.network import check_dds, check_firewall, check_multicast, check_ports
+from msbot.doctor.checks.network import check_dds, check_firewall, check_multicast, check_ports, check_zenoh
 from msbot.doctor.checks.robot import check_robot
 from msbot.doctor.checks.storage import check_database
 from msbot.doctor.finding import CannotSee, Finding, NotNeeded, NotSeen
@@ -43,6 +43,7 @@ CHECKS: tuple[Check[Any], ...] = (
     Check("serial", bus.serial, check_serial),
     Check("i2c", bus.i2c, check_i2c),
     Check("dds", network.dds, check_dds),
+    Check("zenoh", network.zenoh, check_zenoh),
     Check("multicast", network.multicast, check_multicast),
     Check("firewall", network.firewall, check_firewall),
     Check("ports", network.ports, check_ports),

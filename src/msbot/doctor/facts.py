@@ -107,6 +107,18 @@ class DdsFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class ZenohFacts:
+    """The Zenoh library and the routers."""
+
+    missing: str = ""
+    """Why the library cannot be used; empty: it can."""
+    certificates: str = ""
+    """What is wrong with the files of the certificates."""
+    routers: Mapping[str, str] = field(default_factory=dict)
+    """Each router, and why no session with it can be opened; empty: one was."""
+
+
+@dataclass(frozen=True, slots=True)
 class NetInterface:
     """A network interface."""
 

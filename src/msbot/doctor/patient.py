@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from msbot.agent import AgentStatus
 from msbot.errors import ConfigError
 from msbot.link import parse_host_and_port
+from msbot.space import SpaceAddress
 
 PAGE_PORT = 8080
 """Where `msbot master` serves its page unless told otherwise."""
@@ -25,7 +26,8 @@ class Patient:
     """A `robot.toml`, examined where there is no database."""
     links: tuple[str, ...] = ()
     """Addresses of links, as a master gets them."""
-    uses_dds: bool = False
+    space: SpaceAddress = field(default_factory=SpaceAddress)
+    """Where its topics are."""
     page_port: int = PAGE_PORT
     masters: tuple[AgentStatus, ...] = ()
     """The agents and masters of this user that run and answer."""

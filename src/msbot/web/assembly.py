@@ -21,7 +21,7 @@ from msbot.part import Message
 from msbot.registry import Registry, RobotRecord, RobotStore
 from msbot.sim import message_class
 from msbot.sim.arena.living_arena import LivingArena
-from msbot.space import SharedSpace
+from msbot.space import SpaceAddress
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.kept_sessions import session_file
 from msbot.web.access.users import MemoryUsers, UserStore
@@ -84,6 +84,7 @@ class WebRoom:
         seen: its bus and its simulated parts.
         settings: where the pages are served.
         lessons: its lesson desk.
+        space: where its topics are, for the doctor.
         entry_link: a link signs people in as administrator, without a password: for the demo.
 
     Raises:
@@ -93,9 +94,10 @@ class WebRoom:
     def __init__(
         self, master: Master, operations: RunningOperations, library: Library, *,
         database: Database | None, seen: Seen, settings: WebSettings, entry_link: bool = False,
-        lessons: LessonDesk | None = None,
+        lessons: LessonDesk | None = None, space: SpaceAddress | None = None,
     ) -> None:  # fmt: skip
         self._master = master
+        self._space = space or SpaceAddress()
         self._frames = seen.frames
         clock = asyncio.get_running_loop().time
         timeline = Timeline()
@@ -152,7 +154,7 @@ class WebRoom:
             database=None if database is None else database.address,
             robot=master.profile.name,
             links=tuple(link.info.name for link in master.links),
-            uses_dds=isinstance(master.space, SharedSpace),
+            space=self._space,
             page_port=urlsplit(self.server.own_address).port or PAGE_PORT,
             masters=tuple(read_statuses()),
         )

@@ -215,7 +215,7 @@ async def _main(
 
             if not options.page.off:
                 with made_to_stay():
-                    room = _make_page(robot, operations, library, (registry, store.robot, address), options.page,
+                    room = _make_page(robot, operations, library, (registry, store.robot, address), options,
                                       arena=world.living, desk=desk)  # fmt: skip
                 beside.append(serve_page(room, robot.master.ready, options.page, notes.add))
             beside.append(
@@ -266,15 +266,15 @@ def _answering(
 
 def _make_page(
     robot: DemoRobot, operations: RunningOperations, library: Library, database: tuple[Registry, RobotRecord, str],
-    wishes: PageWishes, *, arena: LivingArena | None, desk: LessonDesk,
+    options: _Options, *, arena: LivingArena | None, desk: LessonDesk,
 ) -> WebRoom:  # fmt: skip
     from msbot.web.assembly import Database, WebRoom
     from msbot.web.simulated.demo_bench import seen_of
 
     seen = seen_of(robot, asyncio.get_running_loop().time, arena)
     return WebRoom(
-        robot.master, operations, library, database=Database(*database), seen=seen, settings=wishes.settings(),
-        entry_link=True, lessons=desk,
+        robot.master, operations, library, database=Database(*database), seen=seen,
+        settings=options.page.settings(), entry_link=True, lessons=desk, space=options.space,
     )  # fmt: skip
 
 

@@ -254,6 +254,7 @@ async def _main(  # noqa: PLR0917
                     seen=seen_of_links(links),
                     settings=page.settings(),
                     lessons=desk,
+                    space=where,
                 )
             beside.append(serve_page(room, master.ready, page, click.echo))
         beside += metrics_beside(wishes.metrics_port, master.agent, click.echo, master=master, registry=registry,

@@ -1,12 +1,13 @@
-"""DDS, multicast, firewall, ports."""
+"""DDS, Zenoh, multicast, firewall, ports."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from msbot.doctor.facts import DdsFacts, FirewallFacts, NetInterface, PortUse
+from msbot.doctor.facts import DdsFacts, FirewallFacts, NetInterface, PortUse, ZenohFacts
 from msbot.doctor.finding import Finding
 from msbot.runtime.sentence import said
+from msbot.space import ZENOH_HERE
 
 MOST_DOMAIN = 232
 """The highest domain whose ports exist (DDSI-RTPS 2.5 §9.6.1)."""
@@ -44,6 +45,34 @@ def check_dds(facts: DdsFacts) -> Iterator[Finding]:
             said("Cyclone DDS refuses to start"), said("no RTPS packets at UDP port 7400 and above"),
             "unset CYCLONEDDS_URI",
         )  # fmt: skip
+
+
+def check_zenoh(facts: ZenohFacts) -> Iterator[Finding]:
+    """Whether a router can be used."""
+    if facts.missing:
+        yield Finding(
+            "zenoh-library", "eclipse-zenoh", facts.missing,
+            said("--space zenoh needs it; topics stay in the master's process"),
+            said("no connection to the router"), "pip install 'msbot[zenoh]'",
+        )  # fmt: skip
+    if facts.certificates:
+        yield Finding(
+            "zenoh-certificates", "zenoh", facts.certificates,
+            said("no connection with TLS can be opened: the robot works, and other sites do not see it"),
+            said("a connection to the router that ends before the handshake, or none"),
+            "openssl x509 -noout -subject -enddate -in cert.pem",
+        )  # fmt: skip
+    answers = any(not why for why in facts.routers.values())
+    for router, why in facts.routers.items():
+        if why:
+            yield Finding(
+                "zenoh-router", router, said("no Zenoh router at {router}: {why}", router=router, why=why),
+                said("other routers of the list answer and are used") if answers
+                else said("the robot works, and other sites do not see it; it is tried again until one answers"),
+                said("connections to that port that are refused or not answered"),
+                "msbot router" if router == ZENOH_HERE else "msbot router router.toml", must=not answers,
+                first=said("start the router on its own computer; is the address right?"),
+            )  # fmt: skip
 
 
 def check_multicast(interfaces: Sequence[NetInterface]) -> Iterator[Finding]:

@@ -12,13 +12,16 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from msbot.doctor.facts import DdsFacts, FirewallFacts, NetInterface, PortUse
+from msbot.doctor.facts import DdsFacts, FirewallFacts, NetInterface, PortUse, ZenohFacts
 from msbot.doctor.finding import CannotSee, NotNeeded
 from msbot.doctor.gather.processes import running_programs, target_of
 from msbot.doctor.patient import Patient
 from msbot.errors import ConfigError
 from msbot.runtime.sentence import said
+from msbot.space import DDS, ZENOH
 from msbot.space.dds import load as load_dds
+from msbot.space.zenoh import check_files, unreachable
+from msbot.space.zenoh import load as load_zenoh
 
 UP, LOOPBACK, MULTICAST = 0x1, 0x8, 0x1000
 """Flags of an interface (linux/if.h)."""
@@ -29,7 +32,7 @@ UNCONNECTED = {"tcp": "0A", "udp": "07"}
 
 def dds(patient: Patient) -> DdsFacts:
     """DDS, where it is wanted."""
-    if not patient.uses_dds:
+    if patient.space.kind != DDS:
         raise NotNeeded(said("no DDS is wanted: msbot doctor --space dds"))
     path = fault = ""
     try:
@@ -44,6 +47,23 @@ def missing_files(environment: Mapping[str, str]) -> tuple[str, ...]:
     names = [item.strip() for item in environment.get("CYCLONEDDS_URI", "").split(",")]
     paths = [name.removeprefix("file://") for name in names if name and not name.startswith("<")]
     return tuple(path for path in paths if not Path(path).exists())
+
+
+def zenoh(patient: Patient) -> ZenohFacts:
+    """Zenoh, where it is wanted: the library, the certificates, the routers."""
+    if patient.space.kind != ZENOH:
+        raise NotNeeded(said("no Zenoh is wanted: msbot doctor --space zenoh:tcp/HOST:7447"))
+    tls = patient.space.tls
+    try:
+        load_zenoh()
+    except ConfigError as error:
+        return ZenohFacts(missing=str(error))
+    try:
+        if tls is not None:
+            check_files(tls)
+    except ConfigError as error:
+        return ZenohFacts(certificates=str(error))
+    return ZenohFacts(routers={router: unreachable(router, tls) for router in patient.space.routers})
 
 
 def multicast(_: Patient) -> tuple[NetInterface, ...]:

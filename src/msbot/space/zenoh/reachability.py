@@ -7,6 +7,7 @@ import ssl
 
 from msbot.errors import ConfigError
 from msbot.space.space_address import TlsFiles
+from msbot.space.zenoh.library import load, session_config
 
 PATIENCE_S = 3.0
 """How long a connection may take."""
@@ -50,6 +51,20 @@ def context(tls: TlsFiles) -> ssl.SSLContext:
             what = "do not belong together" if differ else "are no certificate and its key in PEM form"
             raise ConfigError(f"{tls.certificate} and {tls.key}: {what}") from None
     return made
+
+
+def unreachable(endpoint: str, tls: TlsFiles | None) -> str:
+    """Why no session with the router can be opened; empty: one was, and is closed again. Waits for the network.
+
+    Raises:
+        ConfigError: the library is not here.
+    """
+    library = load()
+    try:
+        library.open(session_config("client", connect=[endpoint], tls=tls)).close()
+    except library.ZError:
+        return why_not(endpoint, tls)
+    return ""
 
 
 def why_not(endpoint: str, tls: TlsFiles | None) -> str:
