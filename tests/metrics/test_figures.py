@@ -19,7 +19,8 @@ import pytest
 from msbot.agent import Agent
 from msbot.errors import ConfigError
 from msbot.link import Link, LinkInfo
-from msbot.link.can.protocol import Frame
+from msbot.link.can import CanBusInfo
+from msbot.link.can.protocol import Frame, wire_bits
 from msbot.link.net import UdpServerLink
 from msbot.master import Master
 from msbot.metrics import (
@@ -89,6 +90,7 @@ async def test_the_bus_is_measured_without_a_page() -> None:
         """A CAN link, as far as a meter sees it."""
 
         info = LinkInfo("can0", 8, bits_per_second=1000)
+        bus_info = CanBusInfo("can0", 1000)
 
         def on_frame(self, tap: Callable[[float, str, Frame], None]) -> None:
             self.tap = tap
@@ -99,10 +101,11 @@ async def test_the_bus_is_measured_without_a_page() -> None:
     with patch("msbot.metrics.bus_meter.CanEnd", Bus):
         meter = meter_of([cast("Link", bus), other], lambda: now[0])
     assert meter is not None
-    bus.tap(9.5, "here", Frame(0x101, bytes(8)))
+    frame = Frame(0x101, bytes(8))
+    bus.tap(9.5, "here", frame)
     figures = Collecting(Agent(MemorySpace()), bus=meter)()
     found = values(exposition(lambda: figures)[0])
-    assert found["msbot_bus_load_ratio", ("can0",)] == pytest.approx((47 + 64) / 1000)
+    assert found["msbot_bus_load_ratio", ("can0",)] == pytest.approx(len(wire_bits(frame)) / 1000)
     assert found["msbot_bus_bitrate", ("can0",)] == 1000
     now[0] = 10.6
     assert Collecting(Agent(MemorySpace()), bus=meter)().bus == BusLoad("can0", 0.0, 1000)

@@ -126,8 +126,8 @@ def _page(page: PageFigures) -> Iterator[Metric]:
 def _bus(name: str, share: float, bits_per_second: int) -> Iterator[Metric]:
     from prometheus_client.core import GaugeMetricFamily
 
-    load = GaugeMetricFamily("msbot_bus_load_ratio", "Share of the last second in which the bus was busy.",
-                             labels=["bus"])  # fmt: skip
+    words = "Share of the last second in which frames of the master and for it kept the bus busy, stuff bits included."
+    load = GaugeMetricFamily("msbot_bus_load_ratio", words, labels=["bus"])
     load.add_metric([name], share)
     bitrate = GaugeMetricFamily("msbot_bus_bitrate", "Bits per second.", labels=["bus"])
     bitrate.add_metric([name], bits_per_second)

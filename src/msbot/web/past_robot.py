@@ -13,14 +13,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from msbot.config import Binding, Blueprint, Library, RobotProfile, Scalar, Slot, SlotPort
-from msbot.errors import LocalProtocolError
 from msbot.lab.curves.names import number_of
 from msbot.lab.recorder.can_frames import FRAME
 from msbot.lab.recorder.recording_file import ENCAPSULATION
-from msbot.lab.recorder.topics import BITRATE, BLUEPRINT, MEASURED, SHOWN
+from msbot.lab.recorder.topics import BITRATE, BLUEPRINT, DATA_BITRATE, MEASURED, SHOWN
 from msbot.lab.recordings.reading import FRAMES, NS, OWN, RecordedMessage
 from msbot.lab.recordings.telling import frame_of
-from msbot.link.can.protocol import frame_bits
+from msbot.link.can.protocol import busy_seconds
 from msbot.part import Message
 from msbot.part.join.plug import Nature
 from msbot.pnp import KnownObject, PartInfo, PartState
@@ -297,14 +296,21 @@ class PastRobot:
                 watched=False, name="", bitrate=0, frames=0, load_percent=0.0, frames_per_second=0.0, errors=0
             )
         after_ns = round((self._at_s - LOAD_S) * NS)
-        links = {one.topic: one.channel.metadata.get(BITRATE, "") for one in self._frames}
-        bitrates = {topic: number_of(text) or 0.0 for topic, text in links.items()}
+        links = {one.topic: one.channel.metadata for one in self._frames}
+        bitrates = {topic: number_of(words.get(BITRATE)) or 0.0 for topic, words in links.items()}
+        data_bitrates = {topic: number_of(words.get(DATA_BITRATE)) for topic, words in links.items()}
         latest = [one for one in self._frames if one.at_ns > after_ns]
-        busy_s = [seconds for one in latest if (seconds := _seconds(one, bitrates[one.topic])) is not None]
+        busy_s = [
+            busy_seconds(frame, bitrates[one.topic], data_bitrates[one.topic])
+            for one in latest
+            if bitrates[one.topic] and (frame := frame_of(one)) is not None
+        ]
+        measured = sum(rate > 0 for rate in bitrates.values())
         return BusFigures(
             watched=True, name=", ".join(topic.removeprefix(FRAMES) for topic in links),
             bitrate=round(sum(bitrates.values())), frames=0,
-            load_percent=100 * sum(busy_s) / (LOAD_S * len(links)), frames_per_second=len(latest) / LOAD_S, errors=0,
+            load_percent=100 * sum(busy_s) / (LOAD_S * max(measured, 1)),
+            frames_per_second=len(latest) / LOAD_S, errors=0,
         )  # fmt: skip
 
 
@@ -314,17 +320,6 @@ _NOBODY: Final = bytes(16)
 def _still(card: SlotCard) -> SlotCard:
     """A card on which nothing moves."""
     return card.model_copy(update={"next_beat_s": None})
-
-
-def _seconds(message: RecordedMessage, bitrate: float) -> float | None:
-    """How long a frame took; None: it is not known."""
-    frame = frame_of(message)
-    if frame is None or not bitrate:
-        return None
-    try:
-        return frame_bits(frame).seconds(bitrate)
-    except LocalProtocolError:  # an error frame
-        return None
 
 
 def _binding(value: Mapping[str, object]) -> Binding:

@@ -1,7 +1,7 @@
 """What the page shows of real CAN buses: the frames that the master's links send and receive.
 
-The kernel hands a link its own identifiers only, so frames of other equipment are not in the table; `msbot bus dump`
-shows those. The load is worked out from frame lengths without stuff bits: up to a fifth too low, never too high.
+The kernel hands a link its own identifiers only, so frames of other equipment are not in the table nor in the load;
+`msbot bus dump` shows those.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 from msbot.link import Link
 from msbot.link.can import CanEnd
-from msbot.link.can.protocol import Frame
 from msbot.metrics.bus_meter import FrameMeter
 from msbot.web.assembly import Seen
 from msbot.web.frames import FrameRing
@@ -25,17 +24,11 @@ class LinkMeter(FrameMeter, BusMeter):
 def seen_of_links(links: Sequence[Link]) -> Seen:
     """What the page shows of a master's links."""
     frames = FrameRing()
-    buses = [link for link in links if isinstance(link, CanEnd)]
-    if not buses:
+    ends = [link for link in links if isinstance(link, CanEnd)]
+    if not ends:
         return Seen(frames)
-    clock = asyncio.get_running_loop().time
-    bitrate = sum(link.info.bits_per_second or 0 for link in buses)
-    meter = LinkMeter(", ".join(link.info.name for link in buses), bitrate, clock)
-
-    def tap(at: float, sender: str, frame: Frame) -> None:
-        frames.tap(at, sender, frame)
-        meter.tap(at, sender, frame)
-
-    for link in buses:
-        link.on_frame(tap)
+    meter = LinkMeter([end.bus_info for end in ends], asyncio.get_running_loop().time)
+    for end in ends:
+        end.on_frame(frames.tap)
+    meter.hear(ends)
     return Seen(frames, meter)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from msbot.errors import ConfigError, LocalProtocolError
+from msbot.errors import ConfigError
 from msbot.lab.curves.curve import Curve, Figures, Point, figures_of, thinned
 from msbot.lab.curves.names import (
     BUS,
@@ -27,11 +27,11 @@ from msbot.lab.curves.names import (
     setting_curve,
 )
 from msbot.lab.recorder.ring import segments
-from msbot.lab.recorder.topics import BITRATE, MEASURED
+from msbot.lab.recorder.topics import BITRATE, DATA_BITRATE, MEASURED
 from msbot.lab.recordings.reading import FRAMES as FRAME_TOPICS
 from msbot.lab.recordings.reading import NS, OWN, Decoder, RecordedMessage, RecordingReader
 from msbot.lab.recordings.telling import flat_fields, frame_of
-from msbot.link.can.protocol import frame_bits
+from msbot.link.can.protocol import busy_seconds
 
 MOST_POINTS: Final = 2_000_000
 """Of all curves together; some 200 MB."""
@@ -263,8 +263,8 @@ class _Reading:
     def _take_frame(self, message: RecordedMessage, *, is_early: bool) -> None:
         bus = self._buses.get(message.topic)
         if bus is None:
-            rate = number_of(message.channel.metadata.get(BITRATE))
-            bus = self._buses[message.topic] = _Bus(rate or 0.0)
+            rates = [number_of(message.channel.metadata.get(name)) for name in (BITRATE, DATA_BITRATE)]
+            bus = self._buses[message.topic] = _Bus(rates[0] or 0.0, rates[1])
         if not is_early and self._wanted & {BUS, FRAMES}:
             bus.take(message)
 
@@ -280,8 +280,9 @@ class _Reading:
 class _Bus:
     """The traffic of one link, a second at a time."""
 
-    def __init__(self, bitrate: float) -> None:
+    def __init__(self, bitrate: float, data_bitrate: float | None) -> None:
         self.bitrate = bitrate
+        self._data_bitrate = data_bitrate
         self.frames: dict[int, float] = {}
         """Second since 1970 -> frames."""
         self.busy_s: dict[int, float] = {}
@@ -292,10 +293,7 @@ class _Bus:
         self.frames[second] = self.frames.get(second, 0.0) + 1
         frame = frame_of(message) if self.bitrate else None
         if frame is not None:
-            try:
-                seconds = frame_bits(frame).seconds(self.bitrate)
-            except LocalProtocolError:  # an error frame, or what somebody else recorded
-                seconds = 0.0
+            seconds = busy_seconds(frame, self.bitrate, self._data_bitrate)
             self.busy_s[second] = self.busy_s.get(second, 0.0) + seconds
 
 

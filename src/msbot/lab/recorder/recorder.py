@@ -17,9 +17,9 @@ from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_began, encode
 from msbot.lab.recorder.can_frames import FRAME, FRAME_DEFINITION, FRAME_TYPE
 from msbot.lab.recorder.robot_words import blueprint_words, event_words, shown_words
 from msbot.lab.recorder.schemas import ENCODING, ros_definition, ros_name
-from msbot.lab.recorder.topics import BITRATE, BLUEPRINT, MEASURED, SHOWN
+from msbot.lab.recorder.topics import BITRATE, BLUEPRINT, DATA_BITRATE, MEASURED, SHOWN
 from msbot.link import Link
-from msbot.link.can import CanEnd
+from msbot.link.can import CanBusInfo, CanEnd
 from msbot.link.can.protocol import Frame
 from msbot.master import Master
 from msbot.operations.dispatch import Deed, Operations, RunningOperations
@@ -115,7 +115,7 @@ class Recorder:
         for link in links:
             if isinstance(link, CanEnd) and link not in self._tapped:
                 self._tapped.add(link)
-                link.on_frame(self._frame_tap(link.info.name, link.info.bits_per_second))
+                link.on_frame(self._frame_tap(link.info.name, link.bus_info))
 
     def note(self, words: Mapping[str, object]) -> None:
         """Something that the recorder itself has to say."""
@@ -268,8 +268,9 @@ class Recorder:
     def _mission_noted(self, note: Mapping[str, object]) -> None:
         self.put(Kind.OBJECT, self._json_channel("/msbot/mission"), self.clock(), encode_object(note))
 
-    def _frame_tap(self, link: str, bitrate: int | None) -> Callable[[float, str, Frame], None]:
-        metadata = () if bitrate is None else ((BITRATE, str(bitrate)),)
+    def _frame_tap(self, link: str, bus: CanBusInfo) -> Callable[[float, str, Frame], None]:
+        rates = {BITRATE: bus.bits_per_second, DATA_BITRATE: bus.data_bits_per_second}
+        metadata = tuple((name, str(rate)) for name, rate in rates.items() if rate is not None)
         channel = RecordedChannel(f"/msbot/frames/{link}", "cdr", FRAME_TYPE, ENCODING, FRAME_DEFINITION, metadata)
         number, append, fixed = self._number(channel), self.append, FRAME.pack
         assert number is not None, "MsBOT's own channels come first"

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from typing import Final
 
 from msbot.link.base import BaseLink
-from msbot.link.can.controller import BusState, CanBus, FrameTap
+from msbot.link.can.controller import BusState, CanBus, CanBusInfo, FrameTap
 from msbot.link.can.controller_port import CanPort
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.protocol.ids import CanIds, stop_words
@@ -44,6 +44,11 @@ class CanEnd(BaseLink, ABC):
         """Call `tap`, too, with every frame that this end sends or receives."""
         earlier = self._port.frame_tap
         self._port.frame_tap = tap if earlier is None else _both(earlier, tap)
+
+    @property
+    def bus_info(self) -> CanBusInfo:
+        """The bus that the controller is on."""
+        return self._port.bus.info
 
     @property
     def bus_state(self) -> BusState:

@@ -1,6 +1,6 @@
 """The protocol on a CAN bus, without I/O: frames, addresses, costs, and their form for people."""
 
-from msbot.link.can.protocol.bits import FrameBits, WireBit, frame_bits, phase_bits, wire_bits
+from msbot.link.can.protocol.bits import FrameBits, WireBit, busy_seconds, frame_bits, phase_bits, wire_bits
 from msbot.link.can.protocol.cost import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
 from msbot.link.can.protocol.decoder import CanDecoder, LegacyDecoder
 from msbot.link.can.protocol.frames import Frame, check_frame
@@ -34,6 +34,7 @@ __all__ = [
     "NodeIds",
     "WireBit",
     "beacon_cost",
+    "busy_seconds",
     "check_frame",
     "format_frame",
     "format_log_line",

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import NamedTuple
 
+from msbot.errors import LocalProtocolError
 from msbot.link.can.protocol.frames import FD_LENGTHS, Frame, check_frame
 
 INTERMISSION = 3
@@ -74,6 +75,15 @@ def frame_bits(frame: Frame) -> FrameBits:
         bits = _fd_phase_bits(frame)
         return bits if frame.brs else FrameBits(bits.nominal_bits + bits.data_bits, 0)
     return _classic_frame_bits(frame)
+
+
+def busy_seconds(frame: Frame, bitrate: float, data_bitrate: float | None = None) -> float:
+    """How long a frame that was heard keeps the bus busy; 0 for what is no frame of a controller: an error frame, or
+    what somebody else has recorded."""
+    try:
+        return frame_bits(frame).seconds(bitrate, data_bitrate)
+    except LocalProtocolError:
+        return 0.0
 
 
 def phase_bits(frame: Frame) -> FrameBits:
