@@ -2,12 +2,14 @@
 
     python bench/scale.py [--robots 1000] [--write]
 
-Three samples, in a network namespace of its own with nothing in it but the loopback interface (needs root, `unshare`,
-`ip`), within three minutes:
+Some samples, in a network namespace of its own with nothing in it but the loopback interface (needs root, `unshare`,
+`ip`), within five minutes:
 
 * robots: a few real masters (`msbot master --space zenoh`) with ten real parts each; time and memory of a master at
   rest, with the spread between them.
-* database: so many robots in one SQLite file, and the changes of state of all their parts when all are switched on.
+* database: so many robots in one SQLite file, and in one PostgreSQL server if there is one (Debian's postgresql), and
+  the changes of state of all their parts when all are switched on.
+* DDS: more and more programs in one domain, each with the topics of a robot, until each knows all others.
 * router: a real `msbot router`; a few processes have the writers of so many robots, and one program reads them all.
 
 `--write` puts the tables into docs/explain/scale.md.
@@ -19,7 +21,6 @@ import argparse
 import asyncio
 import contextlib
 import os
-import sqlite3
 import statistics
 import subprocess
 import sys
@@ -29,6 +30,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import LiteralString
+
+import psycopg
 
 from bench.dds import enter
 from bench.machine import describe_machine
@@ -37,7 +41,9 @@ from msbot.config import load_library, parse_blueprint
 from msbot.pnp import PartEvent, PartState
 from msbot.registry import open_registry
 from msbot.space import Qos, Topic
+from msbot.space.dds import DdsSpace
 from msbot.space.zenoh import ZenohSpace
+from tests.registry.postgres import find_server, running_server
 
 PAGE = Path(__file__).parent.parent / "docs/explain/scale.md"
 BEGIN, END = "<!-- bench/scale.py begins -->", "<!-- bench/scale.py ends -->"
@@ -50,30 +56,35 @@ PATIENCE_S = 60.0
 SETTLED_S = 120.0
 IDLE = 0.1
 """A router that uses less of a core has dealt with all that was made; it is waited for so long."""
+SIZE = "SELECT pg_database_size(current_database())"
+PARTICIPANTS = (5, 10, 20, 40)
 HOSTS = 4
 """Processes that stand for the sites."""
 PAYLOAD = bytes(64)
 
 
 def main() -> None:
-    """Print the three tables."""
+    """Print the tables."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--robots", type=int, default=1000)
     options.add_argument("--write", action="store_true", help=f"put the tables into {PAGE.name}")
     options.add_argument("--parts", help=argparse.SUPPRESS)
     options.add_argument("--site", help=argparse.SUPPRESS)
+    options.add_argument("--participant", help=argparse.SUPPRESS)
     chosen = options.parse_args()
     if chosen.parts:
         asyncio.run(be_parts(0, PARTS, chosen.parts, 0))
     elif chosen.site:
         asyncio.run(be_site(*map(int, chosen.site.split(":"))))
+    elif chosen.participant:
+        asyncio.run(be_participant(*map(int, chosen.participant.split(":"))))
     else:
         if INSIDE not in os.environ:
             enter()
         with tempfile.TemporaryDirectory() as folder:
             os.environ |= {"XDG_STATE_HOME": folder, "XDG_RUNTIME_DIR": folder}
             lines = [f"{describe_machine()}; load {os.getloadavg()[0]:.1f}"]
-            for table in (partial(robots, Path(folder)), partial(database, Path(folder), chosen.robots),
+            for table in (partial(robots, Path(folder)), partial(database, Path(folder), chosen.robots), neighbours,
                           partial(router, chosen.robots)):  # fmt: skip
                 made = ["", *table()]
                 print("\n".join(made), flush=True)
@@ -151,12 +162,49 @@ def robots(folder: Path) -> list[str]:
 
 
 def database(folder: Path, number: int) -> list[str]:
-    """So many robots in one file, all switched on."""
+    """So many robots in one database, all switched on."""
+    file = folder / "school.db"
+    columns = [("one SQLite file", *fill(str(file), number), file.stat().st_size)]
+    programs = find_server()
+    if programs is not None:
+        with running_server(programs, durable=True) as address:
+            ask(address.format("postgres"), "CREATE DATABASE school")
+            where = address.format("school")
+            open_registry(where).close()
+            empty = ask(where, SIZE)
+            found = fill(where, number)
+            columns.append(("one PostgreSQL", *found, ask(where, SIZE) - empty))
+    changes = 3 * PARTS * number
+    rows = [
+        [f"{number:,} robots of {PARTS} parts"], ["a blueprint put into force, the first 20 / the last 20"],
+        ["for each robot"], ["a change of state, kept (one writer)"],
+        [f"all robots switched on at once: {changes:,} changes by one writer"],
+    ]  # fmt: skip
+    for name, applied, journal, size in columns:
+        edges = statistics.median(applied[:20]) * 1e3, statistics.median(applied[-20:]) * 1e3
+        cells = (name, f"{edges[0]:.1f} / {edges[1]:.1f} ms", f"{size / number / 1024:.1f} kB",
+                 f"{journal * 1e6:.0f} µs, {1 / journal:,.0f} a second", f"{changes * journal:.1f} s")  # fmt: skip
+        for row, cell in zip(rows, cells, strict=True):
+            row.append(cell)
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    return [lines[0], "|---" * len(rows[0]) + "|", *lines[1:]]
+
+
+def ask(where: str, question: LiteralString) -> int:
+    """One question to the server; its answer is a number, or there is none."""
+    with psycopg.connect(where, autocommit=True) as connection:
+        cursor = connection.execute(question)
+        row = cursor.fetchone() if cursor.description else None
+        return 0 if row is None else int(row[0])
+
+
+def fill(where: str, number: int) -> tuple[list[float], float]:
+    """How long each robot took to be put into force, and a change of state to be kept."""
     library = load_library()
     sample = parse_blueprint(blueprint(PARTS), library)
-    file = folder / "school.db"
-    applied, journal = [], []
-    with open_registry(str(file)) as registry:
+    applied = []
+    count = 2000
+    with open_registry(where) as registry:
         for index in range(number):
             robot = replace(sample.robot, name=f"R{index}", serial_number=f"S-{index}")
             started = time.perf_counter()
@@ -166,7 +214,6 @@ def database(folder: Path, number: int) -> list[str]:
         assert first is not None
         store = registry.runs.begin(first)
         started = time.perf_counter()
-        count = 2000
         for index in range(count):
             part = index % PARTS
             state = PartState.ACTIVE if index // PARTS % 2 else PartState.LATE
@@ -186,20 +233,57 @@ def database(folder: Path, number: int) -> list[str]:
             )
             if index % PARTS == PARTS - 1:  # what one robot writes together
                 registry.storage.flush()
-        journal.append((time.perf_counter() - started) / count)
-    with contextlib.closing(sqlite3.connect(file)) as written:
-        kept = written.execute("SELECT count(*) FROM journal").fetchone()[0]
+        journal = (time.perf_counter() - started) / count
+        kept = len(list(registry.robots.journal(count, robot=first)))
     assert kept >= count, f"{kept} changes were kept"
-    size = file.stat().st_size / number / 1024
-    changes = 3 * PARTS * number
-    edges = statistics.median(applied[:20]) * 1e3, statistics.median(applied[-20:]) * 1e3
-    return [
-        f"| one SQLite file with {number:,} robots of {PARTS} parts | |", "|---|---|",
-        f"| a blueprint put into force, the first 20 / the last 20 | {edges[0]:.1f} / {edges[1]:.1f} ms |",
-        f"| file, for each robot | {size:.1f} kB |",
-        f"| a change of state, kept | {journal[0] * 1e6:.0f} µs, {1 / journal[0]:,.0f} a second |",
-        f"| all robots switched on at once: {changes:,} changes | {changes * journal[0]:.1f} s of one writer |",
+    return applied, journal
+
+
+# Programs in one DDS domain.
+
+
+async def be_participant(number: int, others: int) -> None:
+    """A robot's topics, once it is told to; says when it knows those of all others."""
+    print("loaded", flush=True)
+    await asyncio.to_thread(sys.stdin.readline)
+    with DdsSpace(42, partition=f"robots/R{number}") as space:
+        for part in range(PARTS):
+            space.writer(Topic(f"part_{part}", "Level"), Qos(depth=16), (number * PARTS + part).to_bytes(16))
+        while space.neighbours < others * PARTS:  # noqa: ASYNC110 - discovery calls nobody
+            await asyncio.sleep(0.05)
+        print("knows all", flush=True)
+        await asyncio.to_thread(sys.stdin.readline)
+
+
+def neighbours() -> list[str]:
+    """More and more programs in one domain."""
+    lines = [
+        f"| programs in one DDS domain, {PARTS} topics each | all know all after | memory of one | at rest, of a core, "
+        "all together |",
+        "|---|---|---|---|",
     ]  # fmt: skip
+    me = str(Path(__file__).resolve())
+    for number in PARTICIPANTS:
+        with contextlib.ExitStack() as stack:
+            programs = [
+                stack.enter_context(running(me, "--participant", f"{index}:{number - 1}")) for index in range(number)
+            ]
+            for program in programs:
+                wait_for(program, "loaded")
+            started = time.perf_counter()
+            for program in programs:
+                assert program.stdin is not None
+                program.stdin.write("\n")
+                program.stdin.flush()
+            for program in programs:
+                wait_for(program, "knows all")
+            took = time.perf_counter() - started
+            before, began = sum(cpu_s(program.pid) for program in programs), time.perf_counter()
+            time.sleep(REST_S)
+            load = (sum(cpu_s(program.pid) for program in programs) - before) / (time.perf_counter() - began)
+            memory = statistics.median(memory_mb(program.pid) for program in programs)
+        lines.append(f"| {number} | {took:.1f} s | {memory:.0f} MB | {load * 100:.1f} % |")
+    return lines
 
 
 # The router.

@@ -17,8 +17,8 @@ NEEDED = "MSBOT_NEED_POSTGRES"
 """Set where tests must not be skipped for want of a server."""
 
 # What was committed survives a crash of the server, not one of the computer.
-_QUICK = ("fsync=off", "full_page_writes=off", "autovacuum=off", "shared_buffers=8MB",
-          "max_connections=40", "listen_addresses=", "log_min_messages=fatal")  # fmt: skip
+_QUICK = ("fsync=off", "full_page_writes=off", "autovacuum=off")
+_SMALL = ("shared_buffers=8MB", "max_connections=40", "listen_addresses=", "log_min_messages=fatal")
 _START_S = 20.0
 _PR_SET_PDEATHSIG = 1
 
@@ -33,10 +33,11 @@ def find_server() -> Path | None:
 
 
 @contextmanager
-def running_server(programs: Path, *, network: str = "", host: str = "") -> Iterator[str]:
+def running_server(programs: Path, *, network: str = "", host: str = "", durable: bool = False) -> Iterator[str]:
     """Serve; gives the beginning of an address, to which the name of a database is put in place of `{}`.
 
-    With `network` (a namespace) and `host` (an address in it) the server is reached there by TCP, too.
+    With `network` (a namespace) and `host` (an address in it) the server is reached there by TCP, too. With `durable`
+    it writes to the disk as servers do; tests do not need that.
     """
     user = _unprivileged()
     # Not below pytest's own folder: nobody else may enter that one.
@@ -49,16 +50,18 @@ def running_server(programs: Path, *, network: str = "", host: str = "") -> Iter
         _run(user, [str(programs / "initdb"), f"--pgdata={data}", *arguments]).communicate()
         if host:
             (data / "pg_hba.conf").write_text("local all all trust\nhost all all samenet trust\n")
-        with serving(programs, folder, network=network, host=host):
+        with serving(programs, folder, network=network, host=host, durable=durable):
             yield f"postgresql://msbot@/{{}}?host={folder}"
     finally:
         shutil.rmtree(folder)
 
 
 @contextmanager
-def serving(programs: Path, folder: Path, *, network: str = "", host: str = "") -> Iterator[None]:
+def serving(
+    programs: Path, folder: Path, *, network: str = "", host: str = "", durable: bool = False
+) -> Iterator[None]:  # fmt: skip
     """The server of a cluster that is there: also once more, after it has crashed."""
-    settings = [word for setting in _QUICK for word in ("-c", setting)]
+    settings = [word for setting in (*_SMALL, *(() if durable else _QUICK)) for word in ("-c", setting)]
     user = _unprivileged()
     command = [str(programs / "postgres"), "-D", str(folder / "data"), "-k", str(folder), *settings]
     if network:
