@@ -46,6 +46,8 @@ NEEDS = {
 }
 """What a command imports when it runs, besides its own module."""
 PAGE = "msbot.web.assembly"
+STARTS = ("PYTHON", "LC_", "LANG", "LD_PRELOAD")
+"""What changes how Python starts begins with one of these."""
 Wish: TypeAlias = tuple[list[str], str, dict[str, str], tuple[int, int] | None]
 """Arguments, folder, environment and limits of a command."""
 _TURN = Lock()
@@ -63,7 +65,7 @@ def start(
 ) -> subprocess.Popen[bytes] | Copy:
     """Start `msbot` with these arguments; the system ends it beyond its limits: processor seconds, octets of memory."""
     changed = {name for name in {*env, *os.environ} if env.get(name) != os.environ.get(name)} - {"PYTHONUNBUFFERED"}
-    if sys.platform != "linux" or REAL in env or any(name.startswith(("PYTHON", "LC_", "LANG")) for name in changed):
+    if sys.platform != "linux" or REAL in env or any(name.startswith(STARTS) for name in changed):
         there = ["ip", "netns", "exec", env[NETWORK]] if NETWORK in env else []
         process = subprocess.Popen(
             [*there, *MSBOT, *arguments], cwd=cwd, env=dict(env), stdout=stdout, stderr=stderr, stdin=subprocess.DEVNULL

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
+from msbot.registry import open_registry
 from tests.e2e.processes import Process, run
 from tests.networks import DESK, Network, two_computers
+from tests.skewed_clock import skewed
 
 
 @pytest.fixture
@@ -62,19 +65,25 @@ def test_agents_on_two_computers_feed_one_master_through_cut_and_heal(network: N
     assert run("init", cwd=tmp_path).returncode == 0
     state = {"XDG_STATE_HOME": str(tmp_path / "state"), "XDG_RUNTIME_DIR": str(tmp_path)}
     way = f"udp:{DESK}:8888"
+    began = time.time()
     with ExitStack() as stack:
 
-        def started(computer: str, *arguments: str) -> Process:
-            process = network.run(computer, *arguments, cwd=tmp_path, env=state)
+        def started(computer: str, *arguments: str, clock_off_s: int = 0) -> Process:
+            clock = skewed(tmp_path, clock_off_s) if clock_off_s else {}
+            process = network.run(computer, *arguments, cwd=tmp_path, env=state | clock)
             stack.callback(process.end, signal.SIGKILL)
             return process
 
-        pi = started(network.body, "agent", "udp4", "-p", "9999", "--master", way, "--name", "pi")  # before its master
+        # Before its master, on a computer whose clock is three days ahead.
+        pi = started(network.body, "agent", "udp4", "-p", "9999", "--master", way, "--name", "pi", clock_off_s=259_200)
         master = started(network.desk, "master", "--no-page", "--link", way)
         pi.wait_for("takes the parts of this agent, pi")
         desk = started(network.desk, "agent", "can", "-D", "sim:desk", "--master", way, "--name", "desk")
         desk.wait_for("takes the parts of this agent, desk")
-        parts = {name: started(network.body, "part", name, "--link", "udp:127.0.0.1:9999") for name in ("AA", "BB")}
+        parts = {
+            name: started(network.body, "part", name, "--link", "udp:127.0.0.1:9999", clock_off_s=off)
+            for name, off in (("AA", 0), ("BB", -7200))
+        }
         parts["CC"] = started(network.desk, "part", "CC", "--link", "sim:desk")
         for part in parts.values():
             part.wait_for("active")
@@ -97,6 +106,10 @@ def test_agents_on_two_computers_feed_one_master_through_cut_and_heal(network: N
         assert pi.end(signal.SIGTERM) == 0
         for _ in ("AA", "BB"):
             master.wait_for("lost", "gone: the agent pi has ended")
+    with open_registry(tmp_path / "robot.db") as registry:
+        lines = registry.robots.journal(1000)
+    assert {line.event.slot for line in lines} >= {"AA", "BB", "CC"}
+    assert all(began - 1 <= line.at_ns / 1e9 <= time.time() for line in lines)  # the master's clock dates them
 
 
 @pytest.mark.parametrize(

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import signal
+import sys
 from functools import partial
+from pathlib import Path
 
 import pytest
 
 from msbot.space import Qos, Topic
 from msbot.space.dds import DdsSpace
+from tests.skewed_clock import skewed
 from tests.space.dds.far_side import numbered
-from tests.space.dds.peers import Inbox, arrived, far_side, until
+from tests.space.dds.peers import Inbox, arrived, far_side, program, until
 
 TOPIC = Topic("t", "T")
 
@@ -118,3 +122,22 @@ async def test_samples_of_one_writer_stay_in_order(reliable: bool) -> None:
             else:
                 await until(lambda: len(inbox.samples) > 100)
         assert inbox.payloads == sorted(set(inbox.payloads))
+
+
+@pytest.mark.parametrize("seconds", [-7200, 86400])
+async def test_a_peer_whose_clock_is_wrong_is_heard_and_hears(seconds: int, tmp_path: Path) -> None:
+    """Also with a lifespan: its time runs from when a sample came, not from what the writer's clock said."""
+    wish = {"do": "echo", "topic": "Old", "type": "T", "qos": {"lifespan_s": 5.0, "depth": 64}}
+    command = (sys.executable, str(Path(__file__).with_name("far_side.py")), json.dumps(wish))
+    qos = Qos(lifespan_s=5.0, depth=64)
+    with DdsSpace() as space:
+        inbox = Inbox()
+        space.reader(Topic("Old_back", "T"), qos, inbox)
+        writer = space.writer(Topic("Old", "T"), qos, bytes(16))
+        async with program(*command, environment=skewed(tmp_path, seconds)):
+            await until(lambda: (writer.write(b"are you there"), inbox.payloads)[1])
+            inbox.samples.clear()
+            for number in range(50):
+                writer.write(bytes([number]))
+            await until(lambda: arrived(inbox, bytes([49])))
+            assert [one for one in inbox.payloads if len(one) == 1] == [bytes([number]) for number in range(50)]
