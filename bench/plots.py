@@ -18,7 +18,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from bench.machine import describe_machine
 
@@ -42,8 +42,17 @@ def load(pid: int, seconds: float) -> float:
     return 100 * (cpu_s(pid) - before) / (time.perf_counter() - began)
 
 
-def drawing(page: Page, pid: int, seconds: float) -> tuple[float, float, float]:
-    """(percent of a processor for the master, pictures a second, percent of the page's main thread)."""
+def browser_cpu_s(browser: Browser) -> float:
+    """Processor time of all processes of a browser, what draws included."""
+    session = browser.new_browser_cdp_session()
+    found = session.send("SystemInfo.getProcessInfo")["processInfo"]
+    session.detach()
+    return sum(float(one["cpuTime"]) for one in found)
+
+
+def drawing(browser: Browser, page: Page, pid: int, seconds: float) -> tuple[float, float, float, float]:
+    """(percent of a processor for the master, pictures a second, percent of the page's main thread, percent of a
+    processor for the browser)."""
     session = page.context.new_cdp_session(page)
     session.send("Performance.enable")
 
@@ -51,10 +60,11 @@ def drawing(page: Page, pid: int, seconds: float) -> tuple[float, float, float]:
         found = session.send("Performance.getMetrics")["metrics"]
         return next(float(one["value"]) for one in found if one["name"] == "TaskDuration")
 
-    frames, busy, began = page.evaluate(FRAMES), busy_s(), time.perf_counter()
+    frames, busy, cpu, began = page.evaluate(FRAMES), busy_s(), browser_cpu_s(browser), time.perf_counter()
     share = load(pid, seconds)
     took = time.perf_counter() - began
-    return share, (page.evaluate(FRAMES) - frames) / took, 100 * (busy_s() - busy) / took
+    rate = (page.evaluate(FRAMES) - frames) / took
+    return share, rate, 100 * (busy_s() - busy) / took, 100 * (browser_cpu_s(browser) - cpu) / took
 
 
 def main() -> None:
@@ -81,9 +91,9 @@ def main() -> None:
                     page.wait_for_function(f"window.msbotPlotsFrames && {FRAMES} > 5")
                     time.sleep(SETTLE_S)
                     curves = page.locator("#ms-plot-figures tr[data-place]").count()
-                    share, rate, busy = drawing(page, process.pid, seconds)
+                    share, rate, busy, whole = drawing(browser, page, process.pid, seconds)
                     print(f"{curves} curves, {span} s: the master {share:.1f} %, {rate:.1f} pictures/s, "
-                          f"the page's main thread {busy:.0f} %")  # fmt: skip
+                          f"the page's main thread {busy:.0f} %, the browser {whole:.0f} % of a processor")  # fmt: skip
                 browser.close()
         finally:
             process.terminate()

@@ -1,5 +1,5 @@
-"""Fetches the files of others that the project carries unmodified, from npm: MicroPython's VM for the browser, and
-axe-core, which looks in tests whether everybody can use the pages.
+"""Fetches the files of others that the project carries unmodified, from npm: MicroPython's VM for the browser, uPlot,
+which draws curves, and axe-core, which looks in tests whether everybody can use the pages.
 
     python tools/assets.py                      the versions of the manifests; says so when a file is another one
     python tools/assets.py micropython 1.28.0   another version, with a new manifest
@@ -20,9 +20,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 FOLDERS = {
     "micropython": ROOT / "src/msbot/web/static/micropython",
+    "uplot": ROOT / "src/msbot/web/static/uplot",
     "axe-core": ROOT / "tests/web/browser/axe-core",
 }
-"""Each with a manifest: package, version, and the SHA-256 of every file."""
+"""Each with a manifest: package, version, and the SHA-256 of every file by its path in the package."""
 
 
 def fetch(target: Path, version: str | None) -> int:
@@ -40,7 +41,7 @@ def fetch(target: Path, version: str | None) -> int:
         sys.stderr.write(f"{', '.join(different)}: npm has another file for version {wanted} than the manifest\n")
         return 1
     for file, octets in fetched.items():
-        (target / file).write_bytes(octets)
+        (target / Path(file).name).write_bytes(octets)
     (target / "manifest.json").write_text(json.dumps({**manifest, "version": wanted, "files": hashes}, indent=2) + "\n")
     return 0
 

@@ -4,12 +4,18 @@ import hashlib
 import json
 from pathlib import Path
 
-FOLDER = Path(__file__).parents[2] / "src/msbot/web/static/micropython"
+import pytest
+
+STATIC = Path(__file__).parents[2] / "src/msbot/web/static"
 
 
-def test_micropythons_vm_is_the_file_that_npm_has() -> None:
-    manifest = json.loads((FOLDER / "manifest.json").read_text())
-    found = {name: hashlib.sha256((FOLDER / name).read_bytes()).hexdigest() for name in manifest["files"]}
+@pytest.mark.parametrize(("name", "author"), [("micropython", "Damien P. George"), ("uplot", "Leon Sorokin")])
+def test_what_others_have_made_is_the_file_that_npm_has(name: str, author: str) -> None:
+    folder = STATIC / name
+    manifest = json.loads((folder / "manifest.json").read_text())
+    found = {one: hashlib.sha256((folder / Path(one).name).read_bytes()).hexdigest() for one in manifest["files"]}
     assert found == manifest["files"]
-    assert sorted(path.name for path in FOLDER.iterdir()) == sorted([*found, "LICENSE", "manifest.json"])
-    assert "Damien P. George" in (FOLDER / "LICENSE").read_text()
+    present = {path.name for path in folder.iterdir()}
+    assert present == {*(Path(one).name for one in found), "LICENSE", "manifest.json"}
+    assert manifest["licence"] == "MIT"
+    assert author in (folder / "LICENSE").read_text()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,19 @@ from tests.web.browser.conftest import Site, go
 
 FRAMES = "window.msbotPlotsFrames ? msbotPlotsFrames() : 0"
 SHOWN = "/plots?show=ear.level,@bus&span=10"
+INK_AT = """([at, value]) => {
+    // Whether a coloured line goes through a place of the chart, of 10 s and of values from 0 to 9 with some room.
+    const canvas = document.querySelector(".plot-charts canvas"), over = document.querySelector(".plot-charts .u-over");
+    const ratio = canvas.width / canvas.offsetWidth, [least, most] = uPlot.rangeNum(0, 9, 0.1, true);
+    const x = over.offsetLeft + over.offsetWidth * (at - 10000) / 10000;
+    const y = over.offsetTop + over.offsetHeight * (most - value) / (most - least);
+    const { data } = canvas.getContext("2d").getImageData(Math.round(x * ratio) - 2, Math.round(y * ratio) - 2, 5, 5);
+    for (let i = 0; i < data.length; i += 4) {
+        const [red, green, blue] = data.slice(i, i + 3);
+        if (data[i + 3] > 128 && Math.max(red, green, blue) - Math.min(red, green, blue) > 90) return true;
+    }
+    return false;
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +74,34 @@ def test_the_recorder_s_time_is_shown_a_view_is_kept_and_a_picture_saved(page: P
     page.get_by_label("Name of this view").fill("noise")
     page.get_by_role("button", name="Save").click()
     page.wait_for_function("(JSON.parse(localStorage.msbot_plots_views || '{}').noise || '').includes('span=600')")
+    go(page, f"{demo.base}/plots?show=ear.level,ear:threshold,@late,@beat.ear&span=10")
+    page.wait_for_function(f"{FRAMES} > 3")
+    assert page.locator(".plot-charts canvas").count() == 3, "three units, three charts"
     with page.expect_download() as download:
         page.get_by_role("button", name="Picture (PNG)").click()
-    assert Path(download.value.path()).read_bytes().startswith(b"\x89PNG")
+    width, height = struct.unpack(">II", Path(download.value.path()).read_bytes()[16:24])
+    across, down = page.evaluate("[...'WH'].map((one) => document.querySelector('.plot-charts')"
+                                 "[one === 'W' ? 'clientWidth' : 'clientHeight'])")  # fmt: skip
+    assert width == 2 * across
+    assert height > 2 * down, "the names of the curves are below"
+
+
+def test_a_held_picture_follows_the_window_s_size_and_colours_and_shows_gaps_and_steps(page: Page, demo: Site) -> None:
+    go(page, demo.base + SHOWN)
+    page.wait_for_function(f"{FRAMES} > 3")
+    # What a robot rarely has: a value that is no number, and a setting that was changed.
+    page.evaluate("""() => msbotPlots.show({
+        host: "", now: 20000, live: false, span: 10000, from: 10000, to: 20000, address: location.href, words: {},
+        curves: [{ name: "gap", unit: "m", holds: false,
+                   points: [[11000, 0], [14000, 0], [15000, NaN], [16000, 0], [19000, 0]] },
+                 { name: "set", unit: "m", holds: true, points: [[9000, 1], [15000, 9]] }] })""")
+    assert page.evaluate(INK_AT, [13000, 0]), "a line from point to point"
+    assert not page.evaluate(INK_AT, [15000, 0]), "nothing is drawn where there was no number"
+    assert page.evaluate(INK_AT, [12000, 1]), "a setting holds until it is changed"
+    assert page.evaluate(INK_AT, [18000, 9]), "the last one until now"
+    assert not page.evaluate(INK_AT, [12000, 5])
+    page.set_viewport_size({"width": 420, "height": 800})
+    page.wait_for_function("document.querySelector('.plot-charts canvas').offsetWidth < 420")
+    drawn = page.evaluate(FRAMES)
+    page.evaluate("document.body.classList.toggle('body--dark')")
+    page.wait_for_function(f"{FRAMES} > {drawn}")

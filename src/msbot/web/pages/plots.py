@@ -1,7 +1,7 @@
 """The plots page: any numbers of the robot as curves, live and over the recorder's time.
 
-The robot sends what is new ten times a second; `static/plots.js` draws it. What is older than its memory is read from
-the recorder's ring when somebody looks there.
+The robot sends what is new ten times a second; `static/plots.js` knows what is looked at, `static/plot_charts.js` draws
+it. What is older than the robot's memory is read from the recorder's ring when somebody looks there.
 """
 
 from __future__ import annotations
@@ -36,6 +36,11 @@ PUSH_S = 0.1
 MOST_POINTS = 1500
 """Points of a curve that are sent at once."""
 LONGEST_S = 30 * 24 * 3600.0
+_HEAD = (
+    '<link rel="stylesheet" href="/web/uplot/uPlot.min.css">'
+    '<script src="/web/uplot/uPlot.iife.min.js"></script>'
+    '<script src="/web/plot_charts.js"></script><script src="/web/plots.js"></script>'
+)
 
 
 def register(service: Service) -> None:
@@ -44,7 +49,7 @@ def register(service: Service) -> None:
     @ui.page("/plots")
     def plots(request: Request, show: str = "", span: float = SPAN_S) -> None:
         with page_frame(service, request, "/plots", "Plots") as page:
-            ui.add_head_html('<script src="/web/plots.js"></script>')
+            ui.add_head_html(_HEAD)
             wanted = [name for name in show.split(",") if name]
             _Plots(page, wanted, span if span in SPANS_S.values() else SPAN_S)
 
@@ -126,7 +131,7 @@ class _Plots:
                 .classes("plot-area")
                 .props(f'tabindex=0 role=group aria-label="{page.say("Curves; their numbers are in the table below")}"')
             ):
-                self._host = ui.echart({"animation": False}).classes("w-full")
+                self._host = ui.element("div").classes("w-full plot-charts").props("aria-hidden=true")
                 ui.html('<div class="plot-cursor" aria-hidden="true"></div>', sanitize=False)
             ui.label(page.say(
                 "Wheel: zoom; drag: earlier and later. With the keyboard: arrows move the cursor, with Shift the time, "
@@ -223,7 +228,7 @@ class _Plots:
             for name in view.names
         ]
         setup = {
-            "host": self._host.html_id, "chart": self._host.id, "curves": curves, "now": self._ms(self._page.service.now()),
+            "host": self._host.html_id, "curves": curves, "now": self._ms(self._page.service.now()),
             "live": view.live, "span": view.span_s * 1e3, "from": self._ms(view.from_s), "to": self._ms(view.to_s),
             "address": view.address,
             "words": {"latest": self._page.say("Latest"), "no_unit": self._page.say("no unit")},

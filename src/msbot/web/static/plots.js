@@ -1,34 +1,34 @@
 // Curves of a page: the robot sends numbers as they come, the browser draws them ten times a second.
 // Times are milliseconds since 1970 on the clock of the robot's computer, so that all who look see the same hour.
 const msbotPlots = (() => {
-  const DRAW_MS = 100, BUSY = 0.5, QUIET_MS = 350, MOST_KEPT = 6000, LEAST_SPAN_MS = 200, PAN = 0.25, STEP = 0.01, LATELY = 5;
+  const DRAW_MS = 100, BUSY = 0.5, QUIET_MS = 350, MOST_KEPT = 6000, LEAST_SPAN_MS = 200, PAN = 0.25, STEP = 0.01, LATELY = 5, TELL_MS = 250;
   const VIEWS = "msbot_plots_views";
   // Okabe and Ito's, which people tell apart who see few colours; the black one is that of letters.
   const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6BB1", "#7F7F7F"];
   const DASHES = ["solid", "dashed", "dotted"];
-  let chart = null, host = null, curves = [], isLive = true, span = 60000, from = 0, to = 0, clockAt = 0;
-  let cursor = null, timer = null, quiet = null, frames = 0, layout = "", words = {}, dragged = null, isShown = true, lately = [];
+  let charts = null, host = null, curves = [], isLive = true, span = 60000, from = 0, to = 0, clockAt = 0;
+  let cursor = null, timer = null, quiet = null, frames = 0, words = {}, dragged = null, isShown = true;
+  let due = 0, lately = [], toldAt = 0;
 
   const now = () => clockAt + performance.now();
-  const colour = (name) => getComputedStyle(document.body).getPropertyValue(name).trim();
   let format = null;
   const number = (value) => {
     format ||= new Intl.NumberFormat(document.documentElement.lang, { maximumSignificantDigits: 5 });
     return format.format(value);
   };
-  const hour = (at, digits) => new Date(at).toISOString().slice(11, digits ? 23 : 19);
+  const hour = (at, isFine) => new Date(at).toISOString().slice(11, isFine ? 23 : 19);
 
   function begin(setup) {
     words = setup.words;
     window.msbotPlotsFrames = () => frames;
-    host = document.getElementById(setup.host);
     const wait = () => {
-      const element = getElement(setup.chart);
-      if (!element || !element.chart) return setTimeout(wait, 30);
-      chart = element.chart;
+      host = document.getElementById(setup.host);
+      if (!host || !window.uPlot) return setTimeout(wait, 30);
+      charts = msbotCharts(host, words, number, hour);
       listen();
       emitEvent("plots_views", views());
       show(setup);
+      due = performance.now();
       tick();
     };
     wait();
@@ -44,7 +44,6 @@ const msbotPlots = (() => {
     curves = setup.curves.map((curve, place) => ({
       ...curve, colour: COLOURS[place % COLOURS.length], dash: DASHES[Math.floor(place / COLOURS.length) % DASHES.length],
     }));
-    layout = "";
     const at = new URL(location.href).searchParams.get("at");
     history.replaceState(history.state, "", at && !isLive ? `${setup.address}&at=${at}` : setup.address);
     draw();
@@ -60,29 +59,32 @@ const msbotPlots = (() => {
       let gone = 0;
       while (gone < curve.points.length - 1 && curve.points[gone + 1][0] < oldest) gone += 1;
       if (gone) curve.points.splice(0, gone);
-      if (curve.points.length > MOST_KEPT) curve.points = thinned(curve.points, MOST_KEPT / 2);
+      if (curve.points.length > MOST_KEPT) {
+        curve.points = thinned(curve.points, MOST_KEPT / 2, curve.points[curve.points.length - 1][0] - curve.points[0][0]);
+      }
     }
   }
 
   // Ten times a second; where drawing takes long, seldom enough to leave half of the time to all else. What counts is
   // the median of the latest pictures: that other programs took the processor during one of them says nothing.
   function tick() {
-    let took = 0, usual = 0;
+    const began = performance.now();
+    let usual = 0;
     if (isLive && isShown && !document.hidden && document.contains(host)) {
-      const began = performance.now();
       draw();
-      took = performance.now() - began;
-      lately = [...lately.slice(1 - LATELY), took];
+      lately = [...lately.slice(1 - LATELY), performance.now() - began];
       usual = [...lately].sort((one, other) => one - other)[lately.length >> 1];
     }
+    const ended = performance.now();
+    due = Math.max(due + DRAW_MS, began + usual / BUSY, ended + 10);
     clearTimeout(timer);
-    timer = setTimeout(tick, Math.max(DRAW_MS - took, usual / BUSY - took, 10));
+    timer = setTimeout(tick, due - ended);
   }
 
   // Of each step of time the least and the greatest value; the steps stand still while the window moves.
-  function thinned(points, most) {
+  function thinned(points, most, width) {
     if (points.length <= most) return points;
-    const step = (points[points.length - 1][0] - points[0][0]) / (most / 2) || 1;
+    const step = width / (most / 2) || 1;
     const kept = [];
     let place = 0;
     while (place < points.length) {
@@ -102,82 +104,55 @@ const msbotPlots = (() => {
     return isLive ? [now() - span, now()] : [from, to];
   }
 
-  function shown(curve, begin, end, width) {
-    const points = curve.points;
-    let first = 0, last = points.length;
-    while (first < points.length - 1 && points[first + 1][0] < begin) first += 1;
-    while (last > first && points[last - 1][0] > end) last -= 1;
-    const data = thinned(points.slice(first, Math.min(last + 1, points.length)), width);
+  // How many points of a curve are not later than a time.
+  function until(points, at) {
+    let low = 0, high = points.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (points[middle][0] <= at) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  // The times and values of a curve in a window, with one point beyond each side.
+  function shown(curve, begin, end) {
+    const { points } = curve;
+    const found = thinned(points.slice(Math.max(until(points, begin) - 1, 0), until(points, end) + 1), host.clientWidth, end - begin);
+    const times = [], values = [];
+    for (const [at, value] of found) {
+      times.push(at);
+      values.push(Number.isFinite(value) ? value : null);
+    }
     // A setting holds until it is changed.
-    if (curve.holds && data.length && data[data.length - 1][0] < end) return [...data, [end, data[data.length - 1][1]]];
-    return data;
+    if (curve.holds && times.length && times[times.length - 1] < end) {
+      times.push(end);
+      values.push(values[values.length - 1]);
+    }
+    return [times, values];
   }
 
   function draw() {
-    if (!chart) return;
+    if (!charts) return;
     const [begin, end] = window_();
-    const units = [...new Set(curves.map((curve) => curve.unit))];
-    const isTwo = units.length <= 2, panels = isTwo ? 1 : units.length;
-    const isNarrow = host.clientWidth < 600;
-    const made = JSON.stringify([curves.map((one) => [one.name, one.unit]), isNarrow, colour("--ink")]);
-    const data = curves.map((curve) => ({ data: shown(curve, begin, end, host.clientWidth) }));
+    charts.draw(curves, begin, end, curves.map((curve) => shown(curve, begin, end)));
     frames += 1;
-    if (made === layout) {
-      chart.setOption({ xAxis: Array(panels).fill({ min: begin, max: end }), series: data });
-    } else {
-      layout = made;
-      build(units, isTwo, panels, isNarrow, begin, end, data);
-    }
-    chart.getZr().flush(); // now, so that it is known how long it takes
-    tell(begin, end);
-  }
-
-  function build(units, isTwo, panels, isNarrow, begin, end, data) {
-    const each = panels === 1 ? (isNarrow ? 250 : 340) : 165, gap = 34, top = 30;
-    host.style.height = `${top + panels * (each + gap)}px`;
-    chart.resize();
-    const ink = colour("--soft"), line = colour("--line");
-    const left = isNarrow ? 46 : 64, right = isTwo && units.length === 2 ? left : 16;
-    const axis = { axisLine: { show: true, lineStyle: { color: line } }, axisLabel: { color: ink, hideOverlap: true },
-                   splitLine: { lineStyle: { color: line } } };
-    chart.setOption({
-      animation: false, useUTC: true, textStyle: { fontFamily: "inherit" },
-      grid: Array.from({ length: panels }, (_, place) => ({ left, right, top: top + place * (each + gap), height: each - 4 })),
-      xAxis: Array.from({ length: panels }, (_, place) => ({
-        ...axis, type: "time", gridIndex: place, min: begin, max: end, splitNumber: isNarrow ? 3 : 8,
-        axisLabel: { ...axis.axisLabel, show: place === panels - 1, formatter: (at) => hour(at, end - begin < 5000) },
-      })),
-      yAxis: units.map((unit, place) => ({
-        ...axis, type: "value", scale: true, gridIndex: isTwo ? 0 : place, position: isTwo && place === 1 ? "right" : "left",
-        name: unit ? `[${unit}]` : words.no_unit, nameTextStyle: { color: ink, align: isTwo && place === 1 ? "right" : "left" },
-        nameLocation: "end", nameGap: 8, splitLine: { show: !(isTwo && place === 1), lineStyle: { color: line } },
-        axisLabel: { ...axis.axisLabel, formatter: number },
-      })),
-      series: curves.map((curve, place) => ({
-        type: "line", name: curve.name, showSymbol: false, silent: true, step: curve.holds ? "end" : false,
-        xAxisIndex: isTwo ? 0 : units.indexOf(curve.unit), yAxisIndex: units.indexOf(curve.unit),
-        lineStyle: { color: curve.colour, width: 1.8, type: curve.dash }, itemStyle: { color: curve.colour }, ...data[place],
-      })),
-    }, { notMerge: true });
+    // Nobody reads numbers that change ten times a second.
+    if (!isLive || performance.now() - toldAt >= TELL_MS) tell(begin, end);
   }
 
   // The value of a curve at a time: that of the last point before it.
   function valueAt(curve, at) {
-    let low = 0, high = curve.points.length;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (curve.points[middle][0] <= at) low = middle + 1;
-      else high = middle;
-    }
-    return low ? curve.points[low - 1][1] : null;
+    const before = until(curve.points, at);
+    return before ? curve.points[before - 1][1] : null;
   }
 
   function tell(begin, end) {
-    const line = host.parentElement.querySelector(".plot-cursor");
+    toldAt = performance.now();
+    const mark = host.parentElement.querySelector(".plot-cursor"), area = charts.area();
     const at = cursor === null ? end : begin + cursor * (end - begin);
-    const place = cursor === null ? NaN : chart.convertToPixel({ xAxisIndex: 0 }, at);
-    line.style.display = Number.isFinite(place) ? "block" : "none";
-    if (Number.isFinite(place)) line.style.left = `${place}px`;
+    mark.style.display = cursor === null ? "none" : "block";
+    if (cursor !== null) mark.style.left = `${area.left + cursor * area.width}px`;
     const head = document.querySelector("#ms-plot-figures th.at");
     if (head) head.textContent = cursor === null ? words.latest : hour(at, true);
     for (const row of document.querySelectorAll("#ms-plot-figures tr[data-place]")) {
@@ -219,9 +194,8 @@ const msbotPlots = (() => {
   }
 
   function share(event) {
-    const box = host.getBoundingClientRect();
-    const left = chart.convertToPixel({ xAxisIndex: 0 }, window_()[0]), right = chart.convertToPixel({ xAxisIndex: 0 }, window_()[1]);
-    return Math.min(Math.max((event.clientX - box.left - left) / (right - left), 0), 1);
+    const { left, width } = charts.area();
+    return Math.min(Math.max((event.clientX - host.getBoundingClientRect().left - left) / width, 0), 1);
   }
 
   function listen() {
@@ -245,12 +219,12 @@ const msbotPlots = (() => {
         look(begin + by, end + by);
       }
       cursor = share(event);
-      if (!isLive) tell(...window_());
+      tell(...window_());
     });
     area.addEventListener("pointerleave", (event) => {
       if (event.pointerType !== "mouse") return;
       cursor = null;
-      if (!isLive) tell(...window_());
+      tell(...window_());
     });
     area.addEventListener("keydown", (event) => {
       const deeds = {
@@ -261,6 +235,14 @@ const msbotPlots = (() => {
       event.preventDefault();
       deeds[event.key]();
     });
+    new ResizeObserver(draw).observe(host);
+    const isDark = () => document.body.classList.contains("body--dark");
+    let wasDark = isDark(); // the class is written again and again
+    new MutationObserver(() => {
+      if (isDark() === wasDark) return;
+      wasDark = isDark();
+      draw();
+    }).observe(document.body, { attributes: true, attributeFilter: ["class"] });
     document.addEventListener("visibilitychange", () => {
       isShown = !document.hidden;
       emitEvent("plots_seen", isShown);
@@ -269,12 +251,13 @@ const msbotPlots = (() => {
 
   function move(by) {
     cursor = Math.min(Math.max((cursor === null ? 1 : cursor) + by, 0), 1);
-    if (!isLive) tell(...window_());
+    tell(...window_());
   }
 
   function save() {
     const link = document.createElement("a");
-    link.href = chart.getDataURL({ type: "png", pixelRatio: 2, backgroundColor: colour("--card") });
+    const [begin, end] = window_();
+    link.href = charts.picture(curves, begin, end, curves.map((curve) => shown(curve, begin, end))).toDataURL("image/png");
     link.download = "plots.png";
     link.click();
   }
