@@ -5,16 +5,22 @@ import json
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from msbot.config import load_library, read_description
 from msbot.demo import DemoRobot
-from msbot.lab.recorder.batch import RecordedChannel
+from msbot.lab.recorder.batch import Kind, RecordedChannel, Unpacker
+from msbot.lab.recorder.can_frames import FRAME
 from msbot.lab.recorder.recorder import Recorder
 from msbot.lab.recordings.comparing import differences
 from msbot.lab.recordings.reading import Decoder, RecordingReader
 from msbot.lab.recordings.telling import frame_of, line_of
+from msbot.link import LinkInfo
+from msbot.link.can import CanMasterLink, FrameTap
+from msbot.link.can.protocol import Frame
 from msbot.operations.dispatch import RunningOperations
 from msbot.space import MemorySpace, Qos, Topic
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo
@@ -81,6 +87,60 @@ def test_can_frames_are_the_ones_that_were_on_the_bus(tmp_path: Path) -> None:
     assert len(recorded) == len(frames) > 100
     assert sorted(recorded)[:50] != []
     assert len(set(seen) - set(recorded)) == 0
+
+
+class TappedLink(CanMasterLink):
+    """A CAN link without a bus."""
+
+    def __init__(self) -> None:
+        self.info = LinkInfo("bus", 512, bits_per_second=500_000)
+
+    def on_frame(self, tap: FrameTap) -> None:
+        self.heard_by = tap
+
+
+@st.composite
+def frames(draw: st.DrawFn) -> Frame:
+    """Frames of any kind, also such that no controller would send."""
+    flag = st.booleans()
+    fd = draw(flag)
+    return Frame(
+        draw(st.integers(0, 0x1FFFFFFF)), draw(st.binary(max_size=64 if fd else 8)), extended=draw(flag), fd=fd,
+        brs=fd and draw(flag), remote=draw(flag), error=draw(flag), esi=fd and draw(flag),
+        remote_length=draw(st.integers(0, 8)), long_dlc=draw(st.sampled_from([0, 0, 9, 15])),
+    )  # fmt: skip
+
+
+@given(frames(), st.sampled_from(["here", "node 3"]))
+def test_any_frame_is_recorded_with_all_that_it_says(frame: Frame, sender: str) -> None:
+    recorder, link = Recorder(lambda: 0.0, lambda: BEGAN_NS), TappedLink()
+    recorder.watch_links([link])
+    link.heard_by(1.5, sender, frame)
+    (content,) = [octets for kind, _, at, octets in Unpacker().feed(recorder.drain()) if kind == Kind.SAMPLE]
+    *fixed, size = FRAME.unpack(content[: FRAME.size])
+    said = [frame.can_id, frame.extended, frame.fd, frame.brs, frame.esi, frame.remote, frame.error, sender == "here"]
+    assert fixed == [*said, frame.remote_length or frame.long_dlc]
+    assert content[FRAME.size :] == frame.data
+    assert size == len(frame.data)
+
+
+def test_what_was_drained_does_not_come_again_and_much_of_it_is_forgotten() -> None:
+    recorder = Recorder(lambda: 2.0, lambda: BEGAN_NS)
+    writer = recorder.space(MemorySpace()).writer(Topic("strange", "Unheard"), Qos(), bytes(16))
+    unpacker = Unpacker()
+
+    def heard() -> list[bytes]:
+        return [octets for kind, _, _, octets in unpacker.feed(recorder.drain()) if kind == Kind.SAMPLE]
+
+    for payload in (b"1", b"", bytes(1 << 20), b"after"):
+        writer.write(payload)
+    assert heard() == [b"1", b"", bytes(1 << 20), b"after"]
+    for _ in range(8):
+        writer.write(bytes(1 << 20))
+    assert len(heard()) == 8
+    writer.write(b"new")
+    assert heard() == [b"new"]
+    assert recorder.drain() == b""
 
 
 def test_the_same_run_gives_the_same_recording(tmp_path: Path, recording: Path) -> None:

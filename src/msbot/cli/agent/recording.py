@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
 from pathlib import Path
 
@@ -44,7 +43,7 @@ class AgentRecording:
 
         self._path = path.absolute()
         # The types that MsBOT knows have schemas; samples of others are recorded as octets.
-        self._recorder = Recorder(asyncio.get_running_loop().time, time.time_ns, load_library())
+        self._recorder = Recorder(time.monotonic, time.time_ns, load_library())
 
     def space(self, space: Space) -> Space:
         """The space for the agent."""

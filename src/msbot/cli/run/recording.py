@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 import time
 from collections.abc import Coroutine
@@ -67,7 +66,7 @@ class RobotRecording:
         if wish.on:
             from msbot.lab.recorder.recorder import Recorder  # with `--rec off`, nothing of it is needed
 
-            self._recorder: Recorder | None = Recorder(asyncio.get_running_loop().time, time.time_ns, library)
+            self._recorder: Recorder | None = Recorder(time.monotonic, time.time_ns, library)
         else:
             self._recorder = None
 

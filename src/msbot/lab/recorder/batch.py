@@ -11,7 +11,8 @@ from typing import Final
 
 from msbot.errors import RemoteProtocolError
 
-_HEAD: Final = Struct("<BHdI")
+HEAD_FORMAT: Final = "<BHdI"
+_HEAD: Final = Struct(HEAD_FORMAT)
 head: Final = _HEAD.pack
 """`(kind, channel, seconds of the robot's clock, octets of the content)` as octets; the content follows."""
 _BEGAN: Final = Struct("<q")

@@ -1,20 +1,21 @@
 """The recorder's ears in the robot's process: samples, frames, states, acts. Nothing here writes a file.
 
-What is heard is packed at once and appended to a list: octets cost the garbage collector nothing, and the thread that
-calls `drain` has only to join them. A sample costs some 0.4 µs.
+What is heard is packed at once into one buffer, which is used again and again: nothing has to be kept alive, the
+garbage collector has nothing to do, and the memory stays in the processor's cache.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from io import BytesIO
 from itertools import count
 from typing import Final, Protocol
 
 from msbot.agent import client_key_of
 from msbot.config import Blueprint, Library
 from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_began, encode_object, encode_state, head
-from msbot.lab.recorder.can_frames import FRAME, FRAME_DEFINITION, FRAME_TYPE
+from msbot.lab.recorder.can_frames import FRAME_DEFINITION, FRAME_OCTETS, FRAME_TYPE, PLAIN_FRAMES, SENT, frame_octets
 from msbot.lab.recorder.robot_words import blueprint_words, event_words, shown_words
 from msbot.lab.recorder.schemas import ENCODING, ros_definition, ros_name
 from msbot.lab.recorder.topics import BITRATE, BLUEPRINT, DATA_BITRATE, MEASURED, SHOWN
@@ -32,13 +33,17 @@ from msbot.space import THIS_PROGRAM, Deliver, Guid, Owner, Qos, Reader, Space, 
 
 MOST_CHANNELS: Final = 4_000
 SAMPLE: Final = int(Kind.SAMPLE)
+LARGEST_BUFFER: Final = 4 << 20
+"""Octets that the buffer keeps for the next time."""
 
 
 class Recorder:
     """Listens to one robot; `drain` gives what was heard.
 
+    All of it belongs to the robot's event loop; no other thread may call it.
+
     Args:
-        clock: seconds, the robot's own.
+        clock: seconds, the robot's own; asked for every sample.
         epoch_ns: nanoseconds since 1970.
         library: says what the message types mean, also those that it learns later; None: no schemas but for MsBOT's
             own messages.
@@ -49,9 +54,9 @@ class Recorder:
         self._began_ns = epoch_ns() - round(clock() * 1e9)
         self._types: dict[str, type[Message]] = {cls.type_name: cls for cls in (ProfileMessage, HelloWorld)}
         self._library = library
-        self._pending: list[bytes] = []
-        self.append: Callable[[bytes], None] = self._pending.append
-        """Takes the head of a record, then its content."""
+        self._heard = BytesIO()
+        self.write: Callable[[bytes], int] = self._heard.write
+        """Takes records, or the head of one and then its content."""
         self.put(Kind.BEGAN, 0, 0.0, encode_began(self._began_ns))
         self._numbers: dict[RecordedChannel, int] = {}
         self._next = count(1)
@@ -68,19 +73,21 @@ class Recorder:
     # For the one who hands over to the recorder's process.
 
     def drain(self) -> bytes:
-        """Everything heard since the last call, packed; may be called by another thread."""
-        pending = self._pending
-        size = len(pending)
+        """Everything heard since the last call, packed."""
+        heard = self._heard
+        size = heard.tell()
         if not size:
             return b""
-        heard = pending[:size]
-        del pending[:size]
-        return b"".join(heard)
+        with heard.getbuffer() as octets:
+            drained = bytes(octets[:size])
+        heard.seek(0)
+        if size > LARGEST_BUFFER:
+            heard.truncate()
+        return drained
 
     def put(self, kind: Kind, channel: int, at: float, content: bytes) -> None:
         """A record, at this time of the robot's clock."""
-        self.append(head(kind, channel, at, len(content)))
-        self.append(content)
+        self.write(head(kind, channel, at, len(content)) + content)
 
     def say_again(self) -> None:
         """Repeat what a new recorder's process must know; called in the robot's event loop."""
@@ -272,17 +279,21 @@ class Recorder:
         rates = {BITRATE: bus.bits_per_second, DATA_BITRATE: bus.data_bits_per_second}
         metadata = tuple((name, str(rate)) for name, rate in rates.items() if rate is not None)
         channel = RecordedChannel(f"/msbot/frames/{link}", "cdr", FRAME_TYPE, ENCODING, FRAME_DEFINITION, metadata)
-        number, append, fixed = self._number(channel), self.append, FRAME.pack
+        number, write = self._number(channel), self.write
         assert number is not None, "MsBOT's own channels come first"
 
         def tap(at: float, sender: str, frame: Frame) -> None:
-            data = frame.data
-            octets = fixed(
-                frame.can_id, frame.extended, frame.fd, frame.brs, frame.esi, frame.remote, frame.error,
-                sender == "here", frame.remote_length or frame.long_dlc, len(data),
-            )  # fmt: skip
-            append(head(SAMPLE, number, at, len(octets) + len(data)))
-            append(octets + data)
+            if frame.extended or frame.fd or frame.remote or frame.error or frame.long_dlc:
+                octets = frame_octets(frame, is_sent=sender == "here")
+                write(head(SAMPLE, number, at, len(octets)) + octets)
+                return
+            data = frame.data  # nearly every frame is a plain one: one call packs the record with its head
+            size = len(data)
+            write(
+                PLAIN_FRAMES[size](
+                    SAMPLE, number, at, FRAME_OCTETS + size, frame.can_id, SENT if sender == "here" else 0, size, data
+                )
+            )
 
         return tap
 
@@ -317,7 +328,7 @@ class _RecordedWriter:
         self.topic = inner.topic
         self.close = inner.close
         self.troubles = inner.troubles
-        self.write = _recorded_write(inner.write, number, recorder.append, recorder.clock)
+        self.write = _recorded_write(inner.write, number, recorder.write, recorder.clock)
 
     @property
     def published(self) -> int:
@@ -331,12 +342,12 @@ class _Write(Protocol):
     def __call__(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int: ...
 
 
-def _recorded_write(inner: _Write, number: int, append: Callable[[bytes], None], clock: Callable[[], float]) -> _Write:
+def _recorded_write(inner: _Write, number: int, record: Callable[[bytes], int], clock: Callable[[], float]) -> _Write:
     """`Writer.write` with a record of each sample; a closure, because this is the path of every sample."""
 
     def write(payload: bytes, related: tuple[Guid, int] | None = None) -> int:
-        append(head(SAMPLE, number, clock(), len(payload)))
-        append(payload)
+        record(head(SAMPLE, number, clock(), len(payload)))
+        record(payload)
         return inner(payload, related)
 
     return write

@@ -61,21 +61,35 @@ class RecorderProcess:
         self._waiting_octets = 0
         self._lock = threading.Lock()
         self._end = threading.Event()
-        self._threads: list[threading.Thread] = []
+        self._feeder: threading.Thread | None = None
 
     def start(self) -> None:
-        """Start the process and the threads that feed it."""
+        """Start the process and the thread that feeds it."""
         self._open()
-        for work in (self._drain, self._feed):
-            thread = threading.Thread(target=work, name=f"msbot-recorder-{work.__name__.strip('_')}", daemon=True)
-            thread.start()
-            self._threads.append(thread)
+        self._feeder = threading.Thread(target=self._feed, name="msbot-recorder-feed", daemon=True)
+        self._feeder.start()
+
+    def hand_over(self) -> None:
+        """Give the process what was heard since the last time; called in the robot's event loop."""
+        octets = self.recorder.drain()
+        if not octets:
+            return
+        with self._lock:
+            is_full = self._waiting_octets + len(octets) > MOST_WAITING
+            if not is_full:
+                self._waiting_octets += len(octets)
+        if is_full:
+            self.status.left_out += len(octets)
+            self._tell_left_out()
+        else:
+            self._waiting.put(octets)
 
     def close(self) -> None:
-        """Hand over what is left, and wait until the files are finished."""
+        """Wait until the files are finished."""
         self._end.set()
-        for thread in self._threads:
-            thread.join(END_S)
+        self._waiting.put(None)
+        if self._feeder is not None:
+            self._feeder.join(END_S)
         if self._process is not None and self._process.poll() is None:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(END_S)
@@ -102,26 +116,6 @@ class RecorderProcess:
             self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, bufsize=0
         )
         threading.Thread(target=self._listen, args=(self._process,), name="msbot-recorder-listen", daemon=True).start()
-
-    def _drain(self) -> None:
-        while not self._end.wait(DRAIN_S):
-            self._hand_over()
-        self._hand_over()
-        self._waiting.put(None)
-
-    def _hand_over(self) -> None:
-        octets = self.recorder.drain()
-        if not octets:
-            return
-        with self._lock:
-            is_full = self._waiting_octets + len(octets) > MOST_WAITING
-            if not is_full:
-                self._waiting_octets += len(octets)
-        if is_full:
-            self.status.left_out += len(octets)
-            self._from_loop(self._tell_left_out)
-        else:
-            self._waiting.put(octets)
 
     def _feed(self) -> None:
         while (octets := self._waiting.get()) is not None:
@@ -193,6 +187,9 @@ async def run_recorder(process: RecorderProcess) -> None:
     """Record until cancelled; then the files are finished."""
     await asyncio.to_thread(process.start)
     try:
-        await asyncio.get_running_loop().create_future()
+        while True:
+            await asyncio.sleep(DRAIN_S)
+            process.hand_over()
     finally:
+        process.hand_over()
         await asyncio.to_thread(process.close)
