@@ -24,9 +24,9 @@ NO_FACTS = {
     **dict.fromkeys((
         "library add", "db migrate", "db backup", "db restore", "service install", "service remove", "user role",
         "user remove", "key board", "key remove", "bus send", "board reset", "rec start", "rec stop",
-        "class apply", "class undo",
+        "class apply", "class undo", "class join", "class leave", "user revoke",
     ), DOES),
-    **dict.fromkeys(("user add", "user passwd", "key new"), SECRET),
+    **dict.fromkeys(("user add", "user passwd", "user token", "key new"), SECRET),
     "plot": "draws; `--out FILE.csv` has the numbers",
     "log diff": "writes lines as `diff` does, and its exit status says whether there are any",
 }  # fmt: skip
@@ -39,7 +39,7 @@ NOT_ONE_ROBOT = {
     **dict.fromkeys(("master", "diff", "apply", "slot add", "service install"), BLUEPRINT),
     **dict.fromkeys(("robots", "db backup", "db check", "db migrate", "db restore"), WHOLE),
     **dict.fromkeys(("class list", "class stop", "class apply", "class undo"), "is about all robots of the class"),
-    **dict.fromkeys(("user add", "user list", "user passwd", "user remove", "user role"),
+    **dict.fromkeys(("user add", "user list", "user passwd", "user remove", "user revoke", "user role", "user token"),
                     "people may sign in at every robot of the database"),
     **dict.fromkeys(("key board", "key new", "key list", "key remove"),
                     "a key is its part's, whichever robot that joins"),

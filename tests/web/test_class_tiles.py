@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import cast
 
-from msbot.web.api.models import RobotTile
+from msbot.web.api.class_models import RobotTile
 from msbot.web.pages.classroom import _tile
 from msbot.web.pages.layout import Page
 

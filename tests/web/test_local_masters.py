@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 
-from msbot.web.api.models import RobotTile
+from msbot.web.api.class_models import RobotTile
 from msbot.web.local_masters import LocalMaster, LocalMasters
 from msbot.web.pages.classroom import _for_visitor
-from msbot.web.service import with_neighbours
+from msbot.web.whole_class import with_neighbours
 
 OWN = "/home/ann/robot.db"
 

@@ -58,13 +58,13 @@ def test_the_journal_is_told_newest_first_with_its_evidence(tmp_path: Path) -> N
 def test_the_class_view_counts_the_slots_that_are_held(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         rig.stage.registry.storage.flush()
-        (tile,) = await rig.service.robots()
+        (tile,) = await rig.service.whole_class.robots()
         assert (tile.name, tile.here, tile.running, tile.slots, tile.active) == ("MSBOT_MASTER", True, True, 3, 3)
         assert tile.last_event
         rig.stage.pull("AA")
         await asyncio.sleep(7.0)
         rig.stage.registry.storage.flush()
-        (tile,) = await rig.service.robots()
+        (tile,) = await rig.service.whole_class.robots()
         assert tile.active == 2
         assert tile.last_event.startswith("AA")
         (record,) = rig.stage.registry.robots.all()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import re
 import signal
 import socket
@@ -14,15 +13,12 @@ from typing import cast
 
 import httpx
 import pytest
-from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import NameOID
 
 from msbot.config import write_sample
 from msbot.errors import ConfigError
 from msbot.web.server import NEXT_PORTS, WebServer, WebSettings, _bind
 from msbot.web.service import Service
+from tests.certificate import Certificate
 from tests.e2e.processes import run, running
 
 NO_SERVICE = cast("Service", None)
@@ -73,29 +69,6 @@ def test_a_port_that_the_system_refuses_is_told(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(socket.socket, "bind", refuse)
     assert "ports below 1024 need more rights" in refusal(WebSettings(port=80))
-
-
-class Certificate:
-    """A certificate for 127.0.0.1 that it has signed itself."""
-
-    def __init__(self, folder: Path) -> None:
-        self.certificate, self.key, self.locked = (
-            folder / name for name in ("certificate.pem", "key.pem", "locked.pem")
-        )
-        key = ec.generate_private_key(ec.SECP256R1())
-        name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "127.0.0.1")])
-        now = datetime.datetime.now(datetime.UTC)
-        day = datetime.timedelta(days=1)
-        made = (
-            x509.CertificateBuilder().subject_name(name).issuer_name(name).public_key(key.public_key())
-            .serial_number(1).not_valid_before(now - day).not_valid_after(now + day)
-            .add_extension(x509.SubjectAlternativeName([x509.DNSName("localhost")]), critical=False)
-            .sign(key, hashes.SHA256())
-        )  # fmt: skip
-        pem, form = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
-        self.certificate.write_bytes(made.public_bytes(pem))
-        self.key.write_bytes(key.private_bytes(pem, form, serialization.NoEncryption()))
-        self.locked.write_bytes(key.private_bytes(pem, form, serialization.BestAvailableEncryption(b"secret")))
 
 
 @pytest.fixture

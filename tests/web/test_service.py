@@ -19,7 +19,8 @@ from msbot.web.access.class_list import Newcomer
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Robot, SlotCard
 from msbot.web.records import no_records
-from msbot.web.service import CLASS_S, SHARED_S, Service
+from msbot.web.service import SHARED_S, Service
+from msbot.web.whole_class import CLASS_S
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import PASSWORD, Rig, ToyBench, chunks, refusal, show
 
@@ -27,7 +28,7 @@ Deed = Callable[[Service, Session], object]
 FINDING = doctor.Finding("x", "x", "x", "x", "x", "x", mending=doctor.Mending("unblock", {"part": "nobody"}))
 DEEDS: dict[str, tuple[Role, Deed]] = {
     "figures": (Role.VIEWER, lambda do, who: do.figures(who)),
-    "stop all": (Role.VIEWER, lambda do, who: do.stop_all(who)),
+    "stop all": (Role.VIEWER, lambda do, who: do.whole_class.stop_all(who)),
     "own token": (Role.VIEWER, lambda do, who: do.new_token(who, who.name, "x")),
     "remove own token": (Role.VIEWER, lambda do, who: do.remove_token(who, who.name, "x")),
     "own password": (Role.VIEWER, lambda do, who: do.change_password(who, who.name, "short", None)),
@@ -237,12 +238,12 @@ def test_simulated_parts_are_played_with(tmp_path: Path) -> None:
 
 def test_the_class_view_is_read_every_other_second_at_most(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
-        first = await rig.service.robots()
+        first = await rig.service.whole_class.robots()
         rig.stage.pull("AA")
         await asyncio.sleep(CLASS_S / 2)
-        assert await rig.service.robots() is first
+        assert await rig.service.whole_class.robots() is first
         await asyncio.sleep(CLASS_S)
-        assert await rig.service.robots() is not first
+        assert await rig.service.whole_class.robots() is not first
 
     show(tmp_path, scene)
 

@@ -14,7 +14,14 @@ if TYPE_CHECKING:
     from msbot.agent.pending_requests import client_key_of
     from msbot.agent.server import Agent, AgentSignalHandler
     from msbot.agent.statistics import ClientView, ObjectView, SessionWear, StreamView
-    from msbot.agent.status_reader import AgentStatus, LinkView, RunningProcess, read_statuses, running_processes
+    from msbot.agent.status_reader import (
+        MASTER,
+        AgentStatus,
+        LinkView,
+        RunningProcess,
+        read_statuses,
+        running_processes,
+    )
     from msbot.agent.status_server import Control, StatusServer
 
 _NAMES = {
@@ -41,6 +48,7 @@ _NAMES = {
         "StreamView",
     ),
     "msbot.agent.status_reader": (
+        "MASTER",
         "AgentStatus",
         "LinkView",
         "RunningProcess",
@@ -56,6 +64,7 @@ _NAMES = {
 __getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = [
+    "MASTER",
     "Agent",
     "AgentSettings",
     "AgentSignalHandler",

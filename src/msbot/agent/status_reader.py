@@ -8,11 +8,14 @@ import socket
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from msbot.agent.statistics import ClientView, ObjectView, StreamView
 from msbot.agent.status_files import DESCRIBE, FORMAT, StatusFile, find_files, status_folder
 from msbot.errors import ConfigError
+
+MASTER: Final = "master"
+"""What a master says that it is."""
 
 logger = logging.getLogger(__name__)
 
@@ -65,14 +68,18 @@ class RunningProcess:
     name: str
     details: dict[str, str]
 
-    def ask(self, request: Mapping[str, object]) -> dict[str, object]:
+    def ask(self, request: Mapping[str, object], *, patience_s: float = ANSWER_S) -> dict[str, object]:
         """Send a request and return the answer.
+
+        Args:
+            request: what is asked for.
+            patience_s: time for the answer.
 
         Raises:
             ConfigError: it does not answer, or its answer makes no sense.
         """
         try:
-            return _ask(self.file, request)
+            return _ask(self.file, request, patience_s)
         except (OSError, ValueError) as error:
             raise ConfigError(f"{self.what} {self.name} (process {self.file.pid}) does not answer: {error}") from error
 
@@ -114,9 +121,9 @@ def read_statuses(folder: Path | None = None) -> list[AgentStatus]:
     return statuses
 
 
-def _ask(file: StatusFile, request: Mapping[str, object]) -> dict[str, object]:
+def _ask(file: StatusFile, request: Mapping[str, object], patience_s: float = ANSWER_S) -> dict[str, object]:
     line = file.token.encode() + b" " + json.dumps(request).encode() + b"\n"
-    with socket.create_connection(("127.0.0.1", file.port), timeout=ANSWER_S) as connection:
+    with socket.create_connection(("127.0.0.1", file.port), timeout=patience_s) as connection:
         connection.sendall(line)
         with connection.makefile("rb") as stream:
             answer = json.loads(stream.readline() or b"null")

@@ -3,6 +3,7 @@
 from msbot.config.blueprint.check import RESERVED_TOPICS, binding_faults
 from msbot.config.blueprint.compare import compare_text
 from msbot.config.blueprint.differences import Difference, differences
+from msbot.config.blueprint.mark import blueprint_mark
 from msbot.config.blueprint.model import (
     NOBODY,
     PRESETS,
@@ -98,6 +99,7 @@ __all__ = [
     "Versions",
     "WiredPart",
     "binding_faults",
+    "blueprint_mark",
     "blueprint_toml",
     "board_documents",
     "compare_text",

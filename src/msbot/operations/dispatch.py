@@ -11,7 +11,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from msbot.config import Blueprint, Library
+from msbot.config import Blueprint, Library, blueprint_mark
 from msbot.errors import ConfigError, MsbotError
 from msbot.master import Master
 from msbot.operations.applying import BlueprintChange
@@ -166,6 +166,7 @@ class RunningOperations(Operations):
     ) -> None:
         running = RunningRobot(master, registry, robot, library)
         self._running = running
+        self._marked: tuple[Blueprint, str] | None = None
         self.applying = BlueprintChange(running)
         described = DescribedParts(running, self.applying)
         self.placement = Placement(running, described)
@@ -188,6 +189,19 @@ class RunningOperations(Operations):
     def blueprint(self) -> Blueprint:
         """What the robot is at present, with all that people have changed."""
         return self._running.blueprint
+
+    @property
+    def blueprint_mark(self) -> str:
+        """The short mark of it, worked out when it has changed."""
+        blueprint = self._running.blueprint
+        if self._marked is None or self._marked[0] is not blueprint:
+            self._marked = blueprint, blueprint_mark(blueprint)
+        return self._marked[1]
+
+    def filled(self) -> tuple[int, int]:
+        """How many slots the robot has, and how many parts are in."""
+        inventory = self._running.inventory
+        return len(inventory.slots.names()), len(inventory.members())
 
     def on_library(self, listener: Callable[[Library], object]) -> None:
         """Call the listener with each new library: part types were added while the robot runs."""

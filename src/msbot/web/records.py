@@ -16,6 +16,7 @@ from typing import BinaryIO, NoReturn
 from msbot.config import Library, blueprint_toml, compare_text, parse_blueprint
 from msbot.errors import RegistryError
 from msbot.operations.dispatch import RunningOperations
+from msbot.operations.outcome import Outcome
 from msbot.operations.rights import Role, role_named
 from msbot.pnp import PartState
 from msbot.registry import EditKind, EditRecord, JournalEntry, PartRecord, Registry, RobotRecord, UserRecord
@@ -24,10 +25,12 @@ from msbot.registry.edits import users as people
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.runtime.daemon_threads import DaemonThreads
+from msbot.runtime.kept_worker import KeptWorker
 from msbot.runtime.sentence import said
-from msbot.runtime.worker import Workshop
+from msbot.runtime.worker import WorkLimits
 from msbot.web.access.users import User
-from msbot.web.api.models import JournalLine, Robot, RobotTile
+from msbot.web.api.class_models import RobotTile
+from msbot.web.api.models import JournalLine, Robot
 
 PIECE = 1 << 18
 """Octets of a backup that are read at a time."""
@@ -79,8 +82,8 @@ class Records:
     """The present blueprint as TOML."""
     diff: Callable[[str], Awaitable[list[str]]]
     """What another blueprint would change; raises ConfigError when it is wrong."""
-    apply: Callable[[str, str], Awaitable[str]]
-    """(TOML, who) -> what was changed, in words."""
+    apply: Callable[[str, str], Awaitable[Outcome]]
+    """(TOML, who) -> what was changed."""
     backup: Callable[[], Awaitable[Backup]]
     restore: Callable[[AsyncIterator[bytes], str], Awaitable[str]]
     """(backup as it comes in, who) -> what happens now, in words."""
@@ -137,15 +140,16 @@ def registry_records(
     """
 
     aside = DaemonThreads(1, "msbot backup")  # one at a time: each takes a copy of everything
-    workshop = Workshop()  # what strangers write is read by another process, see `Workshop`
+    # What strangers write is read by another process, which stays for a while: a roll-out asks twice.
+    workshop = KeptWorker(WorkLimits())
 
     async def diff(toml: str) -> list[str]:
         present = await registry.storage.in_time(registry.robots.blueprint, robot, by_hand=False)
         return [str(difference) for difference in await workshop.run(compare_text, toml, library(), present)]
 
-    async def apply(toml: str, who: str) -> str:
+    async def apply(toml: str, who: str) -> Outcome:
         wanted = await workshop.run(parse_blueprint, toml, library())
-        return (await operations.applying.put_in_force(wanted, who=who)).words
+        return await operations.applying.put_in_force(wanted, who=who)
 
     async def backup() -> Backup:
         file = await asyncio.get_running_loop().run_in_executor(aside, _backup, address)

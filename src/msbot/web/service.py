@@ -6,8 +6,7 @@ role that was taken away, or a session that has ended, counts at once, also for 
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import AsyncIterator, Callable, Iterable, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from functools import partial
 
 from msbot.doctor import Examination, Finding
@@ -30,7 +29,6 @@ from msbot.web.api.models import (
     JournalLine,
     Me,
     Robot,
-    RobotTile,
     Scalar,
     UserLine,
     Value,
@@ -38,12 +36,13 @@ from msbot.web.api.models import (
 from msbot.web.arena_deeds import ArenaDeeds
 from msbot.web.examining import Examining
 from msbot.web.learning import Learning
-from msbot.web.local_masters import LocalMaster, LocalMasters, StopForAll
+from msbot.web.local_masters import LocalMasters
 from msbot.web.past import RecordedPast
 from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.programs.program_shelf import NoShelf, ProgramShelf
 from msbot.web.records import Backup, Records
 from msbot.web.views import Views
+from msbot.web.whole_class import WholeClass
 
 SHARED_S = 0.2
 """How long one snapshot of the robot serves every page."""
@@ -51,8 +50,6 @@ MAX_BLUEPRINT = 256 * 1024
 """Octets of a blueprint."""
 BACKUP = "backup"
 """What the doctor mends that is no operation."""
-CLASS_S = 2.0
-"""How long one look at the whole database serves every class view."""
 
 
 class Service:
@@ -88,7 +85,10 @@ class Service:
         self._clock = clock
         self._doctor = doctor
         self._figures = figures
-        self._neighbours = neighbours or LocalMasters()
+        self.whole_class = WholeClass(
+            operations, records, robot, accounts, clock=clock, neighbours=neighbours or LocalMasters()
+        )
+        """All robots of the class."""
         self.past = RecordedPast(
             lambda: str(operations.recording.recording().answer.get("folder") or ""), lambda: views.library,
             views.endpoints,
@@ -97,9 +97,7 @@ class Service:
         self.arena = ArenaDeeds(arena, accounts)
         self.programs = ProgramDeeds(programs or NoShelf(), accounts)
         self.learning = learning or Learning(None, None, accounts)
-        self._looking_around = asyncio.Lock()
         self._seen_robot: tuple[float, int, Robot] | None = None
-        self._seen_robots: tuple[float, list[RobotTile]] | None = None
 
     @property
     def robot_name(self) -> str:
@@ -169,25 +167,6 @@ class Service:
         """What people changed, newest first."""
         return [_edit_line(edit) for edit in await self.operations.undoing.read(limit)]
 
-    async def robots(self) -> list[RobotTile]:
-        """All robots of the database, and those whose masters run on this computer.
-
-        Read at most every few seconds, and by one at a time, however many pages are open.
-        """
-        async with self._looking_around:
-            if self._seen_robots is None or self._clock() - self._seen_robots[0] >= CLASS_S:
-                found = await self._neighbours.look()
-                tiles = with_neighbours(await self._records.robots(), found, self._records.database)
-                self._seen_robots = (self._clock(), tiles)
-            return self._seen_robots[1]
-
-    async def stop_all(self, session: Session) -> StopForAll:
-        """STOP to every robot whose master runs on this computer."""
-        self._need(session, Right.STOP)
-        return await self._neighbours.stop_all(
-            session.name, said("{session} said STOP to all robots of the class", session=session.name)
-        )
-
     async def blueprint(self) -> str:
         """The present blueprint as `robot.toml`."""
         return await self._records.export()
@@ -242,7 +221,7 @@ class Service:
         """Make the robot what another blueprint says."""
         self._need(session, Right.DESIGN)
         _check_size(toml)
-        return Done(words=await self._records.apply(toml, session.name))
+        return done_of(await self._records.apply(toml, session.name))
 
     async def examine(self, session: Session, *, anew: bool) -> Examination:
         """What keeps the robot from working, and what mends it."""
@@ -372,28 +351,3 @@ def done_of(outcome: Outcome) -> Done:
 
 def _user_line(user: User) -> UserLine:
     return UserLine(name=user.name, role=user.role.word, tokens=[purpose for purpose, _ in user.tokens])
-
-
-def with_neighbours(tiles: Sequence[RobotTile], found: Iterable[LocalMaster], database: str) -> list[RobotTile]:
-    """The robots of the database, with what their masters say of themselves; and robots of other databases.
-
-    In one database a robot is known by its name and serial number. Those of two databases are two robots, whatever
-    they are called: whoever does not change the sample has the same names as everybody.
-
-    Args:
-        tiles: the robots of the database.
-        found: the masters of this computer.
-        database: which database that is; empty: none, and a robot is known by its names alone.
-    """
-    known = {(database, tile.name, tile.serial_number): tile for tile in tiles}
-    for one in found:
-        key = (one.database if database else "", one.robot, one.serial_number)
-        tile = known.get(key) or RobotTile(
-            name=one.robot, serial_number=one.serial_number, running=True, here=False, owner="", slots=one.slots,
-            active=one.active, last_event="", last_event_age_s=None,
-        )  # fmt: skip
-        known[key] = tile.model_copy(
-            update={"running": True, "address": one.page, "active": one.active, "slots": one.slots,
-                    "stopped": one.stopped, "reachable": True}
-        )  # fmt: skip
-    return list(known.values())

@@ -1,113 +1,211 @@
-"""`msbot class`: two robots that run, one that does not; list and search, one STOP, one blueprint for all, and back."""
+"""`msbot class`: a robot that runs here, one elsewhere, one that is stored, one that is away; list, STOP, roll-out."""
 
 from __future__ import annotations
 
 import json
 import os
+import socket
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
-from msbot.cli.school.rollout import MOST_ROLLOUTS, RolledOut, RollOutBook
-from msbot.cli.school.school import stop_line
-from msbot.errors import ConfigError
-from msbot.runtime.stop_datagram import IS_THERE
+from msbot.cli.school.school import command, stop_line
+from msbot.cli.user.user import command as user
+from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
+from msbot.registry import open_registry
+from msbot.runtime.stop_datagram import GROUP_VARIABLE, IS_THERE
+from msbot.school.access import AccessBook, FarAccess
 from tests.e2e.processes import run, running
+
+pytestmark = pytest.mark.skipif(not IS_THERE, reason="this system has no Unix sockets")
+
+
+def ask(*words: str) -> tuple[int, str, str]:
+    """Exit status, what is printed, and the error."""
+    done = CliRunner().invoke(command, words)
+    return done.exit_code, done.stdout, str(done.exception or "")
+
+
+def free_port() -> int:
+    with socket.socket() as bound:
+        bound.bind(("127.0.0.1", 0))
+        port: int = bound.getsockname()[1]
+        return port
+
+
+class School:
+    """X1 runs here, X2 as if on another computer, X3 is in robot.db and does not run; X4 has gone."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        serial = next(line for line in SAMPLE_ROBOT_TOML.splitlines() if line.startswith("serial_number"))
+        library = load_library()
+        for number, name in ((1, "robot1"), (2, "robot2"), (3, "robot")):
+            text = SAMPLE_ROBOT_TOML.replace(serial, f'serial_number = "X{number}"')
+            (folder / f"{name}.toml").write_text(text)
+            with open_registry(str(folder / f"{name}.db")) as registry:
+                registry.robots.apply_blueprint(parse_blueprint(text, library), library)
+        self.page = f"http://127.0.0.1:{free_port()}"
+        self.away = f"http://127.0.0.1:{free_port()}"
+        self.token = self.new_token("lab", "teacher")
+
+    def new_token(self, name: str, role: str) -> str:
+        there = ("--db", "robot2.db")
+        assert CliRunner().invoke(user, ["add", name, "--role", role, "--generate", *there]).exit_code == 0
+        made = CliRunner().invoke(user, ["token", name, "class", *there])
+        assert made.exit_code == 0, made.exception
+        return made.output.strip()
+
+    def slots(self, name: str) -> list[str]:
+        with open_registry(str(self.folder / f"{name}.db"), read_only=True) as registry:
+            (record,) = registry.robots.all()
+            return registry.robots.slot_names(record)
 
 
 @pytest.fixture(scope="module")
-def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[str, str]]]:
-    """Robots X1 and X2 run, each with a database of its own; X3 is in robot.db and does not run."""
+def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[School]:
     folder = tmp_path_factory.mktemp("school")
-    place = {
-        "XDG_STATE_HOME": str(folder / "state"),
-        "XDG_RUNTIME_DIR": str(folder),
-        "MSBOT_STOP_GROUP": f"{os.getpid()}school",
-    }
-    assert run("init", cwd=folder).returncode == 0
-    text = (folder / "robot.toml").read_text()
-    serial = next(line for line in text.splitlines() if line.startswith("serial_number"))
+    far = folder / "far"
+    far.mkdir()
     with ExitStack() as stack:
-        for number in (1, 2, 3):
-            own = folder / f"robot{number}.toml"
-            own.write_text(text.replace(serial, f'serial_number = "X{number}"'))
-            if number == 3:
-                assert run("apply", own.name, "--db", "robot.db", "--yes", cwd=folder, env=place).returncode == 0
-            else:
-                master = stack.enter_context(
-                    running("master", own.name, "--no-page", "--link", f"sim:school{number}", cwd=folder, env=place)
-                )
-                master.wait_for("is up on")
-        yield folder, place
+        patch = stack.enter_context(pytest.MonkeyPatch.context())
+        here = {"XDG_STATE_HOME": folder / "state", "XDG_RUNTIME_DIR": folder, GROUP_VARIABLE: f"{os.getpid()}near"}
+        for name, value in here.items():
+            patch.setenv(name, str(value))
+        patch.chdir(folder)
+        made = School(folder)
+        port = made.page.rpartition(":")[2]
+        elsewhere = {"XDG_RUNTIME_DIR": str(far), GROUP_VARIABLE: f"{os.getpid()}far"}
+        masters = [
+            stack.enter_context(running("master", "robot1.toml", "--no-page", "--link", "sim:school1", cwd=folder)),
+            stack.enter_context(
+                running("master", "robot2.toml", "--port", port, "--link", "sim:school2", cwd=folder, env=elsewhere)
+            ),
+        ]
+        for master, words in zip(masters, ("is up on", "The page is at"), strict=True):
+            master.wait_for(words)
+        patch.setenv("MSBOT_TOKEN", made.token)
+        status, said, error = ask("join", made.page)
+        assert status == 0, error
+        assert said.startswith(f"MSBOT_MASTER X2 at {made.page} is in the class as lab (teacher)\n")
+        AccessBook().keep(FarAccess(made.away, "msbot_x", "MSBOT_MASTER", "X4"))
+        yield made
 
 
-def test_robots_are_listed_searched_and_told_apart(school: tuple[Path, dict[str, str]]) -> None:
-    folder, place = school
-    listed = json.loads(run("class", "list", "--json", cwd=folder, env=place).stdout)
-    assert [(one["serial_number"], one["runs_here"]) for one in listed] == [("X1", True), ("X2", True), ("X3", False)]
-    lines = run("class", "list", "runs", "x2", cwd=folder, env=place).stdout.splitlines()
+def test_robots_are_listed_searched_and_told_apart(school: School) -> None:
+    listed = json.loads(ask("list", "--json")[1])
+    told = [(one["serial_number"], one["runs_here"], one["runs_elsewhere"], one["answers"]) for one in listed]
+    assert told == [
+        ("X1", True, False, True), ("X2", False, True, True), ("X3", False, False, False), ("X4", False, False, False),
+    ]  # fmt: skip
+    marks = {one["serial_number"]: one["blueprint"] for one in listed}
+    assert len(marks["X1"]) == 8
+    assert marks["X1"] == marks["X2"] == marks["X3"], "one from its master, one over the network, one from its database"
+    assert marks["X4"] == ""
+    versions = {one["msbot"] for one in listed if one["answers"]}
+    assert len(versions) == 1
+    assert "" not in versions
+    lines = ask("list", "runs", "x2")[1].splitlines()
     assert "X2" in lines[0]
-    assert "runs here, 0 of 3 slots active" in lines[0]
-    assert lines[-1] == "1 robots, 1 of them run here."
-    assert run("class", "list", "nobody", cwd=folder, env=place).stdout == "No robot fits.\n"
+    assert f"runs at {school.page}, 0 of 3 slots active" in lines[0]
+    assert lines[-1] == "1 robots, 0 of them run here, 1 on other computers."
+    assert f"does not answer: {school.away}: Connection refused" in ask("list", "X4")[1]
+    assert ask("list", "nobody")[1] == "No robot fits.\n"
 
 
-def test_one_blueprint_for_all_keeps_their_names_and_is_taken_back(school: tuple[Path, dict[str, str]]) -> None:
-    folder, place = school
-    wanted = folder / "robot.toml"
-    wanted.write_text(wanted.read_text() + '\n[[slot]]\nname = "extra"\npart = "RELAY-1"\n')
-    rolled = run("class", "apply", "robot.toml", "--yes", cwd=folder, env=place)
-    assert rolled.returncode == 0, rolled.stderr
-    assert "[3/3]" in rolled.stdout
-    assert "3 robots are as robot.toml says" in rolled.stdout
-    for database, serial in (("robot1.db", "X1"), ("robot.db", "X3")):
-        exported = run("export", "--db", database, cwd=folder, env=place).stdout
-        assert serial in exported
-        assert '"extra"' in exported
-    again = run("class", "apply", "robot.toml", "--yes", cwd=folder, env=place)
-    assert again.stdout.count("nothing to change") == 3
-    assert not list(folder.glob(".robot-*"))
+def test_one_blueprint_for_all_keeps_their_names_and_is_taken_back(school: School) -> None:
+    wanted = school.folder / "wanted.toml"
+    wanted.write_text((school.folder / "robot.toml").read_text() + '\n[[slot]]\nname = "extra"\npart = "RELAY-1"\n')
+    status, rolled, error = ask("apply", "wanted.toml", "--yes")
+    assert status != 0
+    assert "1 of 4 robots were not changed" in error, rolled
+    assert f"MSBOT_MASTER X4: {school.away}: Connection refused" in rolled
+    assert "[3/3]" in rolled
+    assert [school.slots(name)[-1] for name in ("robot1", "robot2", "robot")] == ["extra"] * 3
+    again = ask("apply", "wanted.toml", "--yes", "--only", "X2", "--only", "slots")
+    assert (again[0], again[1]) == (0, "MSBOT_MASTER X2: nothing to change\n")
+    (school.folder / "own").mkdir()
+    (school.folder / "own" / "ODD-1.toml").write_text('number = "ODD-1"\nname = "odd"\nmanufacturer = "us"\n')
+    odd = school.folder / "odd.toml"
+    odd.write_text(wanted.read_text().replace("RELAY-1", "ODD-1"))
+    _, refused, error = ask("apply", "odd.toml", "--yes", "--library", "own", "--only", "X2")
+    assert "ODD-1" in refused, "its own library decides"
+    assert "1 of 1 robots were not changed" in error
+    assert len({one["blueprint"] for one in json.loads(ask("list", "--json")[1])} - {""}) == 1
+    assert not list(school.folder.glob(".wanted-*"))
 
-    back = run("class", "undo", cwd=folder, env=place)
-    assert back.returncode == 0, back.stdout + back.stderr
-    for database in ("robot1.db", "robot.db"):
-        assert '"extra"' not in run("export", "--db", database, cwd=folder, env=place).stdout
-    nothing = run("class", "undo", cwd=folder, env=place)
-    assert nothing.returncode == 2
-    assert "there is no roll-out that could be taken back" in nothing.stderr
+    status, back, error = ask("undo")
+    assert status == 0, back + error
+    assert ["extra" in school.slots(name) for name in ("robot1", "robot2", "robot")] == [False] * 3
+    assert "there is no roll-out that could be taken back" in ask("undo")[2]
 
 
-@pytest.mark.skipif(not IS_THERE, reason="this system has no Unix sockets")
-def test_one_stop_names_who_was_told_and_who_was_not(school: tuple[Path, dict[str, str]]) -> None:
-    folder, place = school
-    stopped = run("class", "stop", "--reason", "a test", cwd=folder, env=place)
-    assert stopped.returncode == 0, stopped.stderr
-    assert [line.split(":")[0][-2:] for line in stopped.stdout.splitlines()] == ["X1", "X2"]
+def test_one_stop_names_who_was_told_and_who_was_not(school: School) -> None:
+    status, said, error = ask("stop", "--reason", "a test")
+    assert status != 0
+    lines = said.splitlines()
+    assert lines[:2] == [f"MSBOT_MASTER X{number}: STOP holds; no part is in the robot" for number in (1, 2)]
+    assert lines[2] == f"MSBOT_MASTER X4: NOT told: {school.away}: Connection refused"
+    assert error == "NOT stopped: MSBOT_MASTER X4: cut their power"
+    stopped = {one["serial_number"]: one["stopped"] for one in json.loads(ask("stop", "--json")[1])}
+    assert stopped == {"X1": True, "X2": True, "X4": False}
     for serial in ("X1", "X2"):
-        meant = ("--robot", serial, "--db", f"robot{serial[1]}.db")
-        status = json.loads(run("stop", "--status", "--json", *meant, cwd=folder, env=place).stdout)
-        assert status["stopped"]
-        assert run("go", *meant, cwd=folder, env=place).returncode == 0
+        place = {} if serial == "X1" else {GROUP_VARIABLE: f"{os.getpid()}far"}
+        status_of = json.loads(
+            run("stop", "--status", "--json", "--robot", serial, cwd=school.folder / "far", env=place).stdout
+        )
+        assert status_of["stopped"]
 
 
-def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
-    place = {
-        "XDG_RUNTIME_DIR": str(tmp_path),
-        "MSBOT_STOP_GROUP": f"{os.getpid()}none",
-        "XDG_STATE_HOME": str(tmp_path),
-    }
-    assert run("init", cwd=tmp_path).returncode == 0
-    for words, said in (
+def test_a_viewer_may_stop_and_not_change_and_a_stranger_nothing(
+    school: School, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.MonkeyPatch.context() as other:
+        other.setenv("XDG_STATE_HOME", str(school.folder / "guest"))
+        other.setenv("MSBOT_TOKEN", school.new_token("eve", "viewer"))
+        status, said, error = ask("join", school.page)
+        for _ in range(50):  # the master follows what is changed in its database within a second
+            if status == 0:
+                break
+            assert "it does not know the API token" in error
+            status, said, error = ask("join", school.page)
+        assert "as viewer, the class may say STOP there" in said
+        wanted = school.folder / "more.toml"
+        wanted.write_text((school.folder / "robot.toml").read_text() + '\n[[slot]]\nname = "m"\npart = "RELAY-1"\n')
+        assert "may not" in ask("apply", "more.toml", "--yes", "--only", "X2")[1]
+        assert ask("leave", "X2")[0] == 0
+        assert "there is no access to X2" in ask("leave", "X2")[2]
+        monkeypatch.setenv("MSBOT_TOKEN", "msbot_wrong")
+        assert "it does not know the API token" in ask("join", school.page)[2]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
         (("apply", "robot.toml", "--yes"), "no robot fits"),
         (("stop",), "NOT delivered: no master of yours runs on this computer"),
         (("list", "--db", "nowhere.db"), "there is no database nowhere.db"),
-    ):
-        ended = run("class", *words, cwd=tmp_path, env=place)
-        assert ended.returncode == 2
-        assert said in ended.stderr
-        assert ended.stderr.count("\n") == 1
+        (("join", "ftp://x"), "is no address of a page"),
+        (("join", "http://127.0.0.1:1"), "http://127.0.0.1:1: Connection refused"),
+        (("join", "http://127.0.0.1:1", "--fingerprint", "AB"), "--fingerprint is for pages with a certificate"),
+        (("leave", "ROVER"), "there is no access to ROVER"),
+    ],
+)
+def test_mistakes_are_one_sentence(
+    words: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setenv(GROUP_VARIABLE, f"{os.getpid()}none")
+    (tmp_path / "robot.toml").write_text(SAMPLE_ROBOT_TOML)
+    status, _, error = ask(*words)
+    assert status != 0
+    assert said in error
+    assert "\n" not in error
 
 
 @pytest.mark.parametrize(
@@ -116,28 +214,13 @@ def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
         ({"told": 3, "not_confirmed": 0, "silent": []}, "R 7: STOP, confirmed by all 3 parts"),
         ({"told": 3, "not_confirmed": 1, "silent": ["arm"]}, "R 7: STOP, confirmed by 2 of 3 parts; NOT by arm"),
         ({"told": 0, "not_confirmed": 0, "silent": []}, "R 7: STOP holds; no part is in the robot"),
+        (
+            {"told": None, "not_confirmed": 0, "silent": []},
+            "R 7: STOP was taken; which parts have confirmed it is NOT known",
+        ),
         ({"stopped": False}, "R 7: STOP has been ended meanwhile"),
         ({"error": "away"}, "R 7: away"),
     ],
 )
 def test_stop_is_told_robot_by_robot(answer: dict[str, object], line: str) -> None:
     assert stop_line({"robot": "R", "serial_number": "7", "stopped": True} | answer) == line
-
-
-def test_roll_outs_are_remembered_as_they_are_made_and_not_for_ever(tmp_path: Path) -> None:
-    book = RollOutBook(tmp_path)
-    assert book.last() is None
-    for number in range(MOST_ROLLOUTS + 5):
-        written = book.begin(f"{number}.toml")
-        written(RolledOut("R", "1", "robot.db", number))
-    one, two = RolledOut("R", "1", "robot.db", number), RolledOut("R", "2", "robot.db", 9)
-    written(two)
-    assert len(json.loads((tmp_path / "rollouts.json").read_text())) == MOST_ROLLOUTS
-    assert (book.last() or ("", 0, []))[2] == [one, two]
-    book.taken_back([one])
-    assert (book.last() or ("", 0, []))[2] == [two]
-    book.taken_back([two])
-    assert (book.last() or ("", 0, []))[0] == f"{number - 1}.toml"
-    (tmp_path / "rollouts.json").write_text('[{"at": 1}]')
-    with pytest.raises(ConfigError, match="move it away"):
-        book.last()

@@ -6,9 +6,8 @@ from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from msbot.agent import RunningProcess, running_processes
+from msbot.agent import MASTER, RunningProcess, running_processes
 from msbot.cli.bus.source import open_bus
-from msbot.cli.change.robot_access import MASTER
 from msbot.cli.options import user_name
 from msbot.config import FieldKind, MessageType
 from msbot.errors import ConfigError

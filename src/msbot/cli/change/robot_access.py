@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msbot.agent import RunningProcess, running_processes
+from msbot.agent import MASTER, RunningProcess, running_processes
 from msbot.cli.options import (
     DEFAULT_BLUEPRINT,
     database_beside,
@@ -20,20 +20,22 @@ from msbot.cli.options import (
 )
 from msbot.errors import ConfigError
 from msbot.registry.database_identity import database_identity
+from msbot.runtime.own_version import own_version
 from msbot.runtime.terminal_log import TerminalHandler
 
 if TYPE_CHECKING:
     from msbot.master import Master
 
-MASTER = "master"
 
-
-def details_of(master: Master, db: str, *, page: str = "", trouble: str | None = None) -> dict[str, str]:
+def details_of(
+    master: Master, db: str, *, mark: str = "", page: str = "", trouble: str | None = None
+) -> dict[str, str]:
     """What a master says about itself to other programs of its user.
 
     Args:
         master: the robot.
         db: its database, so that `perform` finds it.
+        mark: that of its blueprint in force.
         page: the address of its page; empty when it has none.
         trouble: what is wrong with its database.
     """
@@ -41,6 +43,8 @@ def details_of(master: Master, db: str, *, page: str = "", trouble: str | None =
         "robot": master.profile.name,
         "serial_number": master.profile.serial_number,
         "version": master.profile.version,
+        "blueprint": mark,
+        "msbot": own_version(),
         "database": database_identity(db),
         "page": page,
         "slots": str(len(master.inventory.slots.names())),

@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msbot.agent import StatusServer
+from msbot.agent import MASTER, StatusServer
 from msbot.cli.bus.frame_log import FrameLog
-from msbot.cli.change.robot_access import MASTER, details_of
+from msbot.cli.change.robot_access import details_of
 from msbot.cli.demo.for_lesson import blueprint_for, chosen_lesson, lesson_desk, start_lesson
 from msbot.cli.demo.json import as_json
 from msbot.cli.demo.key_presses import KeyPresses
@@ -225,7 +225,7 @@ async def _main(
                                      registry=registry, room=lambda: room)  # fmt: skip
             if options.log_wishes.is_json:
                 robot.master.inventory.on_event(log_event)
-            stop = StopSocket(robot.master, lambda: details_of(robot.master, address, page=page_address()))
+            stop = StopSocket(robot.master, lambda: _details(robot, operations, address, page_address()))
             beside.append(stop.run())
             beside.extend(recording.beside(robot.master, operations))
             faults = FaultLab(operations, parts=robot, bus=robot.bus_driver)
@@ -246,22 +246,23 @@ def _spares(blueprint: Blueprint) -> dict[str, str]:
     return {"DD" if blueprint.slot("DD") is None else "spare": of}
 
 
+def _details(
+    robot: DemoRobot, operations: RunningOperations, db: str, page: str, trouble: str | None = None
+) -> dict[str, str]:
+    return details_of(robot.master, db, mark=operations.blueprint_mark, page=page, trouble=trouble)
+
+
 def _answering(
-    robot: DemoRobot,
-    operations: RunningOperations,
-    address: str,
-    page: Callable[[], str],
+    robot: DemoRobot, operations: RunningOperations, address: str, page: Callable[[], str],
     trouble: Callable[[], str | None],
-) -> StatusServer:
+) -> StatusServer:  # fmt: skip
     """The server that lets other commands see the robot and change it."""
     profile = robot.master.profile
     return StatusServer(
-        robot.master.agent,
-        what=MASTER,
-        name=f"{profile.name} {profile.version}",
-        details=lambda: details_of(robot.master, address, page=page(), trouble=trouble()),
+        robot.master.agent, what=MASTER, name=f"{profile.name} {profile.version}",
+        details=lambda: _details(robot, operations, address, page(), trouble()),
         control=partial(perform, operations),
-    )
+    )  # fmt: skip
 
 
 def _make_page(

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msbot.agent import StatusServer
-from msbot.cli.change.robot_access import MASTER, details_of
+from msbot.agent import MASTER, StatusServer
+from msbot.cli.change.robot_access import details_of
 from msbot.cli.options import (
     DEFAULT_BLUEPRINT,
     DEFAULT_LINK,
@@ -263,10 +263,12 @@ async def _main(  # noqa: PLR0917
             master.agent,
             what=MASTER,
             name=f"{profile.name} {profile.version}",
-            details=lambda: details_of(master, db, page=page_address(), trouble=registry.storage.health.trouble),
+            details=lambda: details_of(
+                master, db, mark=operations.blueprint_mark, page=page_address(), trouble=registry.storage.health.trouble
+            ),
             control=partial(perform, operations),
         )
-        stop = StopSocket(master, lambda: details_of(master, db, page=page_address()))
+        stop = StopSocket(master, lambda: details_of(master, db, mark=operations.blueprint_mark, page=page_address()))
         await run_until_signal(
             _serve(master, lease),
             beside=[stop.run(), status.run(), *recording.beside(master, operations), *beside],

@@ -10,18 +10,45 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.stop import LOOK_S, PATIENCE_S
-from msbot.cli.options import db_option, json_option, library_option, user_name
-from msbot.cli.school.class_robots import ClassRobot, class_robots
+from msbot.cli.options import (
+    DEFAULT_BLUEPRINT,
+    database_beside,
+    db_option,
+    existing_database,
+    json_option,
+    library_option,
+    user_name,
+)
+from msbot.cli.school.joining import join, leave
 from msbot.errors import ConfigError, MsbotError
+from msbot.runtime.own_version import own_version
 from msbot.runtime.stop_datagram import IS_THERE, ask_masters
+from msbot.school.access import AccessBook, FarAccess
+from msbot.school.class_robots import ClassRobot, class_robots
+from msbot.school.far_masters import STOP_S, Answer, Asking, FarTrouble, say_stop
+
+MOST_CHANGES = 6
+"""Changes of a robot that are named before a roll-out."""
 
 
 @click.group("class")
 def command() -> None:
-    """All robots of a class: those whose masters run on this computer, and all of a database.
+    """All robots of a class: of the masters on this computer, of a database, and those elsewhere with an access.
 
-    The database is that of --db, for example a PostgreSQL server that the whole school shares, or robot.db here.
+    The database is that of --db, for example a PostgreSQL server that the whole school shares, or robot.db here. An
+    access is an API token of a robot's page on another computer, see `msbot class join`.
     """
+
+
+command.add_command(join)
+command.add_command(leave)
+
+
+def robots_of_class(db: str | None, words: tuple[str, ...] = ()) -> list[ClassRobot]:
+    """All robots of the class that fit the words."""
+    path = db or database_beside(DEFAULT_BLUEPRINT)
+    stored = existing_database(db) if db is not None or Path(path).exists() else None
+    return class_robots(stored, AccessBook().all(), words, path=path)
 
 
 @command.command("list")
@@ -30,35 +57,52 @@ def command() -> None:
 @json_option
 def list_robots(words: tuple[str, ...], db: str | None, *, as_json: bool) -> None:
     """List the robots in whose line all WORDS are found."""
-    robots = class_robots(db, words)
+    robots = robots_of_class(db, words)
     if as_json:
         click.echo(json.dumps([_as_dict(robot) for robot in robots]))
         return
     if not robots:
-        click.echo("No robot fits." if words else "There is no robot: no master runs here, and there is no robot.db.")
+        click.echo("No robot fits." if words else "There is no robot: no master runs here, there is no robot.db, and "
+                   "no access to a robot elsewhere (`msbot class join`).")  # fmt: skip
         return
-    width = max(len(robot.words) for robot in robots)
-    version = max(len(robot.version) for robot in robots)
+    width, version, mark = (
+        max(len(text) for text in texts)
+        for texts in zip(*((robot.words, robot.version, robot.blueprint) for robot in robots), strict=True)
+    )
     for robot in robots:
-        page = "" if robot.master is None else robot.master.details.get("page", "")
-        line = f"{robot.words:{width}}  {robot.version:{version}}  {robot.state}"
-        click.echo(f"{line}  {page}".rstrip())
-    running = sum(robot.master is not None for robot in robots)
-    click.echo(f"{len(robots)} robots, {running} of them run here.")
+        page = "" if robot.far is not None else robot.page
+        other = f"  MsBOT {robot.msbot}" if robot.msbot not in ("", own_version()) else ""
+        words_of = f"{robot.words:{width}}  {robot.version:{version}}  {robot.blueprint:{mark}}  {robot.state}"
+        click.echo(f"{words_of}{other}  {page}".rstrip())
+    click.echo(_sum(robots))
+
+
+def _sum(robots: list[ClassRobot]) -> str:
+    silent = sum(robot.far is not None and not robot.answers for robot in robots)
+    elsewhere = sum(robot.runs_elsewhere or (robot.far is not None and robot.answers) for robot in robots)
+    parts = [f"{len(robots)} robots", f"{sum(robot.master is not None for robot in robots)} of them run here"]
+    parts += [f"{elsewhere} on other computers"] if elsewhere else []
+    parts += [f"{silent} do not answer"] if silent else []
+    marks = {robot.blueprint for robot in robots if robot.blueprint}
+    return f"{', '.join(parts)}." + (f" {len(marks)} different blueprints." if len(marks) > 1 else "")
 
 
 def _as_dict(robot: ClassRobot) -> dict[str, object]:
-    details = {} if robot.master is None else robot.master.details
     return {
         "name": robot.name,
         "serial_number": robot.serial_number,
         "version": robot.version,
+        "blueprint": robot.blueprint,
+        "msbot": robot.msbot,
         "database": robot.database,
         "runs_here": robot.master is not None,
-        "runs_elsewhere": robot.runs_elsewhere,
-        "page": details.get("page", ""),
-        "slots": int(details.get("slots", "0")),
-        "active": int(details.get("active", "0")),
+        "runs_elsewhere": robot.runs_elsewhere or (robot.far is not None and robot.answers),
+        "has_access": robot.far is not None,
+        "answers": robot.answers,
+        "trouble": "" if robot.far is None else robot.far.trouble,
+        "page": robot.page,
+        "slots": robot.slots,
+        "active": robot.active,
     }
 
 
@@ -67,20 +111,24 @@ def _as_dict(robot: ClassRobot) -> dict[str, object]:
 @db_option
 @json_option
 def stop(reason: str, db: str | None, *, as_json: bool) -> None:
-    """STOP to every robot whose master runs on this computer; says who has confirmed it, and who has not."""
-    if not IS_THERE:
-        raise ConfigError("this system has no socket for STOP: say `msbot stop --robot NAME` for each robot")
-    answers, silent = ask_masters({"do": "stop", "who": user_name(), "reason": reason})
-    until = time.monotonic() + PATIENCE_S
-    while any(answer.get("not_confirmed") for answer in answers) and time.monotonic() < until:
-        time.sleep(LOOK_S)
-        answers, _ = ask_masters({"do": "status", "who": user_name(), "reason": ""})
-    answers.sort(key=lambda one: (str(one.get("robot")), str(one.get("serial_number"))))
+    """STOP to every robot of the class at once; says who has confirmed it, and who has not.
+
+    Those whose masters run on this computer, and those elsewhere with an access. A robot that does not answer is named.
+    """
+    trouble = ""
+    try:
+        accesses = AccessBook().all()
+    except ConfigError as error:  # the robots here are stopped all the same
+        accesses, trouble = [], str(error)
+    far = Asking(accesses, say_stop(reason), STOP_S)  # they are told while those here are
+    answers, silent = _stop_here(reason)
+    answers += _stop_lines(accesses, far)
     if as_json:
         names = (
             "robot",
             "serial_number",
             "database",
+            "page",
             "stopped",
             "told",
             "confirmed",
@@ -93,18 +141,59 @@ def stop(reason: str, db: str | None, *, as_json: bool) -> None:
         for answer in answers:
             click.echo(stop_line(answer))
     told = {(answer.get("robot"), answer.get("serial_number")) for answer in answers}
+    not_stopped = [f"{one.get('robot')} {one.get('serial_number')}" for one in answers if not one.get("stopped")]
     # What needs the database comes after STOP: it may be slow, or away.
     elsewhere = [
         robot.words
-        for robot in class_robots(db)
+        for robot in _stored_robots(db)
         if robot.runs_elsewhere and (robot.name, robot.serial_number) not in told
     ]
-    if silent:
-        raise ConfigError(f"NOT delivered to {silent} masters that run here and do not answer: cut their power")
+    if not IS_THERE:
+        trouble = "this system has no socket for STOP: say `msbot stop --robot NAME` for each robot that runs here"
+    problems = [f"NOT delivered to {silent} masters that run here and do not answer: cut their power"] if silent else []
+    problems += [f"NOT stopped: {', '.join(not_stopped)}: cut their power"] if not_stopped else []
     if elsewhere:
-        raise ConfigError(f"NOT told, their masters run on other computers: {', '.join(elsewhere)}. Say STOP there")
+        problems.append(
+            f"NOT told, their masters run on other computers and there is no access: {', '.join(elsewhere)}. Say STOP "
+            "there, and `msbot class join` their pages"
+        )
+    problems += [trouble] if trouble else []
+    if problems:
+        raise ConfigError("; ".join(problems))
     if not answers:
-        raise ConfigError("NOT delivered: no master of yours runs on this computer")
+        raise ConfigError("NOT delivered: no master of yours runs on this computer, and there is no access to others")
+
+
+def _stored_robots(db: str | None) -> list[ClassRobot]:
+    """The robots here and of the database; those elsewhere have been spoken to already."""
+    path = db or database_beside(DEFAULT_BLUEPRINT)
+    stored = existing_database(db) if db is not None or Path(path).exists() else None
+    return class_robots(stored, (), path=path)
+
+
+def _stop_here(reason: str) -> tuple[list[Answer], int]:
+    """STOP to all masters of this computer: their answers, and how many do not answer."""
+    if not IS_THERE:
+        return [], 0
+    answers, silent = ask_masters({"do": "stop", "who": user_name(), "reason": reason})
+    until = time.monotonic() + PATIENCE_S
+    while any(answer.get("not_confirmed") for answer in answers) and time.monotonic() < until:
+        time.sleep(LOOK_S)
+        answers, _ = ask_masters({"do": "status", "who": user_name(), "reason": ""})
+    return sorted(answers, key=lambda one: (str(one.get("robot")), str(one.get("serial_number")))), silent
+
+
+def _stop_lines(accesses: list[FarAccess], far: Asking[Answer]) -> list[Answer]:
+    """How STOP stands at the robots elsewhere."""
+    found = far.answers()
+    lines: list[Answer] = []
+    for access in accesses:
+        answer, known = found[access.address], {"robot": access.robot, "serial_number": access.serial_number}
+        if isinstance(answer, FarTrouble):
+            lines.append(known | {"page": access.address, "stopped": False, "error": f"NOT told: {answer}"})
+        else:
+            lines.append(known | {"page": access.address} | answer)
+    return lines
 
 
 def stop_line(answer: dict[str, object]) -> str:
@@ -115,6 +204,8 @@ def stop_line(answer: dict[str, object]) -> str:
     if not answer["stopped"]:
         return f"{who}: STOP has been ended meanwhile"
     told, missing, names = answer["told"], answer["not_confirmed"], answer["silent"]
+    if told is None:
+        return f"{who}: STOP was taken; which parts have confirmed it is NOT known"
     assert isinstance(told, int)
     assert isinstance(missing, int)
     assert isinstance(names, list)
@@ -139,29 +230,29 @@ def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...],
     back what was done.
     """
     from msbot.cli.blueprint.apply import agreed
-    from msbot.cli.school.rollout import RollOut, plan_for
     from msbot.config import open_blueprint
+    from msbot.school.rollout import RollOut, plan_for
 
     wanted, library = open_blueprint(blueprint, *folders)
-    robots = class_robots(db, words)
+    robots = robots_of_class(db, words)
     if not robots:
         raise ConfigError("no robot fits: `msbot class list` shows which there are")
     plans = [plan_for(robot, wanted) for robot in robots]
     for plan in plans:
-        changes = ", ".join(f"{change.where} {change.change}" for change in plan.changes[:6])
-        more = f" and {len(plan.changes) - 6} more" if len(plan.changes) > 6 else ""
+        changes = "; ".join(plan.changes[:MOST_CHANGES])
+        more = f"; and {len(plan.changes) - MOST_CHANGES} more" if len(plan.changes) > MOST_CHANGES else ""
         click.echo(f"{plan.robot.words}: {plan.obstacle or changes + more or 'nothing to change'}")
     to_change = [plan for plan in plans if plan.changes]
     failed = sum(bool(plan.obstacle) for plan in plans)
     if to_change and not yes and not agreed():
         raise click.Abort
-    roll = RollOut(blueprint, library, folders)
+    roll = RollOut(blueprint, library, folders, user_name())
     for number, plan in enumerate(to_change, 1):
         try:
             done = roll.put_in_force(plan)
         except MsbotError as error:
             failed += 1
-            done = f"NOT changed: {error}"
+            done = f"NOT changed, as far as is known: {error}"
         click.echo(f"[{number}/{len(to_change)}] {plan.robot.words}: {done}")
     if failed:
         raise ConfigError(f"{failed} of {len(plans)} robots were not changed; `msbot class undo` takes the others back")
@@ -173,7 +264,7 @@ def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...],
 @db_option
 def undo(db: str | None) -> None:
     """Take back the latest roll-out, robot by robot; what was changed again since stays, and is named."""
-    from msbot.cli.school.rollout import RollOutBook, take_back
+    from msbot.school.rollout import RollOutBook, take_back
 
     book = RollOutBook()
     last = book.last()
@@ -181,10 +272,10 @@ def undo(db: str | None) -> None:
         raise ConfigError("there is no roll-out that could be taken back")
     source, at, changes = last
     click.echo(f"{source}, rolled out on {datetime.fromtimestamp(at):%Y-%m-%d %H:%M}:")
-    robots, back = class_robots(db), []
+    robots, back = robots_of_class(db), []
     for number, change in enumerate(changes, 1):
         try:
-            words = take_back(change, robots)
+            words = take_back(change, robots, user_name())
             back.append(change)
         except MsbotError as error:
             words = f"NOT taken back: {error}"

@@ -117,6 +117,27 @@ def remove(names: tuple[str, ...], db: str | None) -> None:
             click.echo(f"{name} can no longer sign in")
 
 
+@command.command("token")
+@click.argument("name")
+@click.argument("purpose")
+@db_option
+def new_token(name: str, purpose: str, db: str | None) -> None:
+    """Make an API token with which programs do what NAME may do, and print it; PURPOSE says what it is for."""
+    with _accounts(db) as accounts:
+        click.echo(asyncio.run(accounts.new_token(name, purpose, who=user_name())))
+
+
+@command.command("revoke")
+@click.argument("name")
+@click.argument("purpose")
+@db_option
+def revoke(name: str, purpose: str, db: str | None) -> None:
+    """Make the API token of NAME for PURPOSE worthless."""
+    with _accounts(db) as accounts:
+        asyncio.run(accounts.remove_token(name, purpose, who=user_name()))
+    click.echo(f"the token of {name} for {purpose} is worthless now")
+
+
 def _add_class(path: Path, tickets: Path | None, role: str, db: str | None) -> None:
     from msbot.web.access.class_list import newcomers
 

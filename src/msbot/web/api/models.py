@@ -296,27 +296,6 @@ class TypeLine(Model):
     ports: list[str]
 
 
-class RobotTile(Model):
-    """One robot of the database, for the class view."""
-
-    name: str
-    serial_number: str
-    running: bool
-    here: bool
-    """Whether this server is its master's."""
-    owner: str
-    slots: int
-    active: int
-    last_event: Said
-    last_event_age_s: float | None
-    address: str = ""
-    """Where its own page is, when it is known."""
-    stopped: bool = False
-    """Whether STOP holds, as its master says."""
-    reachable: bool = False
-    """Whether its master runs on this computer: one STOP for all reaches it."""
-
-
 class UserLine(Model):
     """A person who may sign in."""
 

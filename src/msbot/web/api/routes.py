@@ -15,6 +15,7 @@ from fastapi.responses import Response
 from msbot.lab.missions.played import grade_json, played_from_json
 from msbot.web.api.answers import Health, ProblemAnswer
 from msbot.web.api.bus_lines import BusFigures, FrameLine
+from msbot.web.api.class_models import RobotStatus, RobotTile
 from msbot.web.api.doctor_models import ExaminationState
 from msbot.web.api.mission_models import MissionMarks, MissionState
 from msbot.web.api.models import (
@@ -26,7 +27,6 @@ from msbot.web.api.models import (
     Me,
     PartLine,
     Robot,
-    RobotTile,
     Simulated,
     SlotCard,
     TimelineLane,
@@ -81,6 +81,11 @@ def _add_reads(router: APIRouter, service: Service) -> None:
         """The robot with all its slots."""
         robot = service.robot()
         return robot.model_copy(update={"slots": slots_for(session, robot.slots)})
+
+    @router.get("/status")
+    async def status(session: SignedIn) -> RobotStatus:  # noqa: ARG001
+        """The robot in short, for the class that it is in."""
+        return service.whole_class.status()
 
     @router.get("/parts")
     async def parts(session: SignedIn) -> list[PartLine]:
@@ -169,7 +174,7 @@ def _add_reads(router: APIRouter, service: Service) -> None:
     @router.get("/robots")
     async def robots(session: SignedIn) -> list[RobotTile]:
         """All robots of the database."""
-        tiles = await service.robots()
+        tiles = await service.whole_class.robots()
         return [tile.model_copy(update={"last_event": words_for(session, tile.last_event)}) for tile in tiles]
 
 

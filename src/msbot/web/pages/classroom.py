@@ -8,7 +8,7 @@ from fastapi import Request
 from nicegui import ui
 
 from msbot.errors import MsbotError
-from msbot.web.api.models import RobotTile
+from msbot.web.api.class_models import RobotTile
 from msbot.web.html import Markup, render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
@@ -40,7 +40,7 @@ def _tiles(page: Page, hostname: str) -> None:
 
     async def show() -> None:
         try:
-            tiles = await page.service.robots()
+            tiles = await page.service.whole_class.robots()
         except MsbotError as error:
             set_html(shown, Markup.escape(page.say(str(error))))
             return
@@ -56,8 +56,10 @@ def _tiles(page: Page, hostname: str) -> None:
 
 async def _stop_all(page: Page) -> None:
     try:
-        done = await page.service.stop_all(page.session)
-        unreached = [tile.name for tile in await page.service.robots() if tile.running and not tile.reachable]
+        done = await page.service.whole_class.stop_all(page.session)
+        unreached = [
+            tile.name for tile in await page.service.whole_class.robots() if tile.running and not tile.reachable
+        ]
     except MsbotError as error:
         ui.notify(page.say(str(error)), type="negative", multi_line=True)
         return

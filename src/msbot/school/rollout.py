@@ -17,25 +17,26 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from msbot.cli.options import user_name
-from msbot.cli.school.class_robots import ClassRobot, find_record, open_database
-from msbot.config import Blueprint, Difference, Library, blueprint_toml, differences
+from msbot.config import Blueprint, Library, RobotProfile, blueprint_toml, differences
 from msbot.errors import ConfigError, MsbotError
 from msbot.registry.database_identity import database_identity
 from msbot.runtime.user_folders import state_folder
+from msbot.school.class_robots import ClassRobot, FarRobot, find_record, open_database
+from msbot.school.far_masters import CHANGE_S, Answer, FarLine, ask_one
 
 MOST_ROLLOUTS = 20
 """Roll-outs that are remembered; the oldest is forgotten first."""
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class RollOutPlan:
     """What a roll-out changes in one robot."""
 
     robot: ClassRobot
     wanted: Blueprint | None
     """What it is afterwards; None: it cannot be changed from here."""
-    changes: tuple[Difference, ...] = ()
+    changes: tuple[str, ...] = ()
+    """A line for each."""
     obstacle: str = ""
     """Why it cannot be changed from here."""
 
@@ -47,24 +48,55 @@ class RolledOut:
     robot: str
     serial_number: str
     database: str
-    """Without a password."""
+    """Without a password; of a robot elsewhere, the address of its page."""
     edit: int
 
 
-def plan_for(robot: ClassRobot, blueprint: Blueprint) -> Plan:
+def plan_for(robot: ClassRobot, blueprint: Blueprint) -> RollOutPlan:
     """Compare a robot with a blueprint of which everything but the profile is meant for it, too."""
     if robot.runs_elsewhere:
-        return Plan(robot, None, obstacle="its master runs on another computer: roll out there")
+        return RollOutPlan(
+            robot, None, obstacle="its master runs on another computer: `msbot class join` its page first"
+        )
     try:
+        if robot.far is not None:
+            return _far_plan(robot, robot.far, blueprint)
         with open_database(robot.database) as registry:
             record = find_record(registry, robot.name, robot.serial_number)
             if record is None:
-                return Plan(robot, None, obstacle=f"it is not in its database {robot.database} any more")
+                return RollOutPlan(robot, None, obstacle=f"it is not in its database {robot.database} any more")
             present = registry.robots.blueprint(record, by_hand=False)
     except MsbotError as error:
-        return Plan(robot, None, obstacle=str(error))
+        return RollOutPlan(robot, None, obstacle=str(error))
     wanted = replace(blueprint, robot=present.robot)
-    return Plan(robot, wanted, differences(present, wanted))
+    return RollOutPlan(robot, wanted, tuple(str(one) for one in differences(present, wanted)))
+
+
+def _far_plan(robot: ClassRobot, far: FarRobot, blueprint: Blueprint) -> RollOutPlan:
+    """What it would change there, as its own master says, by its own part library.
+
+    Raises:
+        FarTrouble: it does not answer, or the blueprint does not fit its library.
+    """
+    if far.trouble:
+        return RollOutPlan(robot, None, obstacle=far.trouble)
+    if (robot.name, robot.serial_number) != (far.access.robot, far.access.serial_number):
+        known = f"{far.access.robot} {far.access.serial_number}"
+        obstacle = f"another robot answers there than {known}: `msbot class join {robot.page}` if that is right"
+        return RollOutPlan(robot, None, obstacle=obstacle)
+    names = ("robot", "version", "serial_number", "released", "manufacturer")
+    wanted = replace(blueprint, robot=RobotProfile(*(far.text(name) for name in names)))
+    answer = _ask(far, "POST", "/api/blueprint/diff", {"toml": blueprint_toml(wanted)})
+    changes = answer.get("changes")
+    assert isinstance(changes, list)
+    return RollOutPlan(robot, wanted, tuple(str(one) for one in changes))
+
+
+def _ask(far: FarRobot, method: str, path: str, body: dict[str, object]) -> Answer:
+    def work(line: FarLine) -> Answer:
+        return line.mapping(method, path, body)
+
+    return ask_one(far.access, work, CHANGE_S)
 
 
 class RollOut:
@@ -74,15 +106,17 @@ class RollOut:
         source: the blueprint's file, beside which its part library is found.
         library: the part types that it was checked against.
         folders: further folders of part types, as `--library` names them.
+        who: who does it.
     """
 
-    def __init__(self, source: Path, library: Library, folders: Sequence[Path]) -> None:
+    def __init__(self, source: Path, library: Library, folders: Sequence[Path], who: str) -> None:
         self._source = source.resolve()
+        self._who = who
         self._library = library
         self._folders = [str(folder.resolve()) for folder in folders]
         self._written = RollOutBook().begin(str(self._source))
 
-    def put_in_force(self, plan: Plan) -> str:
+    def put_in_force(self, plan: RollOutPlan) -> str:
         """Change one robot; returns what was done, in words.
 
         Raises:
@@ -91,16 +125,14 @@ class RollOut:
         """
         assert plan.wanted is not None
         robot = plan.robot
-        if robot.master is None:
-            words, edit = self._in_database(robot, plan.wanted)
-        else:
+        if robot.far is not None:
+            words, edit = _done(_ask(robot.far, "PUT", "/api/blueprint", {"toml": blueprint_toml(plan.wanted)}))
+        elif robot.master is not None:
             with self._as_file(plan.wanted) as path:
-                request = {"do": "apply", "args": {"path": str(path), "folders": self._folders}, "who": user_name()}
-                answer = robot.master.ask(request)
-            if "error" in answer:
-                raise ConfigError(str(answer["error"]))
-            words, number = str(answer["words"]), answer.get("edit")
-            edit = number if isinstance(number, int) else None
+                request = {"do": "apply", "args": {"path": str(path), "folders": self._folders}, "who": self._who}
+                words, edit = _done(robot.master.ask(request, patience_s=CHANGE_S))
+        else:
+            words, edit = self._in_database(robot, plan.wanted)
         if edit is not None:
             self._written(RolledOut(robot.name, robot.serial_number, database_identity(robot.database), edit))
         return words
@@ -111,7 +143,7 @@ class RollOut:
             if record is None:
                 raise ConfigError(f"{robot.words} is not in {robot.database} any more")
             registry.runs.begin(record)  # so that no master starts in between
-            _, edit = registry.robots.change_blueprint(wanted, self._library, user_name())
+            _, edit = registry.robots.change_blueprint(wanted, self._library, self._who)
         return ("nothing to change", None) if edit is None else (edit.words, edit.id)
 
     @contextmanager
@@ -184,20 +216,24 @@ class RollOutBook:
             raise ConfigError(f"cannot write down what was changed, {self._path}: {error.strerror}") from error
 
 
-def take_back(done: RolledOut, robots: Sequence[ClassRobot]) -> str:
+def take_back(done: RolledOut, robots: Sequence[ClassRobot], who: str) -> str:
     """Undo one change of a roll-out; returns what was done, in words.
 
     Raises:
         ConfigError: it was changed again since, or the robot cannot be changed from here.
         RegistryError: it cannot be stored; nothing has changed.
     """
-    request: dict[str, object] = {"do": "undo", "args": {"edit": done.edit}, "who": user_name()}
+    request: dict[str, object] = {"do": "undo", "args": {"edit": done.edit}, "who": who}
     key = (done.robot, done.serial_number, done.database)
     robot = next(
         (one for one in robots if (one.name, one.serial_number, database_identity(one.database)) == key), None
     )  # fmt: skip
-    if robot is not None and robot.master is not None:
-        answer = robot.master.ask(request)
+    if robot is not None and robot.far is not None:
+        answer = _ask(robot.far, "POST", "/api/undo", {"edit": done.edit})
+    elif robot is not None and robot.master is not None:
+        answer = robot.master.ask(request, patience_s=CHANGE_S)
+    elif done.database.startswith(("http://", "https://")):
+        raise ConfigError(f"there is no access to {done.database} any more, or another robot answers there")
     else:
         from msbot.operations.dispatch import perform, stored_operations  # running robots need no SQLAlchemy here
 
@@ -206,6 +242,16 @@ def take_back(done: RolledOut, robots: Sequence[ClassRobot]) -> str:
             if record is None:
                 raise ConfigError(f"{done.robot} {done.serial_number} is not in {done.database} any more")
             answer = asyncio.run(perform(stored_operations(registry, record), request))
+    return _done(answer)[0]
+
+
+def _done(answer: Answer) -> tuple[str, int | None]:
+    """The outcome in words, and the number of the edit.
+
+    Raises:
+        ConfigError: the master has refused.
+    """
     if "error" in answer:
         raise ConfigError(str(answer["error"]))
-    return str(answer["words"])
+    number = answer.get("edit")
+    return str(answer.get("words", "")), number if isinstance(number, int) else None
