@@ -122,7 +122,7 @@ def stop(reason: str, db: str | None, *, as_json: bool) -> None:
         accesses, trouble = [], str(error)
     far = Asking(accesses, say_stop(reason), STOP_S)  # they are told while those here are
     answers, silent = _stop_here(reason)
-    answers += _stop_lines(accesses, far)
+    answers = sorted([*answers, *_stop_lines(accesses, far)], key=_in_order)
     if as_json:
         names = (
             "robot",
@@ -180,7 +180,11 @@ def _stop_here(reason: str) -> tuple[list[Answer], int]:
     while any(answer.get("not_confirmed") for answer in answers) and time.monotonic() < until:
         time.sleep(LOOK_S)
         answers, _ = ask_masters({"do": "status", "who": user_name(), "reason": ""})
-    return sorted(answers, key=lambda one: (str(one.get("robot")), str(one.get("serial_number")))), silent
+    return answers, silent
+
+
+def _in_order(answer: Answer) -> tuple[str, str]:
+    return str(answer.get("robot")), str(answer.get("serial_number"))
 
 
 def _stop_lines(accesses: list[FarAccess], far: Asking[Answer]) -> list[Answer]:
