@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from msbot.errors import ConfigError, RemoteProtocolError
 from msbot.lab.faults.kinds import KINDS
 from msbot.lab.missions.facts import Fact, What, facts_from_json
 from msbot.lab.missions.grading import Grade, grade
-from msbot.lab.missions.mission import contradict, drawn
+from msbot.lab.missions.mission import DrawnFault, Mission, contradict, drawn
 from msbot.lab.missions.mission_file import load_mission, parse_mission, ready_mission, ready_missions
 from msbot.lab.missions.mission_run import MOST_ANSWERS, MOST_FACTS, MissionRun
 from msbot.lab.missions.played import PlayedMission, grade_json, played_from_json
@@ -254,9 +255,10 @@ def test_contradictions_are_drawn_away() -> None:
 # Files.
 
 
-def test_there_is_a_ready_mission_for_every_kind_and_a_repair_for_it() -> None:
+def test_every_kind_has_a_ready_mission_of_its_own_and_a_repair() -> None:
     missions = ready_missions()
-    assert {kind for one in missions.values() for fault in one.faults for kind in fault.kinds} == set(KINDS)
+    alone = [one.faults[0].kinds for one in missions.values() if len(one.faults) == 1]
+    assert sorted(alone) == sorted((kind,) for kind in KINDS)
     mended = {kind for repair in REPAIRS.values() for kind in repair.mends}
     assert mended == set(KINDS)
     for repair in REPAIRS.values():
@@ -267,6 +269,51 @@ def test_there_is_a_ready_mission_for_every_kind_and_a_repair_for_it() -> None:
             assert not any(kind in told for kind in fault.kinds if "-" in kind), "the answer is not told"
         assert one.hints, name
         assert one.explanation, name
+
+
+def played_with(mission: Mission, answers: Callable[[DrawnFault], list[tuple[str, str]]]) -> PlayedMission:
+    """A mission in which each fault is mended, and before that people have said something of it."""
+    notes: list[Fact] = []
+    run = MissionRun(mission, drawn(mission, 7), "Ada", 0.0, on_fact=notes.append)
+    for task, number in zip(mission.tasks, range(1, 99), strict=False):
+        if task.until:
+            run.holds(number, 0.0, holds=True)
+    for fault in run.faults:
+        run.fault_began(fault.number, 5.0)
+    for task in mission.tasks:
+        if task.operation:
+            run.act(task.operation, task.arguments, "Bo", "", 6.0)
+    for fault in run.faults:
+        for kind, at in answers(fault):
+            run.name("Bo", kind, at, 10.0)
+    for fault in run.faults:
+        repair = next(one.name for one in REPAIRS.values() if fault.kind in one.mends)
+        assert run.repair("Bo", repair, fault.at, 15.0)[1] == fault.number
+        run.fault_over(fault.number, 15.0, "mended", is_mended=False)
+    run.end(run.why_over(16.0) or said("its time is over"), 16.0)
+    written = json.loads(json.dumps([fact.as_json() for fact in notes]))  # as the recorder has them
+    return PlayedMission(1, mission, 7, 1, tuple(facts_from_json(written)))
+
+
+@pytest.mark.parametrize("name", ready_missions())
+def test_each_ready_mission_is_graded_from_its_notes(name: str) -> None:
+    mission = ready_mission(name)
+    right = played_with(mission, lambda fault: [(fault.kind, fault.at)]).grade()
+    assert (right.percent, right.reason) == (100.0, "everything is found and done")
+    assert all(one.found_by == "Bo" and one.is_quick for one in right.faults)
+    kinds_there = {fault.kind for fault in drawn(mission, 7)}
+    for kind in sorted(set(KINDS) - kinds_there):
+        wrong = played_with(mission, lambda fault, kind=kind: [(kind, fault.at or "fan")]).grade()  # type: ignore[misc]
+        assert not any(one.found_by for one in wrong.faults), kind
+        assert wrong.reason == "its time is over", kind
+        assert wrong.marks < right.marks - len(wrong.faults) * mission.marks.kind, kind
+    if all(fault.at for fault in mission.faults):
+        elsewhere = played_with(mission, lambda fault: [(fault.kind, "nowhere")]).grade()
+        assert not any(one.found_by or one.place_by for one in elsewhere.faults)
+        assert len(elsewhere.wrong) == len(mission.faults)
+    nothing = played_with(mission, lambda _: []).grade()
+    assert not any(one.found_by for one in nothing.faults)
+    assert nothing.marks < right.marks
 
 
 @pytest.mark.parametrize(
