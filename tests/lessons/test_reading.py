@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from msbot.config.toml.problems import FoundProblems
 from msbot.errors import ConfigError
 from msbot.lessons.conditions import EXAMPLES, read_lesson_condition
+from msbot.lessons.lesson import Lesson, LessonCheck
 from msbot.lessons.reading import read_lesson
 from msbot.lessons.shelf import LessonShelf
 
@@ -140,7 +142,49 @@ def test_a_translation_is_shown_only_if_it_asks_the_same(tmp_path: Path) -> None
     assert LessonShelf([tmp_path]).translated(lesson, "de") is lesson
 
 
-def test_our_own_lessons_are_in_every_language_of_the_page() -> None:
+def test_an_easy_text_goes_back_to_the_ordinary_one_and_teachers_read_that(tmp_path: Path) -> None:
+    teachers = "## For the teacher\nSecret.\n"
+    (tmp_path / "mine.md").write_text(HEAD + "## A\n" + CHECK + teachers)
+    (tmp_path / "de").mkdir()
+    (tmp_path / "de" / "mine.md").write_text((HEAD + "## A\n" + CHECK + teachers).replace("Secret", "Geheim"))
+    shelf = LessonShelf([tmp_path])
+    lesson = shelf.get("mine")
+    assert shelf.translated(lesson, "en-simple") is lesson
+    assert shelf.translated(lesson, "de-simple") is shelf.translated(lesson, "de")
+    (tmp_path / "de-simple").mkdir()
+    easy = tmp_path / "de-simple" / "mine.md"
+    easy.write_text(HEAD.replace('"T"', '"E"') + "## A\nKurz.\n" + CHECK)
+    shelf.refresh()
+    found = shelf.translated(lesson, "de-simple")
+    assert (found.title, found.steps[0].blocks[0], found.steps[-1].blocks) == ("E", "Kurz.", ("Geheim.",))
+    shelf.refresh()
+    assert shelf.translated(shelf.get("mine"), "de-simple") is found, "the same until a file has changed"
+    easy.write_text(HEAD + "## A\n" + CHECK.replace("fan", "ear"))
+    os.utime(easy, ns=(0, 0))
+    shelf.refresh()
+    assert shelf.translated(lesson, "de-simple") is shelf.translated(lesson, "de"), "it asks something else"
+
+
+@pytest.mark.parametrize("language", ["de", "en-simple", "de-simple"])
+def test_our_own_lessons_are_in_every_language_of_the_page_and_easy(language: str) -> None:
     shelf = LessonShelf()
     for lesson in shelf.all()[0]:
-        assert shelf.translated(lesson, "de") is not lesson, lesson.name
+        found = shelf.translated(lesson, language)
+        assert found not in (lesson, shelf.translated(lesson, "de" if language != "de" else "")), lesson.name
+        assert all(check.hint for check in found.checks), f"{language}/{lesson.name}.md: each check has a hint"
+        if language.endswith("simple"):
+            sentences = [one for text in _told(found) for one in re.split(r"[.:?!](?:\s|$)", text)]
+            longest = max(sentences, key=lambda one: len(one.split()))
+            assert len(longest.split()) <= 15, f"{language}/{lesson.name}.md: a long sentence: {longest}"
+
+
+def _told(lesson: Lesson) -> list[str]:
+    """What pupils read, without programs."""
+    found = []
+    for step in lesson.steps:
+        for block in () if step.for_teachers else step.blocks:
+            if isinstance(block, LessonCheck):
+                found += [block.says, block.hint]
+            else:
+                found += re.sub(r"```.*?```", "", block, flags=re.DOTALL).splitlines()
+    return found

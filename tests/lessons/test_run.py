@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,43 +12,7 @@ from msbot.lessons.lesson import Lesson, LessonCheck, LessonQuestion, Step
 from msbot.lessons.progress import csv_of, progress_of
 from msbot.lessons.run import LessonRun
 from msbot.registry.lesson_ticks import Tick
-
-
-@dataclass
-class Robot:
-    states: dict[str, str] = field(default_factory=dict)
-    numbers: dict[str, float] = field(default_factory=dict)
-    parts: dict[str, str] = field(default_factory=dict)
-    settings: dict[tuple[str, str], str] = field(default_factory=dict)
-    wires: set[tuple[str, str]] = field(default_factory=set)
-    is_stopped: bool = False
-
-    def state(self, slot: str) -> str:
-        return self.states.get(slot, "empty")
-
-    def is_in_state(self, slot: str, state: str) -> bool:
-        return self.state(slot) == state
-
-    def number(self, source: str) -> float | None:
-        return self.numbers.get(source)
-
-    def part_in(self, slot: str) -> str:
-        return self.parts.get(slot, "")
-
-    def identity_in(self, slot: str) -> str:
-        return self.parts.get(slot, "")
-
-    def has_slot(self, slot: str) -> bool:
-        return slot in self.states
-
-    def knows(self, number: str) -> bool:
-        return number == "LED"
-
-    def setting(self, slot: str, name: str) -> str | None:
-        return self.settings.get((slot, name))
-
-    def is_wired(self, source: str, target: str) -> bool:
-        return (source, target) in self.wires
+from tests.lessons.made_up_robot import Robot
 
 
 def check(name: str, *texts: str, for_s: float = 0.0) -> LessonCheck:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from msbot.errors import ConfigError
@@ -14,6 +15,8 @@ from msbot.runtime.sentence import said
 MOST_LESSONS = 200
 """Most files of one folder that are read."""
 MOST_LANGUAGES = 20
+SIMPLE = "-simple"
+"""Ends the name of a language's folder with texts that are easy to read, as the subtag of RFC 5646: `de-simple`."""
 
 
 def shipped_folder() -> Path:
@@ -37,6 +40,8 @@ class LessonShelf:
         self._lessons: dict[str, Lesson | ConfigError] | None = None
         self._translations: dict[tuple[str, str], Lesson] = {}
         """By the name of the lesson and its language."""
+        self._easy: dict[tuple[str, str], tuple[Lesson, Lesson, Lesson]] = {}
+        """Easy text, ordinary text, and what came of both: whoever shows it knows by the object whether it is new."""
 
     def refresh(self) -> None:
         """Look at the files again. It reads from a disk: a robot's event loop has a thread do it."""
@@ -68,10 +73,16 @@ class LessonShelf:
     def translated(self, lesson: Lesson, language: str) -> Lesson:
         """The lesson in a language, from the folder of that name beside it; as it is where there is none.
 
-        Its checks are those of the lesson: a translation that has others, or cannot be read, is not shown.
+        Its checks are those of the lesson: a translation that has others, or cannot be read, is not shown. An easy one
+        that is not there is the ordinary one of its language, and what teachers read is always the ordinary.
         """
         found = self._translations.get((lesson.name, language))
-        return lesson if found is None or _asked(found) != _asked(lesson) else found
+        if found is not None and _asked(found) != _asked(lesson):
+            found = None
+        if not language.endswith(SIMPLE):
+            return found or lesson
+        ordinary = self.translated(lesson, language.removesuffix(SIMPLE))
+        return ordinary if found is None else self._with_teachers_words(found, ordinary, language)
 
     def questions(self, lesson: Lesson, check: str) -> list[LessonQuestion]:
         """A question in the other languages that the lesson has."""
@@ -85,6 +96,15 @@ class LessonShelf:
         lessons = [one for one in found if isinstance(one, Lesson)]
         wrong = [str(one) for one in found if isinstance(one, ConfigError)]
         return sorted(lessons, key=lambda lesson: (lesson.number, lesson.name)), wrong
+
+    def _with_teachers_words(self, easy: Lesson, ordinary: Lesson, language: str) -> Lesson:
+        if any(step.for_teachers for step in easy.steps):
+            return easy
+        known = self._easy.get((easy.name, language))
+        if known is None or known[0] is not easy or known[1] is not ordinary:
+            whole = replace(easy, steps=(*easy.steps, *(step for step in ordinary.steps if step.for_teachers)))
+            known = self._easy[easy.name, language] = (easy, ordinary, whole)
+        return known[2]
 
     def _known(self) -> dict[str, Lesson | ConfigError]:
         if self._lessons is None:

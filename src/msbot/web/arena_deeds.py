@@ -17,9 +17,20 @@ from msbot.web.api.models import Done
 if TYPE_CHECKING:
     from msbot.sim.arena.living_arena import LivingArena
     from msbot.sim.arena.robot import ArenaRobot
+    from msbot.sim.arena.surroundings import Nearby
 
 MARKS = ("distance", "near", "line", "colour", "touch", "light", "sound", "magnet", "heading", "grip", "lamp", "tone")
 """Kinds of parts that are drawn on a robot, by the first word of what they sense or do."""
+
+
+STANDS_M_PER_S = 0.005
+MOST_NEARBY = 3
+"""Things near a robot that are told of."""
+_COMPASS = (
+    said("east"), said("north-east"), said("north"), said("north-west"), said("west"), said("south-west"),
+    said("south"), said("south-east"),
+)  # fmt: skip
+"""Up in the picture is north."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,19 +109,37 @@ class ArenaDeeds:
         return found
 
     def words(self) -> list[str]:
-        """Where the robots are, in words, for those who do not see the picture."""
-        found = []
-        for name, robot in self._world.arena.robots.items():
-            pose, speed = robot.pose, robot.body.velocity.length
-            areas = self._world.arena.plan.areas
-            place = next((area.name for area in areas if area.name and _is_in((pose.x, pose.y), area.corners)), "")
-            at = said("{name} is at {x:.2f}, {y:.2f} m", name=name, x=pose.x, y=pose.y)
-            looks = said("looks {degrees:.0f}° from east", degrees=math.degrees(pose.angle) % 360)
-            moves = said("drives {speed:.2f} m/s", speed=speed) if speed > 0.005 else said("stands")
-            held = robot.held is not None
-            more = [*([place] if place else []), *([said("holds a box")] if held else [])]
-            found.append(joined(", ", [at, looks, moves, *more]))
-        return found
+        """Where the robots are and what is near them, in words, for those who do not see the picture."""
+        return [self._described(name, robot, roughly=False) for name, robot in self._world.arena.robots.items()]
+
+    def told(self) -> list[str]:
+        """The same so roughly that it stays the same for a while: to be read out."""
+        return [self._described(name, robot, roughly=True) for name, robot in self._world.arena.robots.items()]
+
+    def _described(self, name: str, robot: ArenaRobot, *, roughly: bool) -> str:
+        from msbot.sim.arena.surroundings import surroundings
+
+        pose, speed = robot.pose, robot.body.velocity.length
+        areas = self._world.arena.plan.areas
+        place = next((area.name for area in areas if area.name and _is_in((pose.x, pose.y), area.corners)), "")
+        x, y = (round(one, 1 if roughly else 2) for one in (pose.x, pose.y))
+        turned = math.degrees(pose.angle) % 360
+        found: list[str] = [
+            said("{name} is at {x:g}, {y:g} m", name=name, x=x, y=y),
+            said("looks {where}", where=_COMPASS[round(turned / 45) % 8])
+            if roughly
+            else said("looks {degrees:.0f}° from east", degrees=turned),
+        ]
+        if speed <= STANDS_M_PER_S:
+            found.append(said("stands"))
+        else:
+            found.append(said("drives") if roughly else said("drives {speed:.2f} m/s", speed=speed))
+        if place:
+            found.append(place)
+        if robot.held is not None:
+            found.append(said("holds a box"))
+        found += [_nearby(one, roughly=roughly) for one in surroundings(self._world.arena, robot)[:MOST_NEARBY]]
+        return joined(", ", found)
 
     def pause(self, session: Session, *, paused: bool) -> Done:
         """Stop the world's time, or let it go on; the robot's own time is not the world's."""
@@ -184,6 +213,21 @@ class ArenaDeeds:
                 if (kind := seat.quantities[0].partition(".")[0]) in MARKS
             ],
         }
+
+
+def _nearby(one: Nearby, *, roughly: bool) -> str:
+    match one.sort.value:
+        case "wall":
+            what = said("a wall")
+        case "box":
+            what = said("the box {name}", name=one.name) if one.name else said("a box")
+        case _:
+            what = said("the robot {name}", name=one.name)
+    far = 100 * one.distance_m
+    where = {
+        "ahead": said("ahead"), "left": said("on the left"), "behind": said("behind it"), "right": said("on the right"),
+    }[one.side.value]  # fmt: skip
+    return said("{what} {cm:.0f} cm {where}", what=what, cm=10 * round(far / 10) if roughly else far, where=where)
 
 
 def _at(x: float, y: float) -> tuple[float, float]:

@@ -11,8 +11,22 @@ from playwright.sync_api import Page, expect
 from tests.e2e.processes import running
 from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import Site, go
+from tests.web.browser.keyboard import out_of_reach
 
 FRAMES = "window.msbotArenaFrames ? msbotArenaFrames() : 0"
+GAPS = """new Promise((done) => {
+  let frames = msbotArenaFrames(), at = performance.now();
+  const gaps = [], look = () => {
+    if (msbotArenaFrames() !== frames) {
+      gaps.push(performance.now() - at);
+      frames = msbotArenaFrames();
+      at = performance.now();
+    }
+    gaps.length < 4 ? requestAnimationFrame(look) : done(gaps);
+  };
+  look();
+})"""
+"""Milliseconds between pictures."""
 WHERE = "document.querySelector('.arena-robot').getAttribute('transform')"
 
 
@@ -24,8 +38,42 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield Site(process)
 
 
-def test_a_person_drives_drags_and_pauses_the_world(page: Page, demo: Site) -> None:
-    errors: list[str] = []
+@pytest.fixture
+def moving(blank: Page) -> Iterator[Page]:
+    """A tab of somebody who does not mind motion."""
+    blank.emulate_media(reduced_motion="no-preference")
+    yield blank
+    blank.emulate_media(reduced_motion="reduce")
+
+
+def test_who_does_not_want_motion_sees_it_less_often(moving: Page, demo: Site) -> None:
+    page = moving
+    go(page, f"{demo.base}/arena")
+    page.wait_for_function(f"{FRAMES} > 0")
+    assert min(page.evaluate(GAPS)) < 300
+    page.emulate_media(reduced_motion="reduce")
+    assert min(page.evaluate(GAPS)[1:]) > 450
+
+
+def test_what_is_seen_is_told_in_words_and_the_keyboard_comes_to_everything(blank: Page, demo: Site) -> None:
+    page = blank
+    go(page, f"{demo.base}/arena")
+    told = page.locator("#ms-arena-told")
+    expect(told).to_have_text(re.compile(r"robot is at [\d.]+, [\d.]+ m, looks [a-z-]+, (stands|drives).*\."))
+    assert out_of_reach(page) == []
+    robot = page.locator(".arena-robot")
+    page.get_by_role("button", name="Pause").click()
+    robot.focus()
+    before = told.text_content()
+    for _ in range(6):
+        page.keyboard.press("ArrowRight")
+    expect(told).not_to_have_text(before or "")
+    page.get_by_role("button", name="Begin anew").click()
+    page.get_by_role("button", name="Go on").click()
+
+
+def test_a_person_drives_drags_and_pauses_the_world(moving: Page, demo: Site) -> None:
+    page, errors = moving, list[str]()
     page.on("pageerror", lambda error: errors.append(str(error)))
     go(page, f"{demo.base}/arena")
     page.wait_for_function(f"{FRAMES} > 30")

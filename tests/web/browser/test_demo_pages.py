@@ -41,6 +41,7 @@ def test_every_page_opens_without_an_error_fits_and_can_be_read(blank: Page, dem
     for width in (1280, 390):
         page.set_viewport_size({"width": width, "height": 844})
         page.wait_for_function(FITS)
+    assert "<style" not in page.locator("body").inner_text(), "nothing of the page's making is read out"
     assert {url for url in asked if not url.startswith((demo.base, "data:", "blob:"))} == set(), "works offline"
     for dark in (False, True):
         assert hurdles(page, dark=dark) == []

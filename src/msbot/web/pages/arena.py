@@ -25,6 +25,8 @@ PUSH_S = 0.1
 SPEEDS = {"¼": 0.25, "½": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
 HELD_S = 0.8
 """Who drives by hand says so several times a second; after this long the robot is told to stand."""
+TOLD_S = 5.0
+"""What robots do is read out at most so often: who listens must be able to do something else, too."""
 POWER = 55.0
 BUTTONS = (
     ("up", "arrow_upward", "Ahead", (1, 1, 1, 1)),
@@ -63,6 +65,7 @@ class _ArenaPage:
         self._pilot = self._find_pilot()
         self._driven_at: float | None = None
         self._is_seen = True
+        self._told_at: float | None = None
         self._make()
         setup = {"host": self._host.html_id, "state": self._arena.state(), "may": page.may(Right.OPERATE),
                  "words": {"drag": page.say("drag it, or move it with the arrow keys; Shift turns it")}}  # fmt: skip
@@ -104,6 +107,7 @@ class _ArenaPage:
         with panel():
             heading(say("What the robots do and sense"))
             self._words = ui.html("", sanitize=False).classes("w-full")
+            self._voice = ui.label("").classes("sr").props("role=status id=ms-arena-told")
             self._table = ui.html("", sanitize=False).classes("w-full scroll").props("tabindex=0 id=ms-arena-senses")
 
     def _make_drive(self) -> None:
@@ -150,6 +154,7 @@ class _ArenaPage:
         self._pause.props(f"icon={'play_arrow' if self._arena.paused else 'pause'}")
         self._clock.set_text(page.say("{seconds:.0f} s in the world", seconds=self._arena.state()["t"]))
         set_html(self._words, render("lines", say=page.say, lines=self._arena.words()))
+        self._tell()
         rows = [
             [part.robot, part.slot, ", ".join(f"{name} {self._value(value)}" for name, value in part.values.items())]
             for part in self._arena.sensed()
@@ -161,6 +166,14 @@ class _ArenaPage:
             self._plug.set_visibility(not plugged)
             self._pad.set_visibility(plugged)
             self._hint.set_visibility(plugged)
+
+    def _tell(self) -> None:
+        """Have a screen reader say where the robots are: when that has changed, and not again and again."""
+        now = self._page.service.now()
+        words = " ".join(f"{self._page.say(one)}." for one in self._arena.told())
+        if words != self._voice.text and (self._told_at is None or now - self._told_at >= TOLD_S):
+            self._told_at = now
+            self._voice.set_text(words)
 
     def _value(self, value: float | bool) -> str:
         if isinstance(value, bool):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import inspect
 import logging
-from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -16,6 +16,7 @@ from fastapi import Request
 from nicegui import Client, ui
 
 from msbot.errors import ConfigError, MsbotError, NotThere
+from msbot.lessons.shelf import SIMPLE
 from msbot.operations.rights import Right
 from msbot.pnp import PartState
 from msbot.runtime.sentence import said
@@ -27,6 +28,7 @@ from msbot.web.html import render
 from msbot.web.language import COOKIE as LANGUAGE_COOKIE
 from msbot.web.language import Language, language_of, languages
 from msbot.web.pages.banner import show_banner
+from msbot.web.pages.easy import ENTRIES, is_easy, read_easily, show_easily
 from msbot.web.pages.help import help_button, offer_tour
 from msbot.web.pages.looking_back import PATHS, LookingBack
 from msbot.web.service import Service, done_of
@@ -82,6 +84,8 @@ class Page:
     service: Service
     session: Session
     language: Language
+    easy: bool = False
+    """Whether the person wants it easy to read."""
     refreshers: list[tuple[Refresh, ui.element | None]] = field(default_factory=list)
     reading: set[Refresh] = field(default_factory=set)
     """Refreshers that wait for what they show."""
@@ -100,6 +104,11 @@ class Page:
 
     def __post_init__(self) -> None:
         self.sight = LiveSight(self.service)
+
+    @property
+    def reads(self) -> str:
+        """In which language, and how, the person reads lessons, as in RFC 5646: `de`, or `de-simple`."""
+        return self.language.code + (SIMPLE if self.easy else "")
 
     @property
     def is_past(self) -> bool:
@@ -256,10 +265,13 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         title: its heading.
     """
     session = request.scope["state"]["session"]
-    page = Page(service, session, language_of(request), client=ui.context.client)
+    page = Page(service, session, language_of(request), is_easy(request), client=ui.context.client)
     ui.context.client.on_delete(page.closed)
     ui.add_head_html('<link rel="stylesheet" href="/web/msbot.css"><script src="/web/page.js"></script>')
-    ui.add_body_html(render("stop", say=page.say, csrf=session.csrf))
+    if page.easy:
+        show_easily()
+    # As a plain text: to markup NiceGUI could not add its own, which would be shown as text.
+    ui.add_body_html(str(render("stop", say=page.say, csrf=session.csrf)))
     ui.page_title(f"{page.say(title)} · {service.robot_name}")
     ui.run_javascript(f'document.documentElement.lang = "{page.language.code}"')
     dark = ui.dark_mode(_dark_of(request))
@@ -296,9 +308,19 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
 
 
 def _menu(page: Page, path: str) -> None:
-    for way in MENU:
-        if not page.may(way.right):
-            continue
+    ways = [way for way in MENU if page.may(way.right)]
+    others = [way for way in ways if page.easy and way.path not in ENTRIES and way.path != path]
+    _entries(page, path, [way for way in ways if way not in others])
+    if others:
+        with ui.element("details").classes("w-full"):
+            with ui.element("summary"):
+                ui.label(page.say("More"))
+            _entries(page, path, others)
+    _tell_lost(page)
+
+
+def _entries(page: Page, path: str, ways: Sequence[MenuEntry]) -> None:
+    for way in ways:
         with ui.link(target=way.path).props('aria-current="page"' if way.path == path else ""):
             ui.icon(way.icon, size="1.3rem").props("aria-hidden=true")
             ui.label(page.say(way.title))
@@ -306,7 +328,6 @@ def _menu(page: Page, path: str) -> None:
                 _count(page, lambda: len(lost_slots(page.service.robot())), "bad")
             elif way.path == "/arrivals":
                 _count(page, lambda: page.service.robot().arrivals, "")
-    _tell_lost(page)
 
 
 def _count(page: Page, of: Callable[[], int], look: str) -> None:
@@ -350,6 +371,9 @@ def _who(page: Page, dark: ui.dark_mode) -> None:
         )
         for mode, title in ((None, "As the device"), (False, "Light"), (True, "Dark")):
             ui.menu_item(page.say(title), partial(_set_dark, dark, mode))
+        ui.separator()
+        easy = page.say("Ordinary text") if page.easy else page.say("Easy to read")
+        ui.menu_item(easy, partial(read_easily, easy=not page.easy))
         ui.separator()
         for language in languages().values():
             ui.menu_item(language.name, partial(_set_language, language.code))

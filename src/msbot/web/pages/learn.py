@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 
 from fastapi import Request
 from nicegui import ui
 
 from msbot.errors import MsbotError
-from msbot.lessons.lesson import Lesson, LessonCheck
+from msbot.lessons.lesson import Lesson, LessonCheck, Step
 from msbot.lessons.progress import PersonInLesson, csv_of
 from msbot.operations.rights import Right
 from msbot.web.html import render
 from msbot.web.learning import text_html
+from msbot.web.pages.easy import read_easily
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import ask_first, heading, panel, set_html
 from msbot.web.service import Service
@@ -25,6 +26,9 @@ def register(service: Service) -> None:
     @ui.page("/learn")
     def learn(request: Request) -> None:
         with page_frame(service, request, "/learn", "Learn") as page:
+            with ui.element("div").classes("row"):
+                easy = page.say("Ordinary text") if page.easy else page.say("Easy to read")
+                ui.button(easy, icon="menu_book", on_click=partial(read_easily, easy=not page.easy)).props("outline")
             _Running(page)
             _Shelf(page)
             _Progress(page)
@@ -33,7 +37,7 @@ def register(service: Service) -> None:
     async def certificate(request: Request, lesson: str) -> None:
         with page_frame(service, request, "/learn", "Certificate") as page:
             try:
-                done = await service.learning.done(page.session, lesson, page.language.code)
+                done = await service.learning.done(page.session, lesson, page.reads)
             except MsbotError as error:
                 ui.label(page.say(str(error))).classes("ms-banner warn")
                 return
@@ -60,10 +64,12 @@ class _Running:
         self._answers: dict[str, ui.element] = {}
         self._head: ui.html | None = None
         self._buttons: dict[str, ui.button] = {}
+        self._steps: _OneByOne | None = None
+        """Shows one step at a time to who reads easily."""
         page.every_look(self._show)
 
     def _show(self) -> None:
-        lesson = self._page.service.learning.lesson(self._page.language.code)
+        lesson = self._page.service.learning.lesson(self._page.reads)
         if lesson is not self._shown:
             self._shown = lesson
             self._box.clear()
@@ -72,6 +78,7 @@ class _Running:
             self._answers.clear()
             self._buttons.clear()
             self._head = None
+            self._steps = None
             if lesson is not None:
                 with self._box:
                     self._build(lesson)
@@ -90,16 +97,20 @@ class _Running:
                     if page.may(Right.DESIGN):
                         ui.button(say("End the lesson"), icon="logout", on_click=self._end).props("outline")
             self._head = ui.html("", sanitize=False).classes("w-full")
+        panels: list[tuple[Step, ui.element]] = []
         for step in lesson.steps:
             if step.for_teachers and not page.may(Right.ARRANGE):
                 continue
-            with panel():
+            with panel() as shown:
+                panels.append((step, shown))
                 heading(step.title)
                 for block in step.blocks:
                     if isinstance(block, LessonCheck):
                         self._check(block)
                     else:
                         ui.html(text_html(block), sanitize=False).classes("handbook w-full")
+        if page.easy:
+            self._steps = _OneByOne(page, panels)
 
     def _button(self, name: str, words: str, icon: str, deed: object) -> None:
         if self._page.may(Right.OPERATE):
@@ -141,6 +152,8 @@ class _Running:
         if self._head is not None:
             set_html(self._head, render("lesson_head", say=say, ticked=ticked, checks=len(checks), people=people,
                                         hands=list(hands), done=now.get("done"), trouble=now.get("trouble")))  # fmt: skip
+        if self._steps is not None:
+            self._steps.follow({str(one["check"]) for one in checks if one["ticked"]})
         hint = now.get("hint")
         stuck = hint if isinstance(hint, dict) else {}
         for one in checks:
@@ -163,21 +176,63 @@ class _Running:
                 self._buttons[button].set_visibility(is_shown)
 
 
+class _OneByOne:
+    """Shows one step of a lesson at a time; the person goes on, and back, by two buttons."""
+
+    def __init__(self, page: Page, panels: Sequence[tuple[Step, ui.element]]) -> None:
+        self._page = page
+        self._panels = panels
+        self._at: int | None = None
+        with ui.element("nav").classes("row spread w-full").props(f'aria-label="{page.say("Sheets")}"'):
+            self._where = ui.label("").classes("num w-full").props("role=status")
+            self._back = ui.button(page.say("Back"), icon="arrow_back", on_click=partial(self._go, -1)).props("outline")
+            self._on = ui.button(page.say("Next sheet"), icon="arrow_forward", on_click=partial(self._go, 1))
+
+    def follow(self, ticked: Collection[str]) -> None:
+        """Begin where the person is; afterwards say whether the step is done."""
+        open_checks = [[check for check in step.checks if check.name not in ticked] for step, _ in self._panels]
+        if self._at is None:
+            self._at = next((at for at, missing in enumerate(open_checks) if missing), 0) if ticked else 0
+            self._show()
+        if open_checks[self._at]:
+            self._on.props("outline")
+        else:
+            self._on.props(remove="outline")
+
+    def _go(self, steps: int) -> None:
+        assert self._at is not None
+        self._at = min(max(self._at + steps, 0), len(self._panels) - 1)
+        self._show()
+        # Where the eyes go, the keyboard and the reading voice go, too.
+        ui.run_javascript(f"document.getElementById('{self._panels[self._at][1].html_id}').focus()")
+        self._page.refresh()
+
+    def _show(self) -> None:
+        assert self._at is not None
+        for number, (_, shown) in enumerate(self._panels):
+            shown.props("tabindex=-1").set_visibility(number == self._at)
+        self._back.set_enabled(self._at > 0)
+        self._on.set_enabled(self._at < len(self._panels) - 1)
+        self._where.set_text(self._page.say("Sheet {at} of {sheets}", at=self._at + 1, sheets=len(self._panels)))
+
+
 class _Shelf:
     """The lessons that there are."""
 
     def __init__(self, page: Page) -> None:
         self._page = page
         self._seen: object = None
-        with panel():
+        with panel() as self._panel:
             heading(page.say("Lessons"))
             self._list = ui.column().classes("w-full").style("gap:0")
         page.every_look(self._show)
 
     def _show(self) -> None:
         page, say = self._page, self._page.say
-        lessons, wrong = page.service.learning.lessons(page.language.code)
-        seen = ([id(one) for one in lessons], wrong, page.service.learning.lesson("en") is None)
+        lessons, wrong = page.service.learning.lessons(page.reads)
+        nothing_runs = page.service.learning.lesson("en") is None
+        self._panel.set_visibility(nothing_runs or not page.easy)
+        seen = ([id(one) for one in lessons], wrong, nothing_runs)
         if seen == self._seen:
             return
         self._seen = seen
@@ -196,7 +251,7 @@ class _Shelf:
                         words = say("{minutes} minutes · {checks} checks", minutes=lesson.minutes,
                                     checks=len(lesson.checks))  # fmt: skip
                         ui.label(words).classes("soft num")
-                    if page.may(Right.DESIGN) and page.service.learning.lesson("en") is None:
+                    if page.may(Right.DESIGN) and nothing_runs:
                         ui.button(say("Begin"), icon="play_arrow", on_click=partial(self._begin, lesson)).props(
                             f'outline aria-label="{say("Begin")}: {lesson.title}"'
                         )
@@ -224,7 +279,7 @@ class _Progress:
 
     async def _show(self) -> None:
         page, say = self._page, self._page.say
-        rows = await page.service.learning.progress(page.session, page.language.code)
+        rows = await page.service.learning.progress(page.session, page.reads)
         if rows == self._rows:
             return
         self._rows = rows

@@ -47,6 +47,10 @@ def simulator_panel(page: Page, slot: str, *, title: str = "") -> None:
     plugged.on_value_change(plug)
 
 
+_HELD = '(event) => { if ([" ", "Enter"].includes(event.key) && !event.repeat) emit(); }'
+"""A button that is pressed as long as its key is."""
+
+
 def _control(page: Page, slot: str, control: ControlLine) -> None:
     title = page.say(control.words) or control.name
     unit = f" [{control.unit}]" if control.unit else ""
@@ -58,6 +62,9 @@ def _control(page: Page, slot: str, control: ControlLine) -> None:
         button = ui.button(title, icon="touch_app").props("outline")
         button.on("pointerdown", lambda: changed(not control.value)).on("pointerup", lambda: changed(control.value))
         button.on("pointerleave", lambda: changed(control.value))
+        button.on("keydown", lambda: changed(not control.value), js_handler=_HELD)
+        button.on("keyup", lambda: changed(control.value), js_handler=_HELD)
+        button.on("blur", lambda: changed(control.value))
     elif control.kind == "bool":
         ui.switch(title, value=bool(control.value), on_change=lambda event: changed(event.value))
     elif control.kind == "number" and control.least is not None and control.most is not None:

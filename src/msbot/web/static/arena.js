@@ -4,6 +4,9 @@ const msbotArena = (() => {
   const BEHIND_MS = 150, MOST_STATES = 8, MOST_TRAIL = 900, TRAIL_MM = 8, PUT_MS = 80, DRIVE_MS = 250, NUDGE_MM = 50, NUDGE_DEG = 15;
   const NS = "http://www.w3.org/2000/svg";
   const COLOURS = { distance: "#fff", near: "#fff", line: "#f0c", colour: "#0c6", touch: "#f80", light: "#fd0", sound: "#9cf", magnet: "#f33", heading: "#fff", grip: "#bbb", tone: "#c9f" };
+  // Whoever does not want motion sees a still picture, and another one twice a second.
+  const calm = matchMedia("(prefers-reduced-motion: reduce)"), CALM_MS = 500;
+  let drawnAt = -CALM_MS;
   let host = null, svg = null, height = 0, whole = null, states = [], trails = {}, shown = { trails: true, rays: true };
   let frames = 0, held = null, words = {}, may = false, driving = null, driven = null, marks = {};
 
@@ -66,6 +69,8 @@ const msbotArena = (() => {
     if (!document.contains(svg)) return;
     requestAnimationFrame(draw);
     if (document.hidden || !states.length) return;
+    if (calm.matches && performance.now() - drawnAt < CALM_MS) return;
+    drawnAt = performance.now();
     frames += 1;
     const at = performance.now() - BEHIND_MS;
     let later = states.findIndex((state) => state.at > at);

@@ -1,0 +1,180 @@
+"""Whole lessons in a real browser, as pupils do them: with the mouse, by keyboard only, and easy to read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from tests.web.browser.accessible import hurdles
+from tests.web.browser.conftest import Site, go
+from tests.web.browser.keyboard import out_of_reach, tab_to
+
+
+@pytest.fixture
+def learn(blank: Page, demo: Site) -> Iterator[Page]:
+    """The page Learn; whatever lesson has begun is ended afterwards."""
+    go(blank, f"{demo.base}/learn")
+    yield blank
+    blank.context.clear_cookies(name="msbot_easy")
+    go(blank, f"{demo.base}/learn")
+    blank.get_by_role("button", name="End the lesson").click()
+    blank.get_by_role("button", name="Yes").click()
+    expect(blank.get_by_text("everything is as it was before")).to_be_visible()
+
+
+@pytest.fixture
+def robot(learn: Page, demo: Site) -> Iterator[Page]:
+    """The page Robot in a second tab, as pupils have it."""
+    tab = learn.context.new_page()
+    go(tab, demo.base)
+    yield tab
+    tab.close()
+
+
+def ticked(page: Page, number: int) -> None:
+    expect(page.get_by_text(f"{number} of 8 checks have ticked.")).to_be_visible()
+
+
+def button(page: Page, name: str) -> Locator:
+    return page.get_by_role("button", name=name).first
+
+
+def test_a_lesson_with_the_mouse(learn: Page, robot: Page) -> None:
+    def answer(choice: str) -> None:
+        learn.get_by_role("combobox", name="Answer").first.click()
+        learn.get_by_role("option", name=choice).click()
+        button(learn, "Answer").click()
+
+    learn.get_by_role("button", name="Begin: The first part").click()
+    ticked(learn, 1)
+    learn.get_by_label("Answer").first.fill("10")
+    button(learn, "Answer").click()
+    ticked(learn, 2)
+    button(robot, "Plug knob in").click()
+    ticked(learn, 3)
+    knob = button(robot, "Open slot knob")
+    knob.click()
+    slider = robot.get_by_role("slider").first
+    for share, shown in ((0.02, r"percent [0-4]\b"), (0.98, r"percent 9[6-9]")):
+        box = slider.bounding_box()
+        assert box is not None
+        robot.mouse.click(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
+        expect(knob).to_contain_text(re.compile(shown))
+    button(robot, "Close").click()
+    ticked(learn, 4)
+    answer("it stands still")
+    ticked(learn, 5)
+    button(robot, "Unplug knob").click()
+    ticked(learn, 6)
+    answer("it went to its safe value, 0 %")
+    ticked(learn, 7)
+    button(robot, "Plug knob in").click()
+    ticked(learn, 8)
+    learn.get_by_role("row", name="The first part").get_by_role("link", name="Certificate").click()
+    expect(learn.get_by_text("The first part")).to_be_visible()
+
+
+def test_a_lesson_by_keyboard_only(learn: Page, robot: Page) -> None:
+    def press(target: Locator) -> None:
+        tab_to(target.page, target)
+        target.page.keyboard.press("Enter")
+
+    def answer(words: str) -> None:
+        tab_to(learn, learn.get_by_role("textbox", name="Answer").first)
+        learn.keyboard.type(words)
+        learn.keyboard.press("Enter")
+
+    def turn(key: str, shown: str) -> None:
+        press(button(robot, "Open slot knob"))
+        tab_to(robot, robot.get_by_role("slider").first)
+        for _ in range(20):
+            robot.keyboard.press(key)
+        expect(button(robot, "Open slot fan")).to_contain_text(shown)
+        robot.keyboard.press("Escape")
+        expect(robot.locator(".ms-drawer")).to_be_hidden()
+
+    press(button(learn, "Begin: A part dies"))
+    ticked(learn, 0)
+    turn("PageUp", "percent 100")
+    ticked(learn, 1)
+    learn.keyboard.press("Escape")
+    learn.keyboard.press("Escape")  # STOP
+    ticked(learn, 2)
+    tab_to(learn, learn.get_by_role("combobox", name="Answer").first)
+    learn.keyboard.press("Enter")
+    expect(learn.get_by_role("option", name="it stands still")).to_be_visible()
+    for key in ("ArrowDown", "ArrowDown", "Enter"):
+        learn.keyboard.press(key)
+    press(button(learn, "Answer"))
+    ticked(learn, 3)
+    press(button(learn, "Go on"))
+    ticked(learn, 4)
+    press(button(robot, "Unplug knob"))
+    ticked(learn, 5)
+    answer("6")
+    ticked(learn, 6)
+    press(button(robot, "Open slot knob"))
+    expect(robot.locator(".ms-drawer .why")).to_contain_text("late")
+    robot.keyboard.press("Escape")
+    answer("late")
+    ticked(learn, 7)
+    press(button(robot, "Plug knob in"))
+    expect(button(robot, "Open slot knob")).to_contain_text("active")
+    turn("PageUp", "percent 100")
+    turn("PageDown", "percent 0")
+    ticked(learn, 8)
+    press(learn.get_by_role("row", name="A part dies").get_by_role("link", name="Certificate"))
+    expect(learn.get_by_text("A part dies")).to_be_visible()
+
+
+def test_a_lesson_easy_to_read(learn: Page, demo: Site) -> None:
+    page = learn
+    page.get_by_role("button", name="Easy to read").click()
+    page.get_by_role("button", name="Ordinary text").wait_for()
+    page.wait_for_function("window.did_handshake && window.socket.connected")
+    page.get_by_role("button", name="Begin: The first part").click()
+    ticked(page, 1)
+    assert page.get_by_role("heading", level=2, name="2. Plug it in").is_hidden()
+    for sheet in (2, 3, 1):
+        page.get_by_role("button", name="Back" if sheet == 1 else "Next sheet").click()
+        if sheet == 1:
+            page.get_by_role("button", name="Back").click()
+        expect(page.get_by_text(f"Sheet {sheet} of 8")).to_be_visible()
+    page.get_by_role("button", name="Next sheet").click()
+    expect(page.get_by_text("Count the cards. How many are there?")).to_be_visible()
+    page.get_by_label("Answer").first.fill("10")
+    page.get_by_role("button", name="Answer").first.click()
+    ticked(page, 2)
+    menus = page.get_by_role("navigation").first
+    assert menus.get_by_role("link", name="Journal").is_hidden()
+    menus.get_by_text("More").click()
+    expect(menus.get_by_role("link", name="Journal")).to_be_visible()
+    for path in ("/learn", "/"):  # with a card whose part is gone
+        go(page, demo.base + path)
+        for width in (1280, 390):
+            page.set_viewport_size({"width": width, "height": 844})
+            page.wait_for_function("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+        for dark in (False, True):
+            assert hurdles(page, dark=dark) == []
+
+
+@pytest.mark.parametrize("path", ["/learn", "/", "/?slot=button", "/arrivals", "/bus", "/wires", "/program"])
+def test_the_keyboard_comes_to_everything_that_a_mouse_does(blank: Page, demo: Site, path: str) -> None:
+    go(blank, demo.base + path)
+    if "slot" in path:
+        blank.locator(".ms-drawer").wait_for()
+    assert out_of_reach(blank) == []
+
+
+def test_what_is_held_with_the_mouse_can_be_held_by_a_key(blank: Page, demo: Site) -> None:
+    page = blank
+    go(page, f"{demo.base}/?slot=button")
+    tab_to(page, page.locator(".ms-drawer .panel button").filter(has_text="press").first)
+    page.keyboard.down(" ")
+    card = page.get_by_role("button", name="Open slot button")
+    expect(card).to_contain_text("on on")
+    page.keyboard.up(" ")
+    expect(card).to_contain_text("on off")
