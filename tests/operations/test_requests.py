@@ -16,6 +16,9 @@ from msbot.lessons.lesson_desk import LessonDesk
 from msbot.lessons.shelf import LessonShelf
 from msbot.operations.dispatch import perform
 from msbot.operations.table import OPERATIONS
+from msbot.sim.arena.arena import Arena
+from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.world_reader import open_world
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
 MISSION = '[mission]\ntitle = "T"\nstory = "S"\nhints = ["H"]\n[[fault]]\nkind = "loss"\nat = "AA"\nafter_s = 9\n'
@@ -57,6 +60,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
         stage.operations.recording.use(Tape())
         MissionLab(stage.operations, FaultLab(stage.operations))
         LessonDesk(stage.operations, LessonShelf())
+        stage.operations.worlds.use(LivingArena(Arena(open_world("line"))))
         done = {
             "swap": await ask(stage, "swap", slot="BB", to="DD"),
             "release": await ask(stage, "release", slot="CC"),
@@ -100,6 +104,12 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "hand": await ask(stage, "hand", down=True),
             "lesson": await ask(stage, "lesson"),
             "stop_lesson": await ask(stage, "stop_lesson"),
+            "pause_world": await ask(stage, "pause_world"),
+            "step_world": await ask(stage, "step_world", steps=25),
+            "put_robot": await ask(stage, "put_robot", robot="robot", x=0.5, y=0.75, heading=90),
+            "world": await ask(stage, "world"),
+            "world_speed": await ask(stage, "world_speed", speed=2),
+            "reset_world": await ask(stage, "reset_world"),
             "ignore": await ask(stage, "ignore", part="DD"),
             "simulate": await ask(stage, "simulate", slot="CC"),
             "identify": await ask(stage, "identify", part="AA"),
@@ -115,6 +125,9 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
         assert {name: answer["error"] for name, answer in done.items() if "error" in answer} == {}
         assert done["set"] == {"words": "period_s of AA: 1 s -> 2 s", "edit": done["set"]["edit"]}
         assert done["recording"] == {"file": str(tmp_path / "a.mcap")}
+        assert done["step_world"]["words"] == "0.5 s have passed in the world"
+        assert done["world"]["robots"] == {"robot": {"x": 0.5, "y": 0.75, "heading": 90.0, "parts": []}}
+        assert (done["world"]["paused"], done["world"]["seconds"]) == (True, 0.5)
         assert done["stored"] == {"trouble": "", "waiting": 0}
         assert done["stop_report"]["reason"] == "hand in the gear"
         edits = done["edits"]["edits"]

@@ -65,6 +65,8 @@ LEAST = {
     "mission_report": Role.VIEWER,
     "start_lesson": Role.TEACHER, "stop_lesson": Role.TEACHER,
     "join_lesson": Role.STUDENT, "answer_lesson": Role.STUDENT, "hand": Role.STUDENT, "lesson": Role.VIEWER,
+    "pause_world": Role.STUDENT, "step_world": Role.STUDENT, "reset_world": Role.STUDENT, "world_speed": Role.STUDENT,
+    "put_robot": Role.STUDENT, "world": Role.VIEWER,
 }  # fmt: skip
 """Who may do each operation of the table at least; said twice on purpose."""
 

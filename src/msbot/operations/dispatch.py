@@ -37,6 +37,7 @@ from msbot.operations.stored_robot import StoredRobot
 from msbot.operations.table import OPERATIONS, Kept
 from msbot.operations.undoing import StoredUndoing, Undoing
 from msbot.operations.wires import Wires
+from msbot.operations.worlds import Worlds
 from msbot.registry import Registry, RobotRecord
 from msbot.runtime.sentence import said
 
@@ -178,9 +179,11 @@ class RunningOperations(Operations):
         self.faults = Faults(running)
         self.missions = Missions(running)
         self.lessons = Lessons(running)
+        self.worlds = Worlds()
         super().__init__(
             SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
             self.applying, self.by_hand, self.recording, self.faults, self.missions, self.lessons,
+            self.worlds,
             Blocking(running), Wires(running),
             described, self.stand_ins, BusObjects(running),
         )  # fmt: skip

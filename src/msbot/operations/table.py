@@ -382,6 +382,36 @@ _ROWS = (
         Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /lesson/hand",
     ),
     Operation("lesson", "The lesson that runs, what has ticked, and a hint for who is stuck."),
+    Operation(
+        "pause_world", "Stop the time of the world that simulated robots drive in.",
+        (Argument("off", ArgumentKind.FLAG, default=False, option="--off", help="Let it go on."),),
+        Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /world/pause",
+    ),
+    Operation(
+        "step_world", "Let some steps pass in the world, a fiftieth of a second each; it stands still afterwards.",
+        (Argument("steps", ArgumentKind.WHOLE, default=1, least=1, most=500, option="--steps", help="How many."),),
+        Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /world/step",
+    ),
+    Operation(
+        "reset_world", "Put everything in the world back to where it was at the start.",
+        (), Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /world/reset",
+    ),
+    Operation(
+        "world_speed", "Say how many seconds pass in the world in one second.",
+        (Argument("speed", ArgumentKind.NUMBER, is_needed=True, least=0.25, most=4.0, shown_as="SPEED",
+                  help="0.25, 0.5, 1, 2 or 4."),),
+        Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /world/speed",
+    ),
+    Operation(
+        "put_robot", "Put a robot of the world elsewhere.",
+        (Argument("robot", is_needed=True, shown_as="ROBOT", help="Its name in the world."),
+         Argument("x", ArgumentKind.NUMBER, is_needed=True, shown_as="X", help="Metres from the left."),
+         Argument("y", ArgumentKind.NUMBER, is_needed=True, shown_as="Y", help="Metres from below."),
+         Argument("heading", ArgumentKind.NUMBER, option="--heading",
+                  help="Degrees from east, counter-clockwise; left out: as it looks now.")),
+        Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /world/put",
+    ),
+    Operation("world", "The world that simulated robots drive in: its time, and where everything is."),
     Operation("stored", "Wait until what the robot has said is in its database, as far as that is possible."),
     Operation("why", "The state of a part, and which rules led there.", (_part("The part."),)),
 )  # fmt: skip

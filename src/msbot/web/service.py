@@ -33,7 +33,7 @@ from msbot.web.api.models import (
     UserLine,
     Value,
 )
-from msbot.web.arena_deeds import ArenaDeeds
+from msbot.web.arena_sight import ArenaSight
 from msbot.web.examining import Examining
 from msbot.web.learning import Learning
 from msbot.web.local_masters import LocalMasters
@@ -94,7 +94,7 @@ class Service:
             views.endpoints,
         )  # fmt: skip
         """What the recorder has."""
-        self.arena = ArenaDeeds(arena, accounts)
+        self.arena = ArenaSight(arena)
         self.programs = ProgramDeeds(programs or NoShelf(), accounts)
         self.learning = learning or Learning(None, None, accounts)
         self._seen_robot: tuple[float, int, Robot] | None = None

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.options import json_option
+from msbot.cli.change.robot_access import perform, say
+from msbot.cli.options import answer_options, json_option, robot_options
 from msbot.errors import ConfigError
 
 
 @click.group("arena")
 def command() -> None:
-    """Worlds for simulated robots: list those that MsBOT brings, check a world file, show what is in one."""
+    """Worlds for simulated robots: list, check and show them; stop and go on in that of the robot that runs here."""
 
 
 @command.command("list")
@@ -70,3 +71,56 @@ def show(world: str, svg: Path | None, *, as_json: bool) -> None:
         except OSError as error:
             raise ConfigError(f"cannot write {svg}: {error.strerror}") from None
     click.echo(json.dumps(world_json(plan)) if as_json else world_page(plan))
+
+
+@command.command("status")
+@json_option
+@robot_options
+def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
+    """Say what time it is in the world of the robot that runs here, and where everything is."""
+    from msbot.cli.arena.view import status_page
+
+    found = perform(db, robot, "world", {})
+    click.echo(json.dumps(found) if as_json else status_page(found))
+
+
+@command.command("pause")
+@click.option("--off", is_flag=True, help="Let it go on.")
+@answer_options
+def pause(db: str | None, robot: str | None, *, off: bool) -> None:
+    """Stop the time of the world of the robot that runs here; the robot's own time goes on."""
+    say(db, robot, "pause_world", {"off": off})
+
+
+@command.command("step")
+@click.option("--steps", type=click.IntRange(1, 500), default=1, help="How many; a fiftieth of a second each.")
+@answer_options
+def step(db: str | None, robot: str | None, steps: int) -> None:
+    """Let a step pass in that world; it stands still afterwards."""
+    say(db, robot, "step_world", {"steps": steps})
+
+
+@command.command("reset")
+@answer_options
+def reset(db: str | None, robot: str | None) -> None:
+    """Put everything in that world back to where it was at the start."""
+    say(db, robot, "reset_world", {})
+
+
+@command.command("speed")
+@click.argument("speed", type=float)
+@answer_options
+def speed(speed: float, db: str | None, robot: str | None) -> None:
+    """Let time pass slower or faster in that world: 0.25, 0.5, 1, 2 or 4."""
+    say(db, robot, "world_speed", {"speed": speed})
+
+
+@command.command("put")
+@click.argument("name", metavar="ROBOT")
+@click.argument("at", nargs=2, type=float, metavar="X Y")
+@click.option("--heading", type=float, metavar="DEGREES", help="From east, counter-clockwise; else as it looks now.")
+@answer_options
+def put(name: str, at: tuple[float, float], heading: float | None, db: str | None, robot: str | None) -> None:
+    """Put a robot of that world elsewhere: metres from the left and from below."""
+    turned = {} if heading is None else {"heading": heading}
+    say(db, robot, "put_robot", {"robot": name, "x": at[0], "y": at[1], **turned})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from msbot.sim.arena.world import PartPlace, RobotPlan, WorldPlan
 
 
@@ -72,3 +74,16 @@ def _mount(mount: PartPlace) -> str:
     if mount.on:
         words.append(f"on {mount.on}")
     return ", ".join(words) or "where it fits"
+
+
+def status_page(found: Mapping[str, object]) -> str:
+    """Where everything is in a running world, for people."""
+    state = "stands still" if found["paused"] else f"speed {found['speed']:g}"
+    lines = [f"{found['world']}: {found['seconds']:.1f} s, {state}"]
+    for kind in ("robots", "boxes"):
+        things = found[kind]
+        assert isinstance(things, Mapping)
+        for name, at in things.items():
+            parts = f"; parts: {', '.join(at['parts'])}" if at.get("parts") else ""
+            lines.append(f"  {name:<16} {at['x']:.2f}, {at['y']:.2f} m, {at['heading']:.0f} degrees{parts}")
+    return "\n".join(lines)

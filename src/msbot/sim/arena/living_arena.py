@@ -7,6 +7,7 @@ and counted; nothing is caught up in a jump.
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -106,6 +107,20 @@ class LivingArena:
     def reset(self) -> None:
         """Begin anew."""
         self.arena.reset()
+
+    def as_json(self) -> dict[str, object]:
+        """Its time in seconds, and where everything is in metres and degrees, for programs."""
+        robots = self.arena.robots
+        places = {
+            name: {"x": round(pose.x, 4), "y": round(pose.y, 4), "heading": round(math.degrees(pose.angle) % 360, 2)}
+            for name, pose in self.arena.poses().items()
+        }
+        return {
+            "world": self.arena.plan.name, "seconds": round(self.arena.now, 2), "paused": self.paused,
+            "speed": self.speed, "lost_s": round(self.lost_s, 2),
+            "robots": {name: {**places[name], "parts": list(self.slots(name))} for name in robots},
+            "boxes": {name: place for name, place in places.items() if name not in robots},
+        }  # fmt: skip
 
     def step(self) -> None:
         """Let one tick pass in a world that is paused."""

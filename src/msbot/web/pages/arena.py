@@ -183,24 +183,22 @@ class _ArenaPage:
     # What a person does.
 
     async def _pause_it(self) -> None:
-        paused = not self._arena.paused
-        await self._page.do(lambda session: self._arena.pause(session, paused=paused), quiet=True)
+        await self._page.act("pause_world", off=self._arena.paused, quiet=True)
 
     async def _step_it(self) -> None:
-        await self._page.do(self._arena.step, quiet=True)
+        await self._page.act("step_world", quiet=True)
 
     async def _reset_it(self) -> None:
-        if await self._page.do(self._arena.reset) is not None:
+        if await self._page.act("reset_world") is not None:
             ui.run_javascript("msbotArena.forget()")
 
     async def _speed_chosen(self) -> None:
-        speed = SPEEDS[str(self._speed.value)]
-        await self._page.do(lambda session: self._arena.set_speed(session, speed), quiet=True)
+        await self._page.act("world_speed", speed=SPEEDS[str(self._speed.value)], quiet=True)
 
     async def _put(self, event: GenericEventArguments) -> None:
         name, x, y, heading_deg = event.args
-        turned = None if heading_deg is None else float(heading_deg)
-        await self._page.do(lambda session: self._arena.put(session, str(name), float(x), float(y), turned), quiet=True)
+        turned = {} if heading_deg is None else {"heading": float(heading_deg)}
+        await self._page.act("put_robot", robot=str(name), x=float(x), y=float(y), **turned, quiet=True)
 
     def _seen(self, event: GenericEventArguments) -> None:
         """The page is looked at again, or no more."""

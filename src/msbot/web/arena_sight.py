@@ -1,4 +1,4 @@
-"""The world of a robot as the page shows it, and what people may do to it."""
+"""The world of a robot as the page shows it, in numbers and in words."""
 
 from __future__ import annotations
 
@@ -8,11 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from msbot.errors import ConfigError
-from msbot.operations.rights import Right
 from msbot.runtime.sentence import joined, said
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.sessions import Session
-from msbot.web.api.models import Done
 
 if TYPE_CHECKING:
     from msbot.sim.arena.living_arena import LivingArena
@@ -42,17 +38,15 @@ class SensingPart:
     values: Mapping[str, float | bool]
 
 
-class ArenaDeeds:
+class ArenaSight:
     """See the module's docstring.
 
     Args:
         living: the world; None: the robot is in none that this program has.
-        accounts: who may do what.
     """
 
-    def __init__(self, living: LivingArena | None, accounts: Accounts) -> None:
+    def __init__(self, living: LivingArena | None) -> None:
         self._living = living
-        self._accounts = accounts
 
     @property
     def is_there(self) -> bool:
@@ -141,55 +135,11 @@ class ArenaDeeds:
         found += [_nearby(one, roughly=roughly) for one in surroundings(self._world.arena, robot)[:MOST_NEARBY]]
         return joined(", ", found)
 
-    def pause(self, session: Session, *, paused: bool) -> Done:
-        """Stop the world's time, or let it go on; the robot's own time is not the world's."""
-        self._need(session)
-        self._world.paused = paused
-        return Done(words=said("the world stands still") if paused else said("the world goes on"))
-
-    def step(self, session: Session) -> Done:
-        """Let a fiftieth of a second pass in a world that stands still."""
-        self._need(session)
-        self._world.paused = True
-        self._world.step()
-        return Done(words=said("a fiftieth of a second has passed"))
-
-    def set_speed(self, session: Session, speed: float) -> Done:
-        """How quickly time passes in the world.
-
-        Raises:
-            ConfigError: it has no such speed.
-        """
-        self._need(session)
-        self._world.speed = speed
-        return Done(words=said("the world's speed is {speed:g}", speed=speed))
-
-    def reset(self, session: Session) -> Done:
-        """Begin anew."""
-        self._need(session)
-        self._world.reset()
-        return Done(words=said("the world has begun anew"))
-
-    def put(self, session: Session, robot: str, x: float, y: float, heading_deg: float | None) -> Done:
-        """Take a robot by hand and put it elsewhere; metres and degrees.
-
-        Raises:
-            ConfigError: there is no such robot, or no such place.
-        """
-        self._need(session)
-        if not all(math.isfinite(value) for value in (x, y, heading_deg or 0.0)):
-            raise ConfigError(said("a place is two numbers in metres"))
-        self._world.put(robot, (x, y), heading_deg)
-        return Done(words=said("{robot} is put elsewhere", robot=robot))
-
     @property
     def _world(self) -> LivingArena:
         if self._living is None:
             raise ConfigError(said("this robot is in no world: start it with msbot demo --world line"))
         return self._living
-
-    def _need(self, session: Session) -> None:
-        self._accounts.require(session, Right.OPERATE)
 
     def _robot(self, robot: ArenaRobot) -> dict[str, object]:
         pose, senses = robot.pose, self._world.arena.senses
