@@ -13,10 +13,11 @@ import pytest
 from msbot.cli.change.verbs import WRITTEN_BY_HAND, verb
 from msbot.operations.blocking import Blocking, StoredBlocking
 from msbot.operations.dispatch import RunningOperations
+from msbot.operations.operation import Kept, Where
 from msbot.operations.placement import Placement
 from msbot.operations.settings import SlotSettings
 from msbot.operations.stored_placement import StoredPlacement
-from msbot.operations.table import OPERATIONS, Kept, Where
+from msbot.operations.table import OPERATIONS
 from msbot.operations.undoing import StoredUndoing
 from msbot.operations.wires import Wires
 from msbot.registry import EditKind

@@ -12,8 +12,9 @@ import pytest
 
 from msbot import doctor
 from msbot.errors import MsbotError, NotThere
+from msbot.operations.operation import ArgumentKind
 from msbot.operations.rights import Role
-from msbot.operations.table import OPERATIONS, ArgumentKind
+from msbot.operations.table import OPERATIONS
 from msbot.web.access.accounts import NotAllowed, SignedOut
 from msbot.web.access.class_list import Newcomer
 from msbot.web.access.sessions import Session

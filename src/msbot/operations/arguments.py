@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from msbot.errors import ConfigError
-from msbot.operations.table import Argument, ArgumentKind, Operation
+from msbot.operations.operation import Argument, ArgumentKind, Operation
 from msbot.runtime.sentence import said
 
 

@@ -23,6 +23,7 @@ from msbot.operations.described_parts import DescribedParts
 from msbot.operations.faults import Faults
 from msbot.operations.lessons import Lessons
 from msbot.operations.missions import Missions
+from msbot.operations.operation import Kept
 from msbot.operations.outcome import Outcome
 from msbot.operations.placement import Placement
 from msbot.operations.recording import Recording
@@ -34,7 +35,7 @@ from msbot.operations.stand_ins import StandIns
 from msbot.operations.stop_and_go import Stopping
 from msbot.operations.stored_placement import StoredPlacement
 from msbot.operations.stored_robot import StoredRobot
-from msbot.operations.table import OPERATIONS, Kept
+from msbot.operations.table import OPERATIONS
 from msbot.operations.undoing import StoredUndoing, Undoing
 from msbot.operations.wires import Wires
 from msbot.operations.worlds import Worlds

@@ -8,100 +8,10 @@ look); CONTRIBUTING names the pages and tests that follow.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from enum import Enum
 from types import MappingProxyType
 
+from msbot.operations.operation import Argument, ArgumentKind, Kept, Operation, Where
 from msbot.operations.rights import Right
-
-
-class ArgumentKind(Enum):
-    """The kind of an argument; the value is how a sentence names it."""
-
-    TEXT = "a text"
-    TEXTS = "a list of texts"
-    NUMBER = "a number"
-    WHOLE = "a whole number"
-    FLAG = "true or false"
-    VALUE = "a text, a number, true or false"
-    """The value of a parameter, passed on as a person would type it."""
-
-
-class Where(Enum):
-    """Which robots an operation can act on."""
-
-    ANYWHERE = "a running robot, or the database of one that does not run"
-    RUNNING = "a running robot"
-
-
-class Kept(Enum):
-    """What the database keeps of an operation."""
-
-    UNDOABLE = "a change that can be undone"
-    CHANGE = "a change"
-    LINE = "a line that says who did it"
-    NOTHING = "nothing"
-
-
-@dataclass(frozen=True, slots=True)
-class Argument:
-    """One argument of an operation."""
-
-    name: str
-    """The name that requests, the API and the reference use."""
-    kind: ArgumentKind = ArgumentKind.TEXT
-    is_needed: bool = False
-    default: object = None
-    """Its value when it is left out."""
-    parameter: str = ""
-    """The name of the method's parameter, if the argument's own name is a Python keyword."""
-    least: float | None = None
-    most: float | None = None
-    """Bounds of a number, both included."""
-    longest: int = 254
-    """Most characters of a text."""
-    option: str = ""
-    """The command's option, such as `--to`; empty: a positional argument of the command."""
-    shown_as: str = ""
-    """What the command's help calls it; empty: derived from the name."""
-    help: str = ""
-    """What the argument is, in a sentence."""
-
-    @property
-    def passed_as(self) -> str:
-        """The keyword under which the method takes it."""
-        return self.parameter or self.name
-
-
-@dataclass(frozen=True, slots=True)
-class Operation:
-    """One thing that can be done to a robot, or asked about it."""
-
-    name: str
-    summary: str
-    """What the operation does, as `msbot --help` says it."""
-    arguments: tuple[Argument, ...] = ()
-    right: Right = Right.SEE
-    """Who may do it on the page and in the API; a command acts for the user of the computer, who may do everything."""
-    where: Where = Where.RUNNING
-    kept: Kept = Kept.NOTHING
-    journal: str = ""
-    """The word for it in the journal of changes."""
-    call: str = ""
-    """The API call, such as `POST /slots/{slot}/swap`; empty: none, or one that is written by hand in the web room."""
-    help: str = ""
-    """What the command's help says in addition to the summary."""
-    right_for_others: Right | None = None
-    """The right needed to act on changes by others; without it only on one's own settings. None: no difference."""
-
-    @property
-    def is_question(self) -> bool:
-        """Whether it only asks: everybody who may see the robot may ask, and nobody notes who did."""
-        return self.right is Right.SEE
-
-    def argument(self, name: str) -> Argument | None:
-        """The argument of that name."""
-        return next((argument for argument in self.arguments if argument.name == name), None)
 
 
 def _slot(words: str, *, option: str = "", is_needed: bool = True) -> Argument:

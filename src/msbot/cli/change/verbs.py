@@ -9,7 +9,8 @@ import click
 
 from msbot.cli.change.robot_access import say
 from msbot.cli.options import answer_options
-from msbot.operations.table import OPERATIONS, Argument, ArgumentKind, Operation
+from msbot.operations.operation import Argument, ArgumentKind, Operation
+from msbot.operations.table import OPERATIONS
 
 WRITTEN_BY_HAND = ("adopt", "set", "undo", "stop", "go")
 """Commands that do more than one operation; each has its own file."""

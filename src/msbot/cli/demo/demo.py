@@ -204,12 +204,9 @@ async def _main(
         async def undo() -> str:
             return (await operations.do("undo", who="the script")).words
 
-        if world.living is not None:
-            operations.worlds.use(world.living)
-
         script = ScriptRun(options.script, robot, undo, notes.add)
         with _logging(robot, options.log):
-            beside: list[Coroutine[object, object, None]] = world.beside()
+            beside: list[Coroutine[object, object, None]] = world.beside(operations)
             desk = lesson_desk(operations, options.lessons, robot, options.world.world or "")
             room: WebRoom | None = None
 

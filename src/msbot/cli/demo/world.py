@@ -13,6 +13,7 @@ import click
 from msbot.errors import ConfigError
 
 if TYPE_CHECKING:
+    from msbot.operations.dispatch import RunningOperations
     from msbot.sim import SimulatedPart
     from msbot.sim.arena.door import Door
     from msbot.sim.arena.living_arena import LivingArena
@@ -74,8 +75,10 @@ class DemoWorld:
         if wishes.share is not None:
             self._server = ArenaServer(self.living, *address(wishes.share, "--share-world 7600"), say=say)
 
-    def beside(self) -> list[Coroutine[object, object, None]]:
-        """What must run beside the robot."""
+    def beside(self, operations: RunningOperations) -> list[Coroutine[object, object, None]]:
+        """What must run beside the robot, whose operations get to know the world."""
+        if self.living is not None:
+            operations.worlds.use(self.living)
         return [] if self._server is None else [self._server.run(), self._greet(self._server)]
 
     async def _greet(self, server: ArenaServer) -> None:

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path
 from pydantic import Field, create_model
 
-from msbot.operations.table import OPERATIONS, Argument, ArgumentKind, Operation
+from msbot.operations.operation import Argument, ArgumentKind, Operation
+from msbot.operations.table import OPERATIONS
 from msbot.web.api.models import Done, Model, Scalar
 from msbot.web.api.session import SignedIn
 from msbot.web.service import Service, done_of
