@@ -79,6 +79,23 @@ def two_computers() -> Iterator[Network]:
         network.close()
 
 
+@contextmanager
+def lonely_computer() -> Iterator[str]:
+    """The name of a computer that is in no network; the test is skipped where that is not permitted."""
+    if shutil.which("ip") is None:
+        pytest.skip("no command `ip`: apt install iproute2")
+    name = f"msbot{os.getpid() % 100_000}l"
+    try:
+        _ip("netns", "add", name)
+    except subprocess.CalledProcessError as error:
+        pytest.skip(f"a network of its own needs root: {error.stderr.strip()}")
+    try:
+        _ip("-n", name, "link", "set", "lo", "up")
+        yield name
+    finally:
+        subprocess.run(["ip", "netns", "del", name], capture_output=True, check=False)
+
+
 ROUTER = "10.79.3.1"
 """Where the router of two sites is, seen from either."""
 

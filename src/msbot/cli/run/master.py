@@ -26,6 +26,7 @@ from msbot.cli.options import (
     metrics_option,
     space_option,
 )
+from msbot.cli.run.announce import announcer, class_to_announce
 from msbot.cli.run.bigger_robot import BiggerRobot, bigger_robot
 from msbot.cli.run.logs import LogWishes, log_event, log_options
 from msbot.cli.run.metrics import metrics_beside
@@ -70,6 +71,8 @@ class _Beside:
     lessons: tuple[Path, ...]
     bigger: BiggerRobot | None
     """The robot that this one is a part of."""
+    announce: str
+    """The class for which it is announced in the network; empty: it is not."""
 
 
 @click.command("master")
@@ -87,11 +90,13 @@ class _Beside:
 @log_options
 @click.option("--part-of", metavar="ADDRESS", help="Be a part of a bigger robot as well: the way to its master.")
 @click.option("--as", "as_number", metavar="NUMBER", help="The part number that it shows there; with --part-of.")
+@click.option("--announce", metavar="CLASS", help="Say in the network that this robot is there, for `msbot class "
+              "find`; needs a page that others can reach: --host.")  # fmt: skip
 @click.option("-v", "--verbose", is_flag=True, help="Say more.")
 @page_options
 def command(
     blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
-    rec: RecordingWish, standby: bool, part_of: str | None, as_number: str | None,
+    rec: RecordingWish, standby: bool, part_of: str | None, as_number: str | None, announce: str | None,
     lessons: tuple[Path, ...], metrics_port: int | None, log_wishes: LogWishes,
     verbose: bool, port: int | None, host: str, no_page: bool,
     certificate: Path | None, certificate_key: Path | None,
@@ -116,9 +121,10 @@ def command(
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
     bigger = bigger_robot(robot, library, part_of, as_number)
+    announced_for = "" if announce is None else class_to_announce(announce, page)
     where = db or database_beside(blueprint)
     with contextlib.suppress(KeyboardInterrupt):
-        wishes = _Beside(rec, metrics_port, log_wishes, lessons, bigger)
+        wishes = _Beside(rec, metrics_port, log_wishes, lessons, bigger, announced_for)
         while _with_database(robot, library, addresses, space, where, page, wishes, description, standby=standby):
             pass  # it has lost the robot to another master, and waits again
 
@@ -257,6 +263,8 @@ async def _main(  # noqa: PLR0917
                     space=where,
                 )
             beside.append(serve_page(room, master.ready, page, click.echo))
+            if wishes.announce:
+                beside.append(announcer(master, room, page, wishes.announce, click.echo).run())
         beside += metrics_beside(wishes.metrics_port, master.agent, click.echo, master=master, registry=registry,
                                  room=lambda: room)  # fmt: skip
         status = StatusServer(

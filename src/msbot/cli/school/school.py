@@ -19,6 +19,7 @@ from msbot.cli.options import (
     library_option,
     user_name,
 )
+from msbot.cli.school.finding import find
 from msbot.cli.school.joining import join, leave
 from msbot.errors import ConfigError, MsbotError
 from msbot.runtime.own_version import own_version
@@ -40,6 +41,7 @@ def command() -> None:
     """
 
 
+command.add_command(find)
 command.add_command(join)
 command.add_command(leave)
 
