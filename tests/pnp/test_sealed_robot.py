@@ -14,7 +14,15 @@ from msbot.part.join import plug
 from msbot.part.join.joining import JoinState
 from msbot.pnp import Keys, PartState, Refusal
 from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.messages import Data, Header, WriteData, encode_message, iter_submessages
+from msbot.xrce.messages import (
+    SESSION_NONE,
+    CreateClient,
+    Data,
+    Header,
+    WriteData,
+    encode_message,
+    iter_submessages,
+)
 from tests.pnp.robot import sample_store, uid
 from tests.pnp.scene import Robot, epoch_ns
 
@@ -193,6 +201,23 @@ def test_beats_in_the_name_of_a_silent_part_do_not_keep_it_alive() -> None:
             wire.spoof(0x0017, beats[-1][:4], up=True)
             await asyncio.sleep(0.5)
         assert ("AA", PartState.LOST) in scene.changes
+
+    tell(story)
+
+
+def test_a_beat_from_before_a_new_session_is_not_held_against_the_part() -> None:
+    async def story(scene: Story) -> None:
+        wire = scene.wires[0]
+        beats = [payload for object_id, payload in wire.recorded(up=True) if object_id == 0x0017 and len(payload) == 14]
+        (aa,) = (one for one in scene.robot.inventory.view(scene.now) if one.slot == "AA")
+        login = encode_message(Header(SESSION_NONE), [CreateClient(aa.client_key, 0x82, 512)], pad_end=False)
+        assert wire.remote is not None
+        wire.spoof(0x0017, beats[-1], up=True)
+        wire.inner.send(login, wire.remote)  # both in one turn of the loop, as when the master was held up
+        await asyncio.sleep(0.1)
+        assert ("AA", PartState.CHECKING) in scene.changes[-3:]
+        assert scene.robot.service.requests.dropped["request without a good seal"] > 0
+        assert "was refused" not in scene.why("AA")
 
     tell(story)
 

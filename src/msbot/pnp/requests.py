@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part.join import plug
-from msbot.part.join.seal import SEAL_OCTETS, TOO_SHORT
+from msbot.part.join.seal import SEAL_OCTETS
 from msbot.part.join.trouble import TroublePiece
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
@@ -122,10 +122,13 @@ class RequestHandler:
         if self._keys is None or not self._keys.sealed or not plug.is_sealed_request(len(body)):
             return body
         seal = self._inventory.seals.of(client_key)
-        opened = None if seal is None else seal.open(plug.channel_of_request(len(body) - SEAL_OCTETS), body)
+        if seal is None:  # before there is a lease, nothing can be judged: a beat of the session before, most likely
+            self.dropped.count("request without a good seal")
+            return None
+        opened = seal.open(plug.channel_of_request(len(body) - SEAL_OCTETS), body)
         if opened is None:
             self.dropped.count("request without a good seal")
-            self._inventory.sample_refused(client_key, TOO_SHORT if seal is None else seal.reason, now)
+            self._inventory.sample_refused(client_key, seal.reason, now)
         return opened
 
     def _configuration_message(self, configuration: Configuration, client_key: int) -> plug.ConfigurationMessage | None:
