@@ -245,6 +245,20 @@ def test_two_parts_of_one_name_are_told_apart_by_their_uids(tmp_path: Path) -> N
     play(tmp_path, scene, parts=RING)
 
 
+def test_somebody_who_shows_its_uid_and_is_refused_does_not_keep_a_part_from_being_adopted(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.do.release("BB", who="ann")
+        await asyncio.sleep(1.0)
+        uid = stage.info("BB").uid
+        stage.plug("liar", "NOPE", uid=int.from_bytes(uid, "big"))
+        await asyncio.sleep(1.0)
+        assert (stage.state("BB"), stage.state("liar")) == ("standby", "refused")
+        await stage.do.adopt(uid.hex(), "BB", who="ann")
+        assert stage.slot("BB") == "BB"
+
+    play(tmp_path, scene, parts=RING)
+
+
 def test_a_newcomer_whose_slot_cannot_be_read_is_turned_away_and_not_stored(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         def fail(_: str) -> Configuration:

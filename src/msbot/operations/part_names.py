@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 
 from msbot.errors import ConfigError, NotThere
-from msbot.pnp import PartInfo
+from msbot.pnp import PartInfo, PartState
 from msbot.runtime.sentence import said
 
 UID_DIGITS = 16
@@ -29,6 +29,8 @@ def one_part(
     """
     here = [info for info in found if not info.state.is_over]
     wanted = [info for info in here if prefer(info)] or here
+    if len({info.uid for info in wanted}) == 1:  # whoever shows a part's UID and is refused is not that part
+        wanted = [info for info in wanted if info.state is not PartState.REFUSED] or wanted
     if len(wanted) == 1:
         return wanted[0]
     if wanted:
