@@ -51,6 +51,7 @@ FIGURES = MomentFigures(
     robot=RobotFigures("Rover", {"active": 2, "late": 0}, 3, stopped=True),
     database=DatabaseFigures(1, 2, is_well=False),
     page=PageFigures(5, 6, "sim0", 0.25, 500_000),
+    tasks=12,
     beats=77,
     beat_intervals=Buckets((0.5, 1.0)).read(),
     loop_delays=Buckets((0.1,)).read(),
@@ -79,6 +80,7 @@ def test_everything_is_written_as_prometheus_reads_it() -> None:
     assert found["msbot_agent_lost_total", ("no session",)] == 2
     assert found["msbot_topic_published_total", ("light",)] == 30
     assert found["msbot_parts", ("active",)] == 2
+    assert found["msbot_loop_tasks", ()] == 12
     assert found["msbot_stopped", ()] == 1
     assert found["msbot_beats_total", ()] == 77
     assert found["msbot_database_well", ()] == 0
@@ -184,7 +186,7 @@ def test_intervals_between_beats_are_noted_also_when_several_came_since_the_last
 async def test_an_agent_is_read_without_looking_at_each_of_its_sessions() -> None:
     agent = Agent(MemorySpace(clock=asyncio.get_running_loop().time))
     figures = Collecting(agent)()
-    assert figures == MomentFigures(agent=AgentFigures((), {}, ()))
+    assert figures == MomentFigures(agent=AgentFigures((), {}, ()), tasks=1)
 
 
 async def fetch(address: str) -> bytes:

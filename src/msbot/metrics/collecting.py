@@ -112,6 +112,7 @@ class Collecting:
             database=None if self._database is None else self._database(),
             page=None if self._page is None else self._page(),
             bus=None if (bus := self._bus) is None else BusLoad(bus.name, bus.load_percent() / 100, bus.bitrate),
+            tasks=len(asyncio.all_tasks()),
             beats=0 if noting is None else noting.beats,
             beat_intervals=None if noting is None or self._master is None else noting.intervals.read(),
             loop_delays=None if noting is None else noting.delays.read(),

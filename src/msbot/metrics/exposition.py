@@ -56,6 +56,7 @@ def exposition(read: Callable[[], MomentFigures]) -> tuple[bytes, str]:
 def families(figures: MomentFigures) -> Iterator[Metric]:
     """All figures, grouped as Prometheus wants them."""
     yield from _agent(figures.agent)
+    yield _gauge("msbot_loop_tasks", "Tasks of the event loop.", figures.tasks)
     if figures.robot is not None:
         yield from _robot(figures.robot)
         yield _counter("msbot_beats", "Beats of parts, since they are noted.", figures.beats)

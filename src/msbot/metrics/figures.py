@@ -122,6 +122,8 @@ class MomentFigures:
     page: PageFigures | None = None
     bus: BusLoad | None = None
     """None also where the page has it."""
+    tasks: int = 0
+    """Tasks of the event loop: what runs at the same time in the process."""
     beats: int = 0
     """Beats of all parts since they are noted."""
     beat_intervals: Histogram | None = None
