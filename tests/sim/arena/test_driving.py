@@ -61,7 +61,8 @@ def play(
             )  # fmt: skip
             hub = InprocHub()
             units = {
-                name: make_simulator(_number(blueprint, name), local_name=name, random=Random(2)) for name in beside
+                name: make_simulator(_number(blueprint, name), local_name=name, random=Random(number))
+                for number, name in enumerate(beside, 2)  # their UIDs must differ
             }
             for name, unit in units.items():
                 door.enter(name, unit)

@@ -8,8 +8,10 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
+from msbot.cli.demo.world import WorldWishes
 from msbot.errors import ConfigError, LinkDown
 from msbot.sim import make_simulator
+from msbot.sim.arena import server as server_module
 from msbot.sim.arena.arena import Arena
 from msbot.sim.arena.guest import GuestDoor
 from msbot.sim.arena.living_arena import LivingArena
@@ -17,11 +19,13 @@ from msbot.sim.arena.server import ArenaServer
 from msbot.sim.arena.wire import LONGEST_LINE, from_line, to_line, values_of
 from msbot.sim.arena.world_reader import open_world
 
+PASSWORD = "maze runner"
+
 
 @contextlib.asynccontextmanager
 async def shared(world: str) -> AsyncIterator[tuple[LivingArena, ArenaServer]]:
     living = LivingArena(Arena(open_world(world)))
-    server = ArenaServer(living, "127.0.0.1", 0, say=lambda words: None)
+    server = ArenaServer(living, "127.0.0.1", 0, password=PASSWORD, say=lambda words: None)
     serving = [asyncio.create_task(server.run()), asyncio.create_task(living.run())]
     await server.ready.wait()
     try:
@@ -41,7 +45,7 @@ async def until(true: Callable[[], bool]) -> None:
 async def test_parts_of_another_program_drive_and_see_and_are_gone_with_it() -> None:
     async with shared("warehouse") as (living, server):
         said: list[str] = []
-        door = GuestDoor("127.0.0.1", server.port, "second", say=said.append)
+        door = GuestDoor("127.0.0.1", server.port, "second", password=PASSWORD, say=said.append)
         eyes, wheels, button = make_simulator("HC-SR04"), make_simulator("TB6612FNG"), make_simulator("BUTTON")
         door.enter("eyes", eyes)
         coming = asyncio.create_task(door.run())
@@ -65,20 +69,44 @@ async def test_a_world_without_a_free_place_says_so() -> None:
     async with shared("line") as (living, server):
         living.seat("robot", "eyes", ["distance"], _Nobody())
         with pytest.raises(ConfigError, match="each robot of the world is somebody's already: robot"):
-            await GuestDoor("127.0.0.1", server.port, say=print).run()
+            await GuestDoor("127.0.0.1", server.port, password=PASSWORD, say=print).run()
         with pytest.raises(ConfigError, match='no robot "third"; it has robot'):
-            await GuestDoor("127.0.0.1", server.port, "third", say=print).run()
+            await GuestDoor("127.0.0.1", server.port, "third", password=PASSWORD, say=print).run()
+
+
+async def test_who_does_not_know_the_password_stays_outside(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "WRONG_S", 0.0)
+    async with shared("line") as (living, server):
+        for wrong in ("", "maze", PASSWORD + "x"):
+            with pytest.raises(ConfigError, match="asks for its password: --world tcp:PASSWORD@HOST:PORT"):
+                await GuestDoor("127.0.0.1", server.port, password=wrong, say=print).run()
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(to_line({"arena": 1, "password": ["x"]}) + to_line({"seat": "w", "can": ["motor.left"]}))
+        assert b"password" in await reader.read()
+        writer.close()
+        assert server.refused["wrong password"] == 4
+        assert living.slots("robot") == ()
+
+
+def test_wishes_about_a_password_are_checked() -> None:
+    for wishes, words in (
+        (WorldWishes("line", password="long enough"), "say where with --share-world"),
+        (WorldWishes("line", share="7600", password="short"), "at least 8 characters"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            wishes.check()
+    WorldWishes("line", share="7600", password="long enough").check()
 
 
 async def test_nonsense_is_counted_and_hurts_nobody() -> None:
     async with shared("line") as (living, server):
-        hello = to_line({"arena": 1})
+        hello = to_line({"arena": 1, "password": PASSWORD})
         for first, rest in (
             (b"GET / HTTP/1.1\r\n", b""),
             (hello, b"\xff{}\n[1]\n" + to_line({"seat": "a", "can": ["flying"]}) + to_line({"no": 1})),
             (hello, b"x" * (2 * LONGEST_LINE)),
             (
-                to_line({"arena": 1}),
+                to_line({"arena": 1, "password": PASSWORD}),
                 to_line({"seat": "w", "can": ["motor.left"]}) + b'{"do":{"w":{"motor.left":NaN}}}\n',
             ),
         ):
@@ -98,7 +126,7 @@ async def test_nonsense_is_counted_and_hurts_nobody() -> None:
 async def test_a_port_that_is_taken_is_told() -> None:
     async with shared("line") as (living, server):
         with pytest.raises(LinkDown, match="name another port, for example --share-world 7601"):
-            await ArenaServer(living, "127.0.0.1", server.port, say=print).run()
+            await ArenaServer(living, "127.0.0.1", server.port, password=PASSWORD, say=print).run()
 
 
 def test_only_what_makes_sense_is_taken_from_a_line() -> None:

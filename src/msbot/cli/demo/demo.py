@@ -27,7 +27,7 @@ from msbot.cli.demo.json import as_json
 from msbot.cli.demo.key_presses import KeyPresses
 from msbot.cli.demo.notes import Notes
 from msbot.cli.demo.script import ScriptRun, ScriptStep, ScriptType
-from msbot.cli.demo.world import PILOT, DemoWorld, WorldWishes, place_option, share_option, world_option
+from msbot.cli.demo.world import PILOT, DemoWorld, WorldWishes, world_options
 from msbot.cli.options import lessons_option, metrics_option, space_option
 from msbot.cli.run.logs import LogWishes, log_event, log_options
 from msbot.cli.run.metrics import metrics_beside
@@ -107,9 +107,7 @@ class _Options:
 @click.option("--robot", "sample", type=click.Choice(list(SAMPLES)),
               help="The sample: a rover of ten parts to play with, the thesis' ring of three, or a buggy that drives; "
               "rover, and with --world buggy, unless given.")  # fmt: skip
-@world_option
-@place_option
-@share_option
+@world_options
 @click.option("--spare", is_flag=True, help="One part more than slots, DD like BB: it takes over when BB is lost.")
 @click.option("--lesson", metavar="NAME", help="The robot of a lesson, which begins at once; `msbot lesson list`.")
 @lessons_option
@@ -122,7 +120,7 @@ def command(
     *, wire: str, bitrate: int, data_bitrate: int, no_compression: bool, seconds: float | None,
     script: list[ScriptStep], as_json_object: bool, log: Path | None, bus: str | None, seed: int | None,
     db: Path | None, sample: str | None, world: str | None, place: str | None, share: str | None,
-    spare: bool, lesson: str | None, lessons: tuple[Path, ...], space: SpaceAddress,
+    world_password: str | None, spare: bool, lesson: str | None, lessons: tuple[Path, ...], space: SpaceAddress,
     rec: RecordingWish, metrics_port: int | None, log_wishes: LogWishes,
     port: int | None, host: str, no_page: bool, certificate: Path | None,
     certificate_key: Path | None,
@@ -147,7 +145,7 @@ def command(
         rec,
         metrics_port,
         log_wishes,
-        WorldWishes(world or (chosen.world or None if chosen else None), place, share),
+        WorldWishes(world or (chosen.world or None if chosen else None), place, share, world_password),
     )  # fmt: skip
     options.world.check()
     log_wishes.set_up(logging.WARNING)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import secrets
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.errors import ConfigError
+from msbot.sim.arena.wire import is_name
 
 if TYPE_CHECKING:
     from msbot.operations.dispatch import RunningOperations
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 
 OTHER = "tcp:"
 """How the address of another program's world begins."""
+SHORTEST = 8
+"""Characters of a world's password."""
 PILOT = "PILOT"
 """The part that a person's program takes the place of: it is not plugged in at the beginning."""
 
@@ -32,6 +36,8 @@ class WorldWishes:
     world: str | None = None
     place: str | None = None
     share: str | None = None
+    password: str | None = None
+    """What guests have to say; None: one is made up."""
 
     def check(self) -> None:
         """Raises ConfigError for what contradicts itself."""
@@ -39,6 +45,10 @@ class WorldWishes:
             raise ConfigError("--place and --share-world belong to a world: say which with --world, for example line")
         if self.world is not None and self.world.startswith(OTHER) and self.share is not None:
             raise ConfigError("a world of another program is shared by that one: leave --share-world out")
+        if self.password is not None and self.share is None:
+            raise ConfigError("--world-password is for a world that is shared: say where with --share-world 7600")
+        if self.password is not None and (len(self.password) < SHORTEST or not is_name(self.password)):
+            raise ConfigError(f"--world-password has at least {SHORTEST} characters, all printable")
         if self.share is not None:
             address(self.share, "--share-world 7600")
 
@@ -73,7 +83,9 @@ class DemoWorld:
         self.living = LivingArena(Arena(plan, seed))
         self.door = OwnDoor(self.living, self.robot)
         if wishes.share is not None:
-            self._server = ArenaServer(self.living, *address(wishes.share, "--share-world 7600"), say=say)
+            password = wishes.password or secrets.token_urlsafe(9)
+            at = address(wishes.share, "--share-world 7600")
+            self._server = ArenaServer(self.living, *at, password=password, say=say)
 
     def beside(self, operations: RunningOperations) -> list[Coroutine[object, object, None]]:
         """What must run beside the robot, whose operations get to know the world."""
@@ -83,11 +95,12 @@ class DemoWorld:
 
     async def _greet(self, server: ArenaServer) -> None:
         await server.ready.wait()
-        self._say(f"The world is shared at port {server.port}: msbot demo --world tcp:{server.host}:{server.port}")
+        # A line of its own: it is copied.
+        self._say(f"The world is shared: msbot demo --world tcp:{server.password}@{server.host}:{server.port}")
 
 
 def guest_door(world: str, place: str | None, say: Callable[[str], None]) -> Door:
-    """The door into a world of another program, `tcp:HOST:PORT`.
+    """The door into a world of another program, `tcp:PASSWORD@HOST:PORT`.
 
     Raises:
         ConfigError: the address makes no sense.
@@ -97,9 +110,11 @@ def guest_door(world: str, place: str | None, say: Callable[[str], None]) -> Doo
     if not world.startswith(OTHER):
         raise ConfigError(
             f'--world "{world}": a part of its own joins the world of a demo; start one with '
-            f"`msbot demo --world {Path(world).name} --share-world 7600`, and write --world tcp:127.0.0.1:7600"
+            f"`msbot demo --world {Path(world).name} --share-world 7600`, and write what it prints, "
+            "--world tcp:PASSWORD@127.0.0.1:7600"
         )
-    return GuestDoor(*address(world.removeprefix(OTHER), "--world tcp:127.0.0.1:7600"), place, say=say)
+    password, _, at = world.removeprefix(OTHER).rpartition("@")
+    return GuestDoor(*address(at, "--world tcp:PASSWORD@127.0.0.1:7600"), place, password=password, say=say)
 
 
 def bring_into_world(simulated: SimulatedPart, slot: str, door: Door) -> None:
@@ -133,10 +148,20 @@ def address(text: str, example: str) -> tuple[str, int]:
 
 world_option = click.option(
     "--world", metavar="WORLD",
-    help="A world that its parts are in: a name of `msbot arena list`, a file, or tcp:HOST:PORT of another program's.",
+    help="A world that its parts are in: a name of `msbot arena list`, a file, or tcp:PASSWORD@HOST:PORT of another "
+         "program's.",
 )  # fmt: skip
 place_option = click.option("--place", metavar="NAME", help="Which robot of the world it is; the first that is free.")
-share_option = click.option(
+_share_option = click.option(
     "--share-world", "share", metavar="[HOST:]PORT",
     help="Let robots of other programs into the world; without HOST those of this computer.",
 )  # fmt: skip
+_password_option = click.option(
+    "--world-password", metavar="WORD",
+    help="What robots of other programs have to say to come in; one is made up and printed unless given.",
+)  # fmt: skip
+
+
+def world_options(command: Callable[..., None]) -> Callable[..., None]:
+    """All options about a world, for a command that may have one."""
+    return world_option(place_option(_share_option(_password_option(command))))

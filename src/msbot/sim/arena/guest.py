@@ -22,15 +22,19 @@ class GuestDoor:
 
     Args:
         host, port: where the world is.
+        password: what it asks for.
         robot: the robot in it; None: one that is free.
         say: told what happens, a sentence at a time.
     """
 
-    def __init__(self, host: str, port: int, robot: str | None = None, *, say: Callable[[str], None]) -> None:
+    def __init__(
+        self, host: str, port: int, robot: str | None = None, *, password: str, say: Callable[[str], None]
+    ) -> None:
         self._address = f"{host}:{port}"
         self._host = host
         self._port = port
         self._robot = robot
+        self._password = password
         self._say = say
         self._parts: dict[str, tuple[tuple[str, ...], SimulatedInhabitant]] = {}
         self._named: list[str] = []
@@ -53,7 +57,7 @@ class GuestDoor:
         """Stay in the world, and come back when it does.
 
         Raises:
-            ConfigError: the world has no place for this robot.
+            ConfigError: the world has no place for this robot, or another password.
         """
         while True:
             try:
@@ -67,7 +71,7 @@ class GuestDoor:
     async def _stay(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         acting: asyncio.Task[None] | None = None
         try:
-            writer.write(to_line({"arena": VERSION, "robot": self._robot}))
+            writer.write(to_line({"arena": VERSION, "password": self._password, "robot": self._robot}))
             welcome = from_line(await reader.readline())
             if welcome is None or "robot" not in welcome:
                 why = "is no world of MsBOT" if welcome is None else welcome.get("error", "is no world of MsBOT")

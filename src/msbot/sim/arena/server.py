@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hmac
 from collections import Counter
 from collections.abc import Callable, Mapping
 
@@ -23,6 +24,8 @@ from msbot.sim.arena.wire import (
 
 MOST_GUESTS = 40
 HELLO_S = 5.0
+WRONG_S = 1.0
+"""Who says a wrong password waits so long for the answer: nobody guesses quickly."""
 MOST_UNSENT = 64 * 1024
 """A guest that does not read what it is shown gets the next one later."""
 
@@ -33,11 +36,13 @@ class ArenaServer:
     Args:
         living: the world.
         host, port: where it listens; port 0 is any free one.
+        password: what a guest has to say.
         say: told who comes and goes, a sentence at a time.
     """
 
-    def __init__(self, living: LivingArena, host: str, port: int, *, say: Callable[[str], None]) -> None:
+    def __init__(self, living: LivingArena, host: str, port: int, *, password: str, say: Callable[[str], None]) -> None:
         self._living = living
+        self.password = password
         self.host = host
         self.port = port
         self._say = say
@@ -89,6 +94,11 @@ class ArenaServer:
         if hello is None or hello.get("arena") != VERSION:
             self.refused["no greeting"] += 1
             writer.write(to_line({"error": f"this is a world of MsBOT, and speaks version {VERSION}"}))
+            return
+        if not hmac.compare_digest(str(hello.get("password", "")).encode(), self.password.encode()):
+            self.refused["wrong password"] += 1
+            await asyncio.sleep(WRONG_S)
+            writer.write(to_line({"error": "it asks for its password: --world tcp:PASSWORD@HOST:PORT"}))
             return
         wanted = hello.get("robot")
         try:

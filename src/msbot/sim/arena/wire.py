@@ -1,7 +1,8 @@
 """What two programs say to each other about a world: one JSON object on a line, checked before it is believed.
 
-To the world: `{"arena": 1, "robot": "second"}` first (no name: a robot that is free), then `{"seat": "eyes",
-"can": ["distance"]}`, `{"unseat": "eyes"}` and, up to 50 times a second, `{"do": {"wheels": {"motor.left": 50}}}`.
+To the world: `{"arena": 1, "password": "...", "robot": "second"}` first (no name: a robot that is free), then
+`{"seat": "eyes", "can": ["distance"]}`, `{"unseat": "eyes"}` and, up to 50 times a second,
+`{"do": {"wheels": {"motor.left": 50}}}`.
 From the world: `{"robot": "second", "world": "Warehouse", "named": ["bumper"]}` or `{"error": "..."}` first, then
 `{"see": {"eyes": {"distance": 0.4}}}`.
 """
