@@ -14,6 +14,8 @@ REACH_M = 0.035
 HOLD_N = 6.0
 """Force with which it holds."""
 SLACK_M = 0.0015
+OPEN_M = 0.0002
+"""Fingers are quite open when not more than this is missing."""
 
 
 class Grippers:
@@ -44,7 +46,9 @@ class Grippers:
         if shape is None:
             self.let_go(robot)
             return
-        closed = opening_m <= self._width(robot, seat, shape) + SLACK_M
+        # Fingers that are quite open hold nothing, however wide it is as it lies askew.
+        is_open = opening_m >= seat.place.width_m - OPEN_M
+        closed = not is_open and opening_m <= self._width(robot, seat, shape) + SLACK_M
         if closed and robot.held is None:
             self._take(robot, seat, shape.body)
         elif not closed:
