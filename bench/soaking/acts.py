@@ -288,8 +288,8 @@ class Acts:
         self.scene.complain(time.monotonic(), "act", f"not within {UNTIL_S:g} s: {what} {why()}")
         return False
 
-    async def _insist(self, what: str, how: str, path: str, content: object) -> bool:
-        """Ask until it is done."""
+    async def _insist(self, what: str, how: str, path: str, content: object, done: str = "nothing else") -> bool:
+        """Ask until it is done, or the answer says that it is, by these words."""
         said, is_known = "", True
 
         async def is_done() -> bool:
@@ -303,7 +303,7 @@ class Acts:
                 self._acknowledged(answer)
                 return True
             # It was done, and the answer was lost on its way: it cannot be done again.
-            return not is_known and answer.status_code == httpx.codes.BAD_REQUEST
+            return done in said or (not is_known and answer.status_code == httpx.codes.BAD_REQUEST)
 
         return await self._until(what, is_done, lambda: said)
 
@@ -368,20 +368,25 @@ class Acts:
             states.stop = (False, time.monotonic())
 
     async def release(self, name: str) -> None:
-        await self._put_out(name, "released", f"/api/slots/{name}/release", "adopt", {"slot": name})
+        """Out of its slot, and back by a person: or by itself, when it is plugged in again or the master restarted."""
+        uid, expected = self.robot.members[name].uid.hex(), self.scene.states.parts[name]
+        with self._trouble("released", name):
+            answer = await self._ask("POST", f"/api/slots/{name}/release", {})
+            if answer is None or answer.status_code != httpx.codes.OK:
+                return  # it is not there now
+            self._acknowledged(answer)
+            expected.absent, expected.may_return = time.monotonic(), True
+            await asyncio.sleep(self._while(1.0, 12.0))
+            await self._insist("adopt", "POST", f"/api/parts/{uid}/adopt", {"slot": name}, " already")
+            expected.absent, expected.may_return = None, False
 
     async def block(self, name: str) -> None:
-        uid = self.robot.members[name].uid.hex()
-        await self._put_out(name, "blocked", f"/api/parts/{uid}/block", "unblock", {})
-
-    async def _put_out(self, name: str, what: str, path: str, way_back: str, content: object) -> None:
         uid, expected = self.robot.members[name].uid.hex(), self.scene.states.parts[name]
-        with self._trouble(what, name):
-            reason: object = {"reason": "the soak"} if what == "blocked" else {}
-            if await self._insist(what, "POST", path, reason):
+        with self._trouble("blocked", name):
+            if await self._insist("block", "POST", f"/api/parts/{uid}/block", {"reason": "the soak"}):
                 expected.absent = time.monotonic()
                 await asyncio.sleep(self._while(1.0, 12.0))
-                await self._insist(way_back, "POST", f"/api/parts/{uid}/{way_back}", content)
+                await self._insist("unblock", "POST", f"/api/parts/{uid}/unblock", {})
             expected.absent = None
 
     async def connect_silently(self, _name: str) -> None:

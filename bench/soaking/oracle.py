@@ -169,6 +169,7 @@ class SampleOracle:
         if self._boots.get(boot) != slot:
             self.complain(at, "slot", f"the part made for {self._boots.get(boot)} has joined in slot {slot}")
         self._end(boot, at)
+        self._wear.pop(slot, None)  # the robot counts anew for each session
         life = Life(slot, boot, epoch, at, stopped=stopped, segment=at)
         self._lives[boot, epoch] = self._now[boot] = life
 

@@ -128,6 +128,8 @@ class Scene:
             case "join":
                 epoch, where, stopped = rest
                 samples.join(at, boot, int(str(epoch)), str(where), stopped=bool(stopped))
+                if part.may_return:
+                    part.absent = None
                 if is_present:
                     part.joined, part.told_stop = at, bool(stopped)
                 self._returned(at, slot)

@@ -27,6 +27,8 @@ class Expected:
     on_bus: bool = False
     absent: float | None = None
     """Since when it cannot be in its slot: dead, cut off, or put out; None: it can."""
+    may_return: bool = False
+    """A person took it out of its slot: it comes back by itself in a new session only."""
     note: tuple[str, float] | None = None
     """The setting that was acknowledged last, and when; None: nobody knows for certain."""
     told_note: str = ""

@@ -18,7 +18,7 @@ from msbot.link.can.sim import client as sim_client
 from msbot.link.can.sim.client import SimAdapter, SimBusWish, WhenAbsent
 from msbot.link.can.sim.model.bus import MAILBOXES, SimBus
 from msbot.link.can.sim.model.messages import BusFrame, FrameSent, Restart, Welcome, encode
-from msbot.link.can.sim.names import NamedBus, existing_bus, find_bus, publish
+from msbot.link.can.sim.names import NamedBus, existing_bus, find_bus, publish, withdraw
 from tests.link.sim_programs import Ear, served
 
 WISH = SimBusWish("classroom")
@@ -233,6 +233,28 @@ async def test_a_server_that_says_nothing_is_given_up(folder: Path, monkeypatch:
         with pytest.raises(LinkDown, match="does not answer"):
             async with running(SimAdapter(WISH, folder=folder)):
                 pass
+
+
+async def test_a_part_waits_for_a_server_that_says_nothing_yet(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(sim_client, "CONNECT_S", 0.02)
+    driver = CanDriver(SimAdapter(WISH, absent=WhenAbsent.WAIT, folder=folder))
+    ear = Ear(driver)
+    async with impostor(folder, b""):
+        task = asyncio.create_task(driver.run())
+        await asyncio.wait([task], timeout=0.2)  # ten tries
+        assert not task.done()
+        bus = existing_bus("classroom", folder)
+    assert [one.message for one in caplog.records] == [
+        f"cannot join the simulated bus 'classroom' of process {os.getpid()}: it does not answer; trying again"
+    ]
+    withdraw(bus, folder)
+    monkeypatch.setattr(sim_client, "CONNECT_S", 30.0)
+    async with served(folder):
+        await ear.until(lambda: ear.states[-1:] != [] and ear.states[-1][0] is BusState.ACTIVE)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
 
 
 @pytest.mark.parametrize("with_frame", [False, True])

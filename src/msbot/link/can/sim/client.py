@@ -129,12 +129,21 @@ class SimAdapter:
 
     async def open(self, owner: ChannelOwner) -> SimBusClient | Host:
         """See `Adapter`."""
-        waiting = False
+        waiting, told = False, 0
         while True:
             bus = find_bus(self._wish.name, self._folder)
             if bus is not None:
                 self._wish.check(bus)
-                client = await self._connect(owner, bus)
+                try:
+                    client = await self._connect(owner, bus)
+                except TimeoutError as error:
+                    words = _cannot_join(bus, "it does not answer")
+                    if self._absent is not WhenAbsent.WAIT:
+                        raise LinkDown(words) from error
+                    if told != bus.pid:  # it may only be slow: who waits for a bus waits for this one, too
+                        told = bus.pid
+                        _log.warning("%s; trying again", words)
+                    continue
                 if client is not None:
                     return client
             elif self._absent is WhenAbsent.FAIL:
@@ -149,7 +158,12 @@ class SimAdapter:
             await asyncio.sleep(LOOK_S)
 
     async def _connect(self, owner: ChannelOwner, bus: NamedBus) -> SimBusClient | None:
-        """Join a bus; None if its file was left behind by a program that has gone."""
+        """Join a bus; None if its file was left behind by a program that has gone.
+
+        Raises:
+            TimeoutError: the program that serves it does not answer.
+            LinkDown: it cannot be joined.
+        """
         hello = Hello(bytes.fromhex(bus.key), self._node, listen_only=self._listen_only)
         client = SimBusClient(owner, hello, bus.name)
         try:
@@ -163,10 +177,12 @@ class SimAdapter:
         except LinkDown:
             client.leave()  # the server has given the reason
             raise
-        except (OSError, TimeoutError) as error:
+        except TimeoutError:  # is an OSError, too
             client.leave()
-            reason = "it does not answer" if isinstance(error, TimeoutError) else error.strerror
-            raise LinkDown(f"cannot join the simulated bus {bus.name!r} of process {bus.pid}: {reason}") from error
+            raise
+        except OSError as error:
+            client.leave()
+            raise LinkDown(_cannot_join(bus, error.strerror or str(error))) from error
         except BaseException:
             client.leave()
             raise
@@ -298,6 +314,10 @@ class SimBusClient(asyncio.Protocol):
             self._owner.lost(self, words)
         else:
             self.welcomed.set_exception(LinkDown(words))
+
+
+def _cannot_join(bus: NamedBus, reason: str) -> str:
+    return f"cannot join the simulated bus {bus.name!r} of process {bus.pid}: {reason}"
 
 
 class Host:
