@@ -85,6 +85,7 @@ bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/dds.py --write
 	PYTHONPATH=. $(BIN)/python bench/scale.py --write
 	PYTHONPATH=. $(BIN)/python bench/takeover.py --write
+	PYTHONPATH=. $(BIN)/python bench/matrix.py --write
 	PYTHONPATH=. $(BIN)/python bench/ways.py --write
 
 wheel: | $(BIN)/python

@@ -83,6 +83,8 @@ class Stage:
         self.heard: dict[str, float] = {}
         self.numbers: dict[tuple[str, str], deque[tuple[str, int, int]]] = {}
         """By hearer and process: whose sample it has heard."""
+        self.refused = 0
+        """Samples that were not taken, in words: larger than a packet, on a best-effort wire."""
         self._news = asyncio.Event()
 
     def _hear(self, name: str, event: list[object]) -> None:
@@ -91,6 +93,8 @@ class Stage:
             self.joined[name] = (at, boot)
         elif event[0] == "lost":
             self.lost[name] = self.lost.get(name, 0) + 1
+        elif event[0] == "refused":
+            self.refused += 1
         elif event[0] == "got":
             self.heard[name] = at
             _, _, _, _, _, its_boot, epoch, number = event
@@ -344,6 +348,8 @@ async def large(rounds: int, bus: str) -> Row:
             await asyncio.sleep(0.5)
             tell(row, number)
         row.notes += ["here the time until the next sample is heard", *_samples(row, it)]
+        row.notes.append(f"on the best-effort wire refused with a sentence: {it.refused}")
+        row.wrong += not it.refused
     return row
 
 

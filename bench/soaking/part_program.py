@@ -15,7 +15,7 @@ import zlib
 from itertools import count
 from random import Random
 
-from msbot import HelloWorld, Part
+from msbot import HelloWorld, LocalProtocolError, Part
 
 LARGE_EVERY = 40
 """Every so many samples, one is larger than a packet."""
@@ -45,16 +45,22 @@ def make(slot: str, uid: bytes, key: str | None, period_s: float, large: int) ->
     part = Part(f"SOAK-{slot}", local_name=slot, uid=uid, key=key)
     boot = os.urandom(4).hex()
     epochs = count(1)
-    state = {"epoch": 0, "number": 0}
+    state = {"epoch": 0, "number": 0, "large": large}
     dice = Random(boot)
 
     @part.every(period_s)
     def publish() -> None:
         number, at = state["number"], time.monotonic()
-        is_large = large and number % LARGE_EVERY == LARGE_EVERY - 1
+        is_large = state["large"] and number % LARGE_EVERY == LARGE_EVERY - 1
         filling = "x" * dice.randrange(large // 2, large) if is_large else ""
         words = f"{slot} {boot} {state['epoch']} {number} {zlib.crc32(filling.encode()):08x} {filling}"
-        if part.publish("out", HelloWorld(index=number, message=words)):
+        try:
+            is_sent = part.publish("out", HelloWorld(index=number, message=words))
+        except LocalProtocolError as error:  # best effort has no fragments: it is said in words, and not tried again
+            state["large"] = 0
+            say("refused", at, state["epoch"], str(error))
+            return
+        if is_sent:
             state["number"] += 1
             say("sent", at, state["epoch"], number)
 
@@ -74,7 +80,7 @@ def make(slot: str, uid: bytes, key: str | None, period_s: float, large: int) ->
 
     @part.on_join
     def joined() -> None:
-        state.update(epoch=next(epochs), number=0)
+        state.update(epoch=next(epochs), number=0, large=large)
         say("join", time.monotonic(), state["epoch"], part.slot, part.stopped)
 
     @part.on_lost
