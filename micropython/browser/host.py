@@ -6,6 +6,7 @@
     {"do": "step", "now": MS, "in": [HEX...], "room": OCTETS, "link": "up" or a reason, where it has changed}
     {"do": "end", "now": MS}
     {"do": "device", "values": {...}}
+    {"do": "hold", "on": BOOL, "now": MS}
     {"do": "look"}
 
 Answers have `out` (packets), `due` (MS, null = over) and `state`. Output of the program and the part goes at once to
@@ -27,6 +28,7 @@ import msbot
 _parts = []
 _name = ""
 _pipe = None
+_held = False
 _last = {}  # port -> (when, message, or octets and class)
 
 
@@ -127,12 +129,28 @@ def _watch(part):
         return sent
 
     def received_watched(object_id, octets, now):
+        if _held:
+            return
         for binding, _, reader_id in part._ports.values():
             if reader_id == object_id and binding[0] in part._listeners:
                 _last[binding[0]] = (time.ticks_ms(), octets, part._listeners[binding[0]][0])
         received(object_id, octets, now)
 
     part.publish, part.sample_received = publish_watched, received_watched
+
+
+def _hold(request):
+    """A teacher holds the program: it enters its safe state, and none of its functions is called by time or sample."""
+    global _held  # noqa: PLW0603 - one program per VM
+
+    if not _parts or _held is request["on"]:
+        return
+    part, _held = _parts[0], request["on"]
+    if _held:
+        part._enter_safe_state()
+    else:
+        for timed in part._timed:
+            timed.due_at = request["now"] if part.state is msbot.JoinState.ACTIVE else None
 
 
 def _step(request):
@@ -147,6 +165,9 @@ def _step(request):
         part._client.link_up(request["now"])
     elif link:
         part._client.link_down(link, request["now"])
+    if _held:
+        for timed in part._timed:
+            timed.due_at = None
     return part.step(request["now"])
 
 
@@ -199,6 +220,9 @@ def answer(line):
     elif do == "end" and _parts:
         _parts[0]._now = request["now"]
         _parts[0].end()
+        due = request["now"]
+    elif do == "hold":
+        _hold(request)
         due = request["now"]
     elif do == "device":
         device.values.update(request["values"])

@@ -24,7 +24,7 @@ NO_FACTS = {
     **dict.fromkeys((
         "library add", "db migrate", "db backup", "db restore", "service install", "service remove", "user role",
         "user remove", "key board", "key remove", "bus send", "board reset", "rec start", "rec stop",
-        "class apply", "class undo", "class join", "class leave", "user revoke",
+        "class apply", "class undo", "pupils robot", "class join", "class leave", "user revoke",
     ), DOES),
     **dict.fromkeys(("user add", "user passwd", "user token", "key new"), SECRET),
     "plot": "draws; `--out FILE.csv` has the numbers",

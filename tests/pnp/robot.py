@@ -70,7 +70,7 @@ class Rig:
         self.inventory.on_event(self.events.append)
         self.inventory.on_rights(self.rights.append)
 
-    def join(self, key: int, address: str = "", **more: float) -> None:
+    def join(self, key: int, address: str = "", **more: float | str) -> None:
         self._open.add(key)
         self.inventory.client_joined(key, address or f"peer {key}", self.now, **more)  # type: ignore[arg-type]
 

@@ -68,6 +68,8 @@ LEAST = {
     "join_lesson": Role.STUDENT, "answer_lesson": Role.STUDENT, "hand": Role.STUDENT, "lesson": Role.VIEWER,
     "pause_world": Role.STUDENT, "step_world": Role.STUDENT, "reset_world": Role.STUDENT, "world_speed": Role.STUDENT,
     "put_robot": Role.STUDENT, "world": Role.VIEWER,
+    "freeze": Role.TEACHER, "thaw": Role.TEACHER, "take_over": Role.TEACHER, "hand_back": Role.TEACHER,
+    "group": Role.TEACHER, "remove_group": Role.TEACHER, "classroom": Role.TEACHER,
 }  # fmt: skip
 """Who may do each operation of the table at least; said twice on purpose."""
 

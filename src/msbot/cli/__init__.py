@@ -52,6 +52,7 @@ COMMANDS = {
     "robots": ("look.robots", "List the robots of a database."),
     "class": ("school.school", "All robots of a class: list, search, one STOP, one blueprint for many."),
     "user": ("user.user", "List, add and remove the people who may sign in on the page."),
+    "pupils": ("user.pupils", "A class at one robot: groups, freeze all, take over, hands; a robot for a class."),
     "service": ("service.service", "Have a robot start with the computer, and back up its database."),
     "db": ("db", "Take care of a robot's database: migrate, copy, restore, check."),
     "rec": ("record.rec", "Keep what the flight recorder has, or record in a file."),

@@ -1,6 +1,7 @@
 """The files people write: the blueprint of a robot (`robot.toml`) and the part library."""
 
 from msbot.config.blueprint.check import RESERVED_TOPICS, binding_faults
+from msbot.config.blueprint.class_robot import GROUP_ROBOT_TOML, for_groups, groups_by_slots
 from msbot.config.blueprint.compare import compare_text
 from msbot.config.blueprint.differences import Difference, differences
 from msbot.config.blueprint.mark import blueprint_mark
@@ -18,7 +19,7 @@ from msbot.config.blueprint.model import (
     Timing,
 )
 from msbot.config.blueprint.reader import ADOPTED, library_folders, load_blueprint, open_blueprint, parse_blueprint
-from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML, SAMPLES, write_sample
+from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML, SAMPLES, write_new, write_sample
 from msbot.config.blueprint.writer import blueprint_toml, preset_of, slot_toml
 from msbot.config.library.board_document import board_documents
 from msbot.config.library.board_drivers import BOARD_DRIVERS
@@ -55,6 +56,7 @@ __all__ = [
     "ADOPTED",
     "BOARD_DRIVERS",
     "DRIVES",
+    "GROUP_ROBOT_TOML",
     "NOBODY",
     "PRESETS",
     "RESERVED_TOPICS",
@@ -104,7 +106,9 @@ __all__ = [
     "board_documents",
     "compare_text",
     "differences",
+    "for_groups",
     "format_text",
+    "groups_by_slots",
     "library_folders",
     "load_blueprint",
     "load_library",
@@ -121,5 +125,6 @@ __all__ = [
     "standard_message_types",
     "wired_part",
     "wired_parts",
+    "write_new",
     "write_sample",
 ]

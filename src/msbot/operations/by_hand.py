@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from msbot.config import Direction, FieldKind, Port, Scalar
@@ -93,6 +93,12 @@ class ByHand:
         hold.who = who
         self._end(hold)
         return Outcome(said("{port} gets its safe value and follows its wire again", port=port))
+
+    def end_those_of(self, people: Collection[str]) -> None:
+        """Release the ports that these people hold: each gets its safe value, then its wire."""
+        for hold in list(self._holds.values()):
+            if hold.who in people and not hold.ending:
+                self._end(hold)
 
     def held(self) -> Mapping[tuple[str, str], str]:
         """Who drives which port: `(slot, port)` -> name."""

@@ -23,9 +23,10 @@ from msbot.operations.described_parts import DescribedParts
 from msbot.operations.faults import Faults
 from msbot.operations.lessons import Lessons
 from msbot.operations.missions import Missions
-from msbot.operations.operation import Kept
+from msbot.operations.operation import Kept, Operation
 from msbot.operations.outcome import Outcome
 from msbot.operations.placement import Placement
+from msbot.operations.pupils import ClassControl
 from msbot.operations.recording import Recording
 from msbot.operations.rights import Asker, user_of_computer
 from msbot.operations.running_robot import RunningRobot
@@ -74,8 +75,13 @@ class Operations:
             for name in OPERATIONS
             if hasattr(group, name)
         }
+        self._checks: list[Callable[[Asker, Operation, Mapping[str, object]], None]] = []
         self._one_at_a_time = asyncio.Lock()
         self._listeners: list[Callable[[Deed], object]] = []
+
+    def on_asked(self, check: Callable[[Asker, Operation, Mapping[str, object]], None]) -> None:
+        """Call the check before anything is done; it raises when that person may not do it now."""
+        self._checks.append(check)
 
     def on_done(self, listener: Callable[[Deed], object]) -> None:
         """Call the listener with everything that was done; not with questions, nor with what could not be done."""
@@ -107,6 +113,8 @@ class Operations:
         given = read_arguments(row, arguments)
         if row.right_for_others is not None and not asker.may(row.right_for_others):
             await self.undoing.check_own(asker, row.right_for_others, given)
+        for check in self._checks:
+            check(asker, row, given)
         method = self._methods.get(operation)
         if method is None:
             raise ConfigError(
@@ -136,6 +144,8 @@ class Operations:
             RegistryError: it cannot be stored; nothing has changed.
         """
         who.require(OPERATIONS["set"].right)
+        for check in self._checks:
+            check(who, OPERATIONS["set"], {"slot": slot})
         self.asked += 1
         async with self._one_at_a_time:
             outcome = await self.settings.set_together(slot, values, who.name)
@@ -181,13 +191,15 @@ class RunningOperations(Operations):
         self.missions = Missions(running)
         self.lessons = Lessons(running)
         self.worlds = Worlds()
+        self.pupils = ClassControl(running, self.lessons, self.by_hand)
         super().__init__(
             SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
             self.applying, self.by_hand, self.recording, self.faults, self.missions, self.lessons,
-            self.worlds,
+            self.worlds, self.pupils,
             Blocking(running), Wires(running),
             described, self.stand_ins, BusObjects(running),
         )  # fmt: skip
+        self.on_asked(self.pupils.check)
 
     @property
     def blueprint(self) -> Blueprint:

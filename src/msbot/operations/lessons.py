@@ -65,9 +65,11 @@ class Lessons:
         """Answer a question of the lesson that runs."""
         return Outcome(self._the_desk().answer(check, answer, who))
 
-    def hand(self, down: bool, who: str) -> Outcome:
-        """Put one's hand up, or down."""
-        return Outcome(self._the_desk().hand(who, up=not down))
+    def raise_hand(self, who: str, *, up: bool) -> str:
+        """Somebody's hand is up, or down: the lesson that runs knows it; empty: none runs."""
+        if self._desk is None or self._desk.as_json().get("lesson") is None:
+            return ""
+        return self._desk.hand(who, up=up)
 
     def lesson(self) -> Outcome:
         """The lesson that runs."""

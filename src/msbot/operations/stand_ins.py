@@ -25,7 +25,7 @@ from msbot.sim import SimulatedPart, make_simulator
 JOIN_S = 5.0
 """Longest time until a stand-in has claimed."""
 LOOK_S = 0.02
-MOST = 64
+MOST = 256
 """Most stand-ins of one robot."""
 
 _log = logging.getLogger(__name__)

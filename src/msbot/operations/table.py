@@ -26,6 +26,14 @@ def _topic() -> Argument:
     return Argument("topic", is_needed=True, shown_as="TOPIC", help="Name of the topic.")
 
 
+def _pupil() -> Argument:
+    return Argument("pupil", is_needed=True, longest=64, shown_as="PUPIL", help="Name of the pupil.")
+
+
+def _group() -> Argument:
+    return Argument("group", is_needed=True, longest=64, shown_as="GROUP", help="Name of the group.")
+
+
 _REASON_HELP = "Why; `msbot why` will say it."
 
 _ROWS = (
@@ -287,7 +295,7 @@ _ROWS = (
         Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /lesson/answer",
     ),
     Operation(
-        "hand", "Ask the teacher for help in the lesson that runs.",
+        "hand", "Ask the teacher for help, in a lesson or not.",
         (Argument("down", ArgumentKind.FLAG, default=False, option="--down", help="No help is needed any more."),),
         Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /lesson/hand",
     ),
@@ -322,6 +330,42 @@ _ROWS = (
         Right.OPERATE, Where.RUNNING, Kept.NOTHING, "", "POST /world/put",
     ),
     Operation("world", "The world that simulated robots drive in: its time, and where everything is."),
+    Operation(
+        "freeze", "Hold the programs of all pupils: what they drive goes to its safe value.",
+        (Argument("reason", default="", longest=1000, shown_as="[REASON]", help="Why, for the pupils' pages."),),
+        Right.ARRANGE, Where.RUNNING, Kept.LINE, "class", "POST /class/freeze",
+        "Programs that begin later are held, too; those of teachers are not. STOP is something else.",
+    ),
+    Operation(
+        "thaw", "Let the pupils' programs go on.",
+        (), Right.ARRANGE, Where.RUNNING, Kept.LINE, "class", "POST /class/thaw",
+    ),
+    Operation(
+        "take_over", "Take the program of a pupil: it is held until it is handed back.",
+        (_pupil(),
+         Argument("run", ArgumentKind.FLAG, default=False, option="--run",
+                  help="It is not held, but runs under the teacher's hands.")),
+        Right.ARRANGE, Where.RUNNING, Kept.LINE, "class", "POST /class/pupils/{pupil}/take_over",
+    ),
+    Operation(
+        "hand_back", "Give a pupil the program back.",
+        (_pupil(),), Right.ARRANGE, Where.RUNNING, Kept.LINE, "class", "POST /class/pupils/{pupil}/hand_back",
+    ),
+    Operation(
+        "group", "Make a group of pupils with slots of its own, or change it.",
+        (_group(),
+         Argument("pupils", ArgumentKind.TEXTS, default=(), option="--pupil", shown_as="NAME",
+                  help="A pupil of the group; may be given several times."),
+         Argument("slots", ArgumentKind.TEXTS, default=(), option="--slot", shown_as="SLOT",
+                  help="A slot that only this group may use; may be given several times.")),
+        Right.ARRANGE, Where.RUNNING, Kept.LINE, "class", "PUT /class/groups/{group}",
+        "Pupils and slots leave the groups that they were in.",
+    ),
+    Operation(
+        "remove_group", "Take a group away: its slots are everybody's.",
+        (_group(),), Right.ARRANGE, Where.RUNNING, Kept.LINE, "class", "DELETE /class/groups/{group}",
+    ),
+    Operation("classroom", "Groups, pupils, whose programs are held and why, whose hand is up.", (), Right.ARRANGE),
     Operation("stored", "Wait until what the robot has said is in its database, as far as that is possible."),
     Operation("why", "The state of a part, and which rules led there.", (_part("The part."),)),
 )  # fmt: skip

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     )
     from msbot.pnp.part_events import Evidence, PartEvent, PartState
     from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
+    from msbot.pnp.pupils import Freeze, Group, Pupils, TakeOverByTeacher
     from msbot.pnp.services import InventoryService
     from msbot.pnp.slot_assignment import TakeOver
     from msbot.pnp.slot_matching import Match, Matcher
@@ -93,6 +94,7 @@ _NAMES = {
         "Profile",
     ),
     "msbot.pnp.master_service": ("MasterService",),
+    "msbot.pnp.pupils": ("Freeze", "Group", "Pupils", "TakeOverByTeacher"),
     "msbot.pnp.services": ("InventoryService",),
     "msbot.pnp.slot_assignment": ("TakeOver",),
     "msbot.pnp.slot_matching": (
@@ -120,6 +122,8 @@ __all__ = [
     "Forecast",
     "FrameListener",
     "FrameWords",
+    "Freeze",
+    "Group",
     "HandControl",
     "HeldPort",
     "Inventory",
@@ -137,6 +141,7 @@ __all__ = [
     "PartState",
     "PartStore",
     "Profile",
+    "Pupils",
     "Refusal",
     "SelfDescription",
     "SlotBinding",
@@ -145,6 +150,7 @@ __all__ = [
     "StopRecord",
     "StopStatus",
     "TakeOver",
+    "TakeOverByTeacher",
     "Verdict",
     "forecast",
     "message_words",

@@ -6,10 +6,12 @@ who                          may
 anybody                      open a session; read the profile; ask the inventory and get the answers to it alone
 an agent that brings parts   also: write and read what its own parts may
 a registered part            also: write and read the topics of its slot's bindings, by direction
+a pupil's part that is held  what anybody may: a teacher has frozen the class, or taken it over
 the robot's own services     everything; they are the clients of the in-process link, and nobody else is
 ===========================  ============================================================================
 
-Topics that the blueprint declares free are open to all. Everything else is neither accepted nor delivered.
+Topics that the blueprint declares free are open to all but held parts. Everything else is neither accepted nor
+delivered.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from collections.abc import Callable, Hashable
 from functools import partial
 from typing import Protocol
 
+from msbot.link.net import SocketPeer
 from msbot.part.join.seal import Seal
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
@@ -52,6 +55,8 @@ RESERVED_TOPICS = frozenset(
     }
 )
 """No binding and no free topic opens these topics any further than steps 1 and 2 need."""
+_ASKING = frozenset({INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC, AGENTS_REQUEST_TOPIC})
+"""Topics by which anybody asks the robot's services."""
 
 _MAX_PLUGS = 1024
 FLOOD_TOLD_S = 60.0
@@ -134,9 +139,7 @@ class Access:
         self._inventory = inventory
         self._clock = clock
         self._trusted_link = trusted_link
-        free = free_topics - RESERVED_TOPICS
-        self._writable = free | {INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC, AGENTS_REQUEST_TOPIC}
-        self._readable = free
+        self._free = free_topics - RESERVED_TOPICS
         self._agents: AgentsElsewhere | None = None
         self._on_left: Callable[[int], object] = lambda _: None
         self._links: dict[int, str] = {}
@@ -202,7 +205,7 @@ class Access:
         plugged_in_at = self._plugs.pop((client.link, client.peer), None)
         self._inventory.client_joined(
             client.key, client.address, self._clock(), quiet=self._is_trusted(client), plugged_in_at=plugged_in_at,
-            client_key=client.client_key, patience_s=client.patience_s,
+            client_key=client.client_key, patience_s=client.patience_s, pupil=_pupil_of(client.peer),
         )  # fmt: skip
 
     def left(self, client: AskingClient, reason: str) -> None:
@@ -216,18 +219,18 @@ class Access:
 
     def may_write(self, client: AskingClient, topic: str) -> bool:
         """Whether samples of this client may enter the topic."""
-        if self._is_trusted(client) or topic in self._writable:
+        if self._is_trusted(client) or topic in _ASKING:
             return True
-        return self._is_bound(client.key, topic, publishes=True)
+        return self._may_use(client.key, topic, publishes=True)
 
     def may_read(self, client: AskingClient, topic: str) -> bool:
         """Whether samples of the topic may go to this client; asking for the profile begins step 1."""
-        if self._is_trusted(client) or topic in self._readable:
+        if self._is_trusted(client):
             return True
         if topic == PROFILE_TOPIC:
             self._inventory.profile_asked(client.key, self._clock())
             return True
-        return self._is_bound(client.key, topic, publishes=False)
+        return self._may_use(client.key, topic, publishes=False)
 
     def peer_joined(self, link: str, peer: Hashable, now: float) -> None:
         """A link has seen a peer arrive: the time until it is `active` is measured from here."""
@@ -237,6 +240,11 @@ class Access:
 
     def _is_trusted(self, client: AskingClient) -> bool:
         return client.link == self._trusted_link
+
+    def _may_use(self, key: int, topic: str, *, publishes: bool) -> bool:
+        if self._inventory.is_held(key):
+            return False
+        return topic in self._free or self._is_bound(key, topic, publishes=publishes)
 
     def _is_bound(self, key: int, topic: str, *, publishes: bool) -> bool:
         if topic in RESERVED_TOPICS:
@@ -250,3 +258,8 @@ class Access:
 
     def _sample_refused(self, key: int, reason: str) -> None:
         self._inventory.sample_refused(key, reason, self._clock())
+
+
+def _pupil_of(peer: Hashable) -> str:
+    """The pupil in whose browser a client runs; empty: it is somewhere else, or somebody else's."""
+    return peer.visitor.person if isinstance(peer, SocketPeer) and peer.visitor.is_pupil else ""

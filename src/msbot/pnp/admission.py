@@ -199,7 +199,10 @@ class Admission:
 
     def _decide(self, record: InventoryRecord, claim: Claim, now: float) -> Verdict:
         self._changes.vacate(record)
-        match = self._adopted(claim, self._matcher.match(claim, barred=self._index.barred.get(record, "")))
+        match = self._adopted(
+            claim,
+            self._matcher.match(claim, barred=self._index.barred.get(record, ""), pupil=self._index.pupil_of(record)),
+        )
         if match.slot is None:
             return self._turn_away(record, match, now)
         slot = match.slot.name

@@ -25,6 +25,7 @@ from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.life_watch import LifeWatch
 from msbot.pnp.model import THESIS_TIMING, Claim, Configuration, LifeTiming, PartInfo, PartStore, Standing, Verdict
 from msbot.pnp.part_events import PartEvent, PartState
+from msbot.pnp.pupils import Pupils
 from msbot.pnp.self_descriptions import SelfDescriptions
 from msbot.pnp.session_seals import SessionSeals
 from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
@@ -57,7 +58,9 @@ class Inventory:
         self.seals = SessionSeals(self._seal_changed)
         """The seals of the parts' samples, where they have any."""
         self._store = store
-        self._matcher = Matcher(store)
+        self.pupils = Pupils()
+        """Whose programs are held, and which slots are a group's; call `pupils_changed` after a change."""
+        self._matcher = Matcher(store, self.pupils)
         self._index = InventoryIndex(random, timing, keep_ended=keep_ended)
         self.hand = HandControl()
         self._changes = StateChanges(store, self._index, self._matcher, self.hand)
@@ -149,7 +152,7 @@ class Inventory:
 
     def client_joined(
         self, key: int, address: str, now: float, *, quiet: bool = False, plugged_in_at: float | None = None,
-        client_key: int = 0, patience_s: float = 0.0,
+        client_key: int = 0, patience_s: float = 0.0, pupil: str = "",
     ) -> None:  # fmt: skip
         """A session was opened, or opened again: earlier rights are void, and both steps start over.
 
@@ -161,6 +164,7 @@ class Inventory:
             plugged_in_at: when the link saw the peer arrive; None = the session is the first sign of it.
             client_key: the client key that the session shows, if it is not `key`.
             patience_s: how long a living client may take to answer a probe; 0 = nobody probes it.
+            pupil: in whose browser it runs; empty: it is no pupil's.
         """
         start = now if plugged_in_at is None else plugged_in_at
         self.seals.drop(key)
@@ -170,7 +174,7 @@ class Inventory:
             self._index.sessions[key] = session
         else:
             session.address, session.plugged_in_at = address, start
-        session.opened_at = now
+        session.opened_at, session.pupil = now, pupil
         if session.record is not None:
             self._reopen(session, session.record, now)
         elif not quiet:
@@ -232,6 +236,7 @@ class Inventory:
             self.dropped.count("claim of a client without a session")
             return PENDING
         verdict = self._admission.claim(session, claim, now)
+        self._mind(session)
         self._publish(now)
         return verdict
 
@@ -332,6 +337,41 @@ class Inventory:
                     self._assignment.block(record, why, now)
         self._publish(now)
 
+    def pupils_changed(self, now: float) -> None:
+        """Follow what has changed about who is held."""
+        for session in list(self._index.sessions.values()):
+            self._mind(session)
+        self._publish(now)
+
+    def groups_changed(self, now: float) -> None:
+        """Take pupils' parts out of slots that belong to other groups now."""
+        for slot, record in list(self._index.holders.items()):
+            if not self.pupils.may_use(self._index.pupil_of(record), slot):
+                group = self.pupils.group_of_slot(slot)
+                words = said("slot {slot} belongs to group {group}", slot=slot, group=group)
+                self._assignment.rearrange({record: None}, now, words)
+        self._publish(now)
+
+    def is_held(self, client_key: int) -> bool:
+        """Whether the part behind a session belongs to a pupil whose programs are held."""
+        session = self._index.sessions.get(client_key)
+        return session is not None and bool(self.pupils.held(session.pupil))
+
+    def pupil_of_slot(self, slot: str) -> str:
+        """The pupil whose program holds a slot; empty: nobody's does."""
+        record = self._index.holders.get(slot)
+        return "" if record is None else self._index.pupil_of(record)
+
+    def pupils_here(self) -> Mapping[str, tuple[str, ...]]:
+        """The pupils who run parts in browsers now, and the slots that these hold."""
+        here: dict[str, list[str]] = {}
+        for session in self._index.sessions.values():
+            if session.pupil:
+                held = here.setdefault(session.pupil, [])
+                if session.record is not None and session.record.holds_slot and session.record.slot is not None:
+                    held.append(session.record.slot)
+        return {pupil: tuple(slots) for pupil, slots in here.items()}
+
     @property
     def slots(self) -> Matcher:
         """The robot's slots: their names, which ones fit a part number, and which are free."""
@@ -372,6 +412,19 @@ class Inventory:
         self._publish(now)
 
     # Helpers
+
+    def _mind(self, session: PartSession) -> None:
+        """Bring a part in line with whether its pupil is held: its partners hear it, and so does the part."""
+        record = session.record
+        is_held = bool(self.pupils.held(session.pupil))
+        if record is None or record.is_held is is_held:
+            return
+        record.is_held = is_held
+        if record.is_registered and record.configuration is not None:
+            self._changes.rights_changed(record)
+            for topic in dict.fromkeys(one.topic for one in record.configuration.bindings if not one.publishes):
+                if is_held or self._changes.has_publisher(topic):
+                    self._changes.tell_partner(record.client_key, topic, is_there=not is_held)
 
     def _reopen(self, session: PartSession, record: InventoryRecord, now: float) -> None:
         self._index.void_lease(record)

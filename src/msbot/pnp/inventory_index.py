@@ -12,7 +12,7 @@ from msbot.pnp.model import LifeTiming
 class PartSession:
     """One client's session with the agent."""
 
-    __slots__ = ("address", "client_key", "key", "opened_at", "patience_s", "plugged_in_at", "record")
+    __slots__ = ("address", "client_key", "key", "opened_at", "patience_s", "plugged_in_at", "pupil", "record")
 
     def __init__(
         self, key: int, address: str, plugged_in_at: float, *, client_key: int = 0, patience_s: float = 0.0
@@ -29,6 +29,8 @@ class PartSession:
         self.plugged_in_at = plugged_in_at
         self.record: InventoryRecord | None = None
         """The part that speaks through it, if any is known."""
+        self.pupil = ""
+        """The pupil who runs it in a browser; empty: somebody or something else does."""
 
 
 class InventoryIndex:
@@ -61,6 +63,11 @@ class InventoryIndex:
         """The part that speaks through a session, if there is such a session and its part is known."""
         session = self.sessions.get(key)
         return None if session is None else session.record
+
+    def pupil_of(self, record: InventoryRecord) -> str:
+        """The pupil who runs a part in a browser; empty: somebody or something else does."""
+        session = self.sessions.get(record.client_key)
+        return "" if session is None or session.record is not record else session.pupil
 
     def open_record(self, session: PartSession) -> InventoryRecord:
         """Begin a record for the part behind a session."""

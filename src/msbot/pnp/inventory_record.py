@@ -49,6 +49,7 @@ class InventoryRecord:
         "history",
         "holds_slot",
         "identity",
+        "is_held",
         "lease",
         "life",
         "nature",
@@ -83,6 +84,8 @@ class InventoryRecord:
         self.slot: str | None = None
         """The slot that it holds, or held last."""
         self.holds_slot = False
+        self.is_held = False
+        """A teacher holds the pupil who runs it: it has its slot, and uses no topic."""
         self.lease = 0
         self.configuration: Configuration | None = None
         self.refusal: Refusal | None = None

@@ -28,6 +28,10 @@ class Partners:
         """Note that a part was registered, delisted, or configured again."""
         self._touched.append(record)
 
+    def has_publisher(self, topic: str) -> bool:
+        """Whether a registered part publishes a topic, as of the last `settle`."""
+        return bool(self._publishers.get(topic))
+
     def settle(self) -> list[PartnerChange]:
         """Bring the indexes up to date; returns what changed for parts that were there before and still are."""
         there: dict[str, bool] = {}
@@ -65,6 +69,6 @@ def _topics_of(record: InventoryRecord) -> tuple[frozenset[str], frozenset[str]]
         return frozenset(), frozenset()
     bindings = record.configuration.bindings
     return (
-        frozenset(binding.topic for binding in bindings if binding.publishes),
+        frozenset(binding.topic for binding in bindings if binding.publishes and not record.is_held),
         frozenset(binding.topic for binding in bindings if not binding.publishes),
     )

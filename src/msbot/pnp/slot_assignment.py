@@ -67,8 +67,11 @@ class SlotAssignment:
         taken = []
         for record in self._standing_by(freed, now):
             claim = record.claim
-            match = None if claim is None else self._matcher.match(claim, barred=self._index.barred.get(record, ""))
-            if claim is None or match is None or match.slot is None:
+            if claim is None:
+                continue
+            barred, pupil = self._index.barred.get(record, ""), self._index.pupil_of(record)
+            match = self._matcher.match(claim, barred=barred, pupil=pupil)
+            if match.slot is None:
                 continue
             slot = match.slot.name
             old = freed.get(slot)

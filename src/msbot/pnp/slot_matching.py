@@ -22,6 +22,7 @@ from msbot.errors import RegistryError
 from msbot.part.join.plug import Refusal
 from msbot.pnp.model import MAX_TEXT, Claim, PartStore
 from msbot.pnp.part_events import Evidence, PartState
+from msbot.pnp.pupils import Pupils
 from msbot.runtime.sentence import said
 
 UID_BYTES = 8
@@ -45,13 +46,15 @@ class Matcher:
 
     Args:
         store: the library and the slots.
+        pupils: which slots are a group's; None: there are no groups.
 
     Raises:
         RegistryError: the slots cannot be read.
     """
 
-    def __init__(self, store: PartStore) -> None:
+    def __init__(self, store: PartStore, pupils: Pupils | None = None) -> None:
         self._store = store
+        self._pupils = pupils or Pupils()
         self._by_name: dict[str, Slot] = {}
         self._by_number: dict[str, dict[str, Slot]] = {}
         self._free: dict[str, dict[str, Slot]] = {}
@@ -120,18 +123,19 @@ class Matcher:
         if known is not None:
             self._free.setdefault(known.part_number, {})[slot] = known
 
-    def match(self, claim: Claim, *, barred: str = "") -> Match:
+    def match(self, claim: Claim, *, barred: str = "", pupil: str = "") -> Match:
         """Try the rules on a claim; never raises.
 
         Args:
             claim: what the part says about itself.
             barred: a slot that the part does not get by itself, because a person took it out of there.
+            pupil: in whose browser it runs; empty: it is no pupil's, and may have any slot.
         """
         fault = _fault_of(claim)
         if fault is not None:
             return _refused(Refusal.BAD_CLAIM, fault, ((said("readable"), fault),))
         try:
-            return self._match(claim, barred)
+            return self._match(claim, barred, pupil)
         except RegistryError as error:
             return _refused(
                 Refusal.NOT_READY,
@@ -139,7 +143,7 @@ class Matcher:
                 ((said("registry"), str(error)),),
             )
 
-    def _match(self, claim: Claim, barred: str) -> Match:
+    def _match(self, claim: Claim, barred: str, pupil: str) -> Match:
         number, uid = claim.part_number, claim.uid
         evidence: list[tuple[str, str]] = [(said("claim"), _describe(claim))]
         blocked = self._store.blocked(uid, number)
@@ -170,9 +174,12 @@ class Matcher:
             )
         evidence.append((said("slots"), _list_slots(self._by_number, tiers)))
         old = self._old_slot(uid, tiers, barred, evidence)
+        if old is not None and not self._pupils.may_use(pupil, old.name):
+            evidence.append((said("same UID as before"), self._pupils.why_not(pupil, old.name)))
+            old = None
         if old is not None:
             return _found(evidence, old, said("same UID as before: back in its slot {old}", old=old.name))
-        return self._among_free(claim, tiers, barred, evidence)
+        return self._among_free(claim, tiers, barred, pupil, evidence)
 
     def _tiers(self, part_type: PartType) -> list[str]:
         """Part numbers whose slots fit, the best first."""
@@ -219,8 +226,20 @@ class Matcher:
             return None
         return slot
 
-    def _among_free(self, claim: Claim, tiers: list[str], barred: str, evidence: list[tuple[str, str]]) -> Match:
-        free = next((self._free[number] for number in tiers if self._free.get(number)), None)
+    def _free_for(self, pupil: str, number: str, evidence: list[tuple[str, str]]) -> dict[str, Slot]:
+        """The free slots of a number that a pupil may use: those of the pupil's group, if there is one."""
+        free = self._free.get(number, {})
+        if not pupil or not free:
+            return free
+        allowed = {name: slot for name, slot in free.items() if self._pupils.may_use(pupil, name)}
+        if len(allowed) < len(free):
+            evidence.append((said("group"), said("free slots of other groups are not for {pupil}", pupil=pupil)))
+        return {name: slot for name, slot in allowed.items() if self._pupils.is_own(pupil, name)} or allowed
+
+    def _among_free(
+        self, claim: Claim, tiers: list[str], barred: str, pupil: str, evidence: list[tuple[str, str]]
+    ) -> Match:
+        free = next((found for number in tiers if (found := self._free_for(pupil, number, evidence))), None)
         if free is not None and barred in free:
             free = {name: slot for name, slot in free.items() if name != barred}
             evidence.append((said("slot {barred}", barred=barred), said("a person took this part out of it")))

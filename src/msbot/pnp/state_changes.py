@@ -117,7 +117,7 @@ class StateChanges:
         Handlers may call the inventory again; the consequences are announced after what they are being told now.
         """
         for key, topic, is_there in self._partners.settle():
-            self.later(partial(self._tell_partner, key, topic, is_there))
+            self.tell_partner(key, topic, is_there=is_there)
         if self._is_publishing:
             return
         self._is_publishing = True
@@ -126,6 +126,14 @@ class StateChanges:
                 self._tell_next()
         finally:
             self._is_publishing = False
+
+    def has_publisher(self, topic: str) -> bool:
+        """Whether a registered part publishes a topic, as far as it has been announced."""
+        return self._partners.has_publisher(topic)
+
+    def tell_partner(self, key: int, topic: str, *, is_there: bool) -> None:
+        """Tell a part, with the next `publish`, whether somebody publishes what it reads."""
+        self.later(partial(self._tell_partner, key, topic, is_there))
 
     def _tell_partner(self, key: int, topic: str, is_there: bool) -> None:
         for handler in self.partner_handlers:

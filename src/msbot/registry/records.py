@@ -88,6 +88,7 @@ class EditKind(Enum):
     FAULT = "fault"
     MISSION = "mission"
     LESSON = "lesson"
+    CLASS = "class"
 
 
 UNDOABLE = frozenset(

@@ -11,6 +11,7 @@ from typing import Self
 from sqlalchemy import Engine
 
 from msbot.errors import RegistryError
+from msbot.registry.class_groups import ClassGroups
 from msbot.registry.database.engine import (
     Address,
     check_file,
@@ -91,6 +92,7 @@ class Registry:
         self.keys = PartKeys(storage, self.edits)
         self.programs = Programs(storage)
         self.lesson_ticks = LessonTicks(storage)
+        self.class_groups = ClassGroups(storage)
 
     @property
     def database(self) -> str:

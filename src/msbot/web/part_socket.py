@@ -60,7 +60,8 @@ class PartSocket:
             await socket.close(REFUSED, _short(tell(why)))
             return
         try:
-            peer = self._link.join(Visitor(session.name, socket.client.host if socket.client else ""))
+            address = socket.client.host if socket.client else ""
+            peer = self._link.join(Visitor(session.name, address, is_pupil=not session.may(Right.ARRANGE)))
         except LinkFull as error:
             await socket.close(REFUSED, _short(tell(str(error))))
             return

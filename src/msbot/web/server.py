@@ -179,7 +179,7 @@ class WebServer:
         service = self._service
         app = FastAPI(title="MsBOT", version="1", docs_url=None, redoc_url=None, openapi_url="/openapi.json")
         cookies = cookie_names(self.mark)
-        app.include_router(make_forms(service.accounts, service.robot_name, cookies))
+        app.include_router(make_forms(service.accounts, service.robot_name, cookies, service.pupils.passes))
         app.include_router(make_api(service))
         app.include_router(make_admin_api(service))
         app.include_router(make_metrics(service))

@@ -6,6 +6,7 @@ role that was taken away, or a session that has ended, counts at once, also for 
 
 from __future__ import annotations
 
+import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from functools import partial
 
@@ -20,6 +21,7 @@ from msbot.runtime.sentence import counted, said
 from msbot.sim.arena.living_arena import LivingArena
 from msbot.web.access.accounts import Accounts, NotAllowed
 from msbot.web.access.class_list import Newcomer
+from msbot.web.access.passes import Passes
 from msbot.web.access.sessions import Session
 from msbot.web.access.users import User
 from msbot.web.api.models import (
@@ -40,6 +42,7 @@ from msbot.web.local_masters import LocalMasters
 from msbot.web.past import RecordedPast
 from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.programs.program_shelf import NoShelf, ProgramShelf
+from msbot.web.pupils import PupilDesk
 from msbot.web.records import Backup, Records
 from msbot.web.views import Views
 from msbot.web.whole_class import WholeClass
@@ -95,8 +98,11 @@ class Service:
         )  # fmt: skip
         """What the recorder has."""
         self.arena = ArenaSight(arena)
-        self.programs = ProgramDeeds(programs or NoShelf(), accounts)
         self.learning = learning or Learning(None, None, accounts)
+        shelf = programs or NoShelf()
+        self.pupils = PupilDesk(accounts, operations, Passes(accounts, clock, time.time), shelf, self.learning)
+        """The class."""
+        self.programs = ProgramDeeds(shelf, accounts, self.pupils.check_writing)
         self._seen_robot: tuple[float, int, Robot] | None = None
 
     @property
@@ -199,6 +205,7 @@ class Service:
     def operate(self, session: Session, slot: str, control: str, value: Scalar) -> Done:
         """Do something to a simulated part."""
         self._need(session, Right.OPERATE)
+        self.pupils.check_slot(session, slot)
         self.views.simulated(slot)
         self.views.bench.operate(slot, control, value)
         return Done(words=said("{slot}: {control} is {value}", slot=slot, control=control, value=value))
@@ -206,6 +213,7 @@ class Service:
     def plug(self, session: Session, slot: str, *, plugged: bool) -> Done:
         """Plug a simulated part in, or pull it out."""
         self._need(session, Right.OPERATE)
+        self.pupils.check_slot(session, slot)
         self.views.simulated(slot)
         (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)
         return Done(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))

@@ -174,6 +174,19 @@ class Views:
 
     # Simulated parts
 
+    def pupils_here(self) -> Mapping[str, tuple[str, ...]]:
+        """The pupils who run parts in browsers now, and the slots that these hold."""
+        return self._master.inventory.pupils_here()
+
+    def empty_slots(self) -> list[str]:
+        """The slots that nobody holds and that are for hardware, not for somebody's program."""
+        inventory, found = self._master.inventory, []
+        for slot in inventory.slots.free_slots():
+            part_type = self.library.find(inventory.slots.number_of(slot))
+            if part_type is not None and "program" not in part_type.keywords:
+                found.append(slot)
+        return found
+
     def simulated(self, slot: str) -> Simulated:
         """A simulated part's controls and readings.
 

@@ -10,7 +10,7 @@ from sqlalchemy import Table, select, text
 
 from msbot.config import Blueprint, Library
 from msbot.errors import RegistryError
-from msbot.pnp import PartState
+from msbot.pnp import Group, PartState
 from msbot.registry import Registry, open_registry
 from msbot.registry.database.tables import metadata
 from msbot.registry.maintenance import backup_check, upkeep
@@ -39,6 +39,7 @@ def full(registry: Registry, blueprint: Blueprint, library: Library) -> Registry
     registry.keys.keep(UID, b"\x00secret", "ann")
     registry.programs.keep("ann", "blink", "from msbot import Part")
     registry.lesson_ticks.note(["ann"], "ring", "1.1", 5)
+    registry.class_groups.keep(robot, [Group("Red", ("ann",), ("AA",))])
     registry.runs.node_ids(robot, "can:0").keep(7, UID)
     registry.storage.flush()
     return registry

@@ -14,7 +14,7 @@ from tests.web.browser.conftest import Site, go, new_page
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
     "/arena": "Arena", "/plots": "Plots", "/timeline": "Timeline", "/learn": "Learn", "/library": "Library",
-    "/library/SG90": "Library",
+    "/library/SG90": "Library", "/pupils": "Pupils", "/projector": "Our class",
     "/journal": "Journal", "/faults": "Faults", "/missions": "Missions",
     "/class": "Class", "/admin": "Admin", "/doctor": "Doctor",
     "/api-docs": "API",

@@ -86,11 +86,17 @@ SAMPLES = {"thesis": SAMPLE_ROBOT_TOML, "rover": ROVER_ROBOT_TOML, "buggy": BUGG
 
 
 def write_sample(path: Path, sample: str = "thesis") -> None:
-    """Write a sample blueprint to a new file.
+    """Write a sample blueprint to a new file; raises as `write_new`.
 
     Args:
         path: the file.
         sample: a name in `SAMPLES`.
+    """
+    write_new(path, SAMPLES[sample])
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a text to a new file.
 
     Raises:
         ConfigError: the file exists (it is never overwritten) or cannot be written.
@@ -110,7 +116,7 @@ def write_sample(path: Path, sample: str = "thesis") -> None:
         raise ConfigError(f"{path}: cannot be written ({_reason(error)}); choose another name") from None
     try:
         with stream:
-            stream.write(SAMPLES[sample])
+            stream.write(text)
     except OSError as error:
         path.unlink(missing_ok=True)
         raise ConfigError(f"{path}: cannot be written ({_reason(error)}); make room or choose another disk") from None

@@ -44,6 +44,8 @@ class Visitor:
     person: str
     address: str
     """The computer's address, without the port."""
+    is_pupil: bool = False
+    """Whether a teacher may hold what this person runs."""
 
 
 class SocketPeer:

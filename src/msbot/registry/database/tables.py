@@ -284,6 +284,15 @@ lesson_ticks = Table(
     Column("at_ns", BigInteger, nullable=False, comment="when it ticked for the first time"),
 )
 
+class_groups = Table(
+    "class_groups",
+    metadata,
+    Column("robot_id", ForeignKey("robots.id", ondelete="CASCADE"), primary_key=True, comment="the robot"),
+    Column("kind", Text, primary_key=True, comment="`pupil` or `slot`"),
+    Column("name", Text, primary_key=True, comment="name of the user, or of the slot"),
+    Column("group_name", Text, nullable=False, comment="the group that this pupil or slot belongs to"),
+)
+
 master_leases = Table(
     "master_leases",
     metadata,

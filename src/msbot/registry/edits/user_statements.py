@@ -5,6 +5,7 @@ from __future__ import annotations
 from sqlalchemy import Connection, Row, delete, select
 
 from msbot.errors import ConfigError
+from msbot.registry.class_groups import remove_from_groups
 from msbot.registry.database.statements import upsert
 from msbot.registry.database.tables import keys, users
 from msbot.registry.lesson_ticks import remove_ticks_of
@@ -78,6 +79,7 @@ def remove_user(connection: Connection, name: str) -> str:
     connection.execute(delete(users).where(users.c.name == name))
     remove_programs_of(connection, name)
     remove_ticks_of(connection, name)
+    remove_from_groups(connection, name)
     return said("user {name} ({role}) removed", name=name, role=said(user.role))
 
 

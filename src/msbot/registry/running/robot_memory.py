@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from sqlalchemy import Connection, func, select
 
 from msbot.config import Blueprint, PartType, Slot
-from msbot.pnp import Configuration, StopRecord
+from msbot.pnp import Configuration, Group, StopRecord
 from msbot.registry.blueprint import blueprint_reader
+from msbot.registry.class_groups import read_groups
 from msbot.registry.database.statements import list_slots, read_part_types
 from msbot.registry.database.tables import blocks, edits, keys
 from msbot.registry.edits import part_places as places
@@ -41,6 +42,8 @@ class RobotMemory:
     places: Mapping[str, places.Belonging]
     """UID -> where that part belongs."""
     users: tuple[UserRecord, ...]
+    groups: tuple[Group, ...]
+    """Of a class, by name."""
     stop: StopRecord | None
     """The latest STOP that was stored; None: nobody ever said it."""
 
@@ -62,5 +65,6 @@ def read_memory(connection: Connection, robot_id: int) -> RobotMemory:
         keys={row.uid: bytes(row.key) for row in connection.execute(select(keys.c.uid, keys.c.key))},
         places=places.read(connection, robot_id),
         users=tuple(list_users(connection)),
+        groups=tuple(read_groups(connection, robot_id)),
         stop=stop_record.read(connection, robot_id),
     )

@@ -15,7 +15,7 @@ from sqlalchemy import Connection
 
 from msbot.config import Blueprint, PartType, Slot, parse_versions, split_number
 from msbot.errors import RegistryError
-from msbot.pnp import Claim, Configuration, PartEvent, PartState, StopRecord
+from msbot.pnp import Claim, Configuration, Group, PartEvent, PartState, StopRecord
 from msbot.registry.database import statements as store
 from msbot.registry.database.writer import Writer
 from msbot.registry.records import RobotRecord, UserRecord, uid_text
@@ -93,6 +93,11 @@ class RobotStore:
     def users(self) -> tuple[UserRecord, ...]:
         """The users who may log in."""
         return self._memory.users
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """The groups of a class, by name."""
+        return self._memory.groups
 
     @property
     def stored(self) -> int:

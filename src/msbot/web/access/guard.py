@@ -32,7 +32,7 @@ MAX_BODY = 1024 * 1024
 """Octets of a request's body; `restore` may have more."""
 MAX_RESTORE = 256 * 1024 * 1024
 OPEN_PATHS = (
-    "/login", "/setup", "/enter", "/join", "/api/health", "/openapi.json", "/favicon.ico", "/web/",
+    "/login", "/setup", "/enter", "/join", "/pass", "/come", "/api/health", "/openapi.json", "/favicon.ico", "/web/",
     f"/_nicegui/{nicegui_version}/",
 )  # fmt: skip
 """What may be had without signing in: forms to do so, and files that are the same for everybody."""
@@ -53,7 +53,7 @@ ANY_ADDRESS = "*address*"
 """Among the allowed hosts: every IP address. Only names can be made to lead somewhere else (DNS rebinding)."""
 SIGN_OUT_PATH = "/logout"
 """A plain form as well; all that another site could do with it is checked by its origin."""
-FORM_PATHS = ("/login", "/setup", "/join")
+FORM_PATHS = ("/login", "/setup", "/join", "/pass", "/come")
 """Forms that are sent before there is a session; their origin is checked all the same."""
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 

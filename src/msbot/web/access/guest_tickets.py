@@ -45,10 +45,12 @@ class GuestTickets:
 
     Args:
         clock: seconds, monotonic.
+        lasts_s: how long a ticket can be used.
     """
 
-    def __init__(self, clock: Callable[[], float]) -> None:
+    def __init__(self, clock: Callable[[], float], lasts_s: float = TICKET_S) -> None:
         self._clock = clock
+        self._lasts_s = lasts_s
         self._by_digest: dict[str, Ticket] = {}
 
     def make(self, maker: str, path: str, guests: int) -> tuple[str, Ticket]:
@@ -66,7 +68,7 @@ class GuestTickets:
         if len(mine) >= MOST_OF_ONE:
             del self._by_digest[mine[0]]
         word = secrets.token_urlsafe(24)
-        ticket = self._by_digest[digest_of(word)] = Ticket(maker, path, self._clock() + TICKET_S, guests)
+        ticket = self._by_digest[digest_of(word)] = Ticket(maker, path, self._clock() + self._lasts_s, guests)
         return word, ticket
 
     def find(self, word: str) -> Ticket:
@@ -92,6 +94,13 @@ class GuestTickets:
         ticket.left -= 1
         ticket.guests += 1
         return ticket
+
+    def give_back(self, word: str) -> None:
+        """Whoever was let in by `use` does not come in after all."""
+        ticket = self._by_digest.get(digest_of(word))
+        if ticket is not None and ticket.guests:
+            ticket.left += 1
+            ticket.guests -= 1
 
     def forget_those_of(self, maker: str) -> None:
         """A person's tickets are worth nothing any more."""

@@ -13,7 +13,9 @@ from msbot.runtime.sentence import said
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.cookies import CookieNames
+from msbot.web.access.passes import Passes
 from msbot.web.access.sessions import GUEST_S, LONGEST_S, Session
+from msbot.web.access.ticket_pages import add_ticket_forms
 from msbot.web.html import render
 from msbot.web.language import language_of
 
@@ -23,13 +25,14 @@ _DEVICE_S = 365 * 24 * 3600
 """How long a browser remembers who has signed in with it."""
 
 
-def make_forms(accounts: Accounts, robot: str, cookies: CookieNames) -> APIRouter:
-    """The pages `/login`, `/setup`, `/enter`, `/join` and `/logout`.
+def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Passes | None = None) -> APIRouter:
+    """The pages `/login`, `/setup`, `/enter`, `/join` and `/logout`; with tickets of pupils `/pass` and `/come`, too.
 
     Args:
         accounts: who may sign in.
         robot: the name that the pages show.
         cookies: what the cookies are called.
+        passes: the tickets of pupils; None: there are none.
     """
     router = APIRouter(include_in_schema=False)
 
@@ -124,6 +127,8 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames) -> APIRoute
         return response
 
     _add_guest_forms(router, accounts, page, signed_in)
+    if passes is not None:
+        add_ticket_forms(router, accounts, passes, page=page, signed_in=signed_in, form_of=_form_of)
     return router
 
 

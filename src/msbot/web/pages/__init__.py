@@ -18,6 +18,9 @@ from msbot.web.pages import (
     missions,
     plots,
     program,
+    projector,
+    pupil_program,
+    pupils,
     robot,
     settings,
     timeline,
@@ -30,7 +33,7 @@ def register_pages(service: Service) -> None:
     """Make the pages of one robot known to NiceGUI; to be called once in a process."""
     for page in (
         robot, arrivals, settings, bus, wires, program, arena, plots, timeline, learn, library, journal, missions,
-        faults, doctor, classroom, admin, api_docs, help,
+        faults, doctor, classroom, pupils, pupil_program, projector, admin, api_docs, help,
     ):  # fmt: skip
         page.register(service)
 

@@ -91,6 +91,17 @@ HELP = {
         "and ends it; then everything is as it was before. Whoever takes part keeps the ticks, and asks for help with a raised hand.",
         "howto/lessons",
     ),
+    "/pupils": PageHelp(
+        "Everybody in the class, those who ask for help first. Freeze all holds every pupil's program, what it drives goes "
+        "to its safe value; STOP is something else and comes before it. Groups have slots of their own; a pasted list "
+        "makes accounts with tickets to print.",
+        "howto/classroom",
+    ),
+    "/projector": PageHelp(
+        "The class at a glance, for the wall: parts, programs, raised hands and the lesson of each group. It shows no "
+        "names unless they are turned on, and nothing secret.",
+        "howto/classroom",
+    ),
     "/library": PageHelp(
         "The library knows what a part number means: ports, settings, pins and safe values. Search by what a part "
         "does, or by its number. A part type of your own is one small file.",

@@ -28,6 +28,7 @@ from msbot.web.html import render
 from msbot.web.language import COOKIE as LANGUAGE_COOKIE
 from msbot.web.language import Language, language_of, languages
 from msbot.web.pages.banner import show_banner
+from msbot.web.pages.class_strip import hand_button, show_class_strip
 from msbot.web.pages.easy import ENTRIES, is_easy, read_easily, show_easily
 from msbot.web.pages.help import help_button, offer_tour
 from msbot.web.pages.looking_back import PATHS, LookingBack
@@ -68,6 +69,7 @@ MENU = (
     MenuEntry("/missions", "travel_explore", "Missions"),
     MenuEntry("/doctor", "medical_services", "Doctor", Right.ARRANGE),
     MenuEntry("/faults", "bug_report", "Faults", Right.ARRANGE),
+    MenuEntry("/pupils", "groups", "Pupils", Right.ARRANGE),
     MenuEntry("/class", "grid_view", "Class"),
     MenuEntry("/admin", "manage_accounts", "Admin", Right.ADMINISTER),
 )
@@ -286,6 +288,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     with ui.header().classes("ms-header").props("role=banner"):
         menu = ui.button(icon="menu").props(f'flat round dense color=primary aria-label="{page.say("Menu")}"')
         ui.label(service.robot_name).classes("ms-robot")
+        hand_button(page)
         help_button(page, path)
         _who(page, dark)
     # Not value=None: NiceGUI would ask a slow browser whether it is open, and log when no answer comes in a second.
@@ -297,6 +300,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     with ui.column().classes("w-full").style("gap: 1rem").props("role=main id=content tabindex=-1"):
         banner = ui.column().classes("w-full ms-banners").style("gap:.5rem")
         show_banner(page, banner)
+        show_class_strip(page, ui.column().classes("w-full ms-banners"))
         if path == "/":
             offer_tour(page, request)
         ui.html(render("title", words=page.say(title)), sanitize=False)

@@ -24,6 +24,7 @@ from msbot.web.pages.arrivals import adopt
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import show_dialog
 from msbot.web.pages.share_program import ShareDialog
+from msbot.web.pages.under_teacher import UnderTeacher
 from msbot.web.programs.browser_files import examples
 from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.service import Service
@@ -109,6 +110,7 @@ class _Desk:
         ui.on("ms_program_line", self._mark)
         ui.on("ms_program_adopt", self._adopt)
         ui.run_javascript(f"msbotProgram.label({self._editor.id}, {json.dumps(say('Program text'))})")
+        UnderTeacher(self._page, self._editor, (run, stop), lambda: self._name)
         ui.timer(0.5, self._follow_look)
         assert self._page.client is not None
         self._page.client.on_disconnect(self._left)

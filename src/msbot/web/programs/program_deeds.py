@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from msbot.errors import NotThere
 from msbot.operations.rights import Right
@@ -20,9 +20,13 @@ class ProgramDeeds:
     Args:
         shelf: where they are kept.
         accounts: who is signed in.
+        check_writing: raises when a person may not change the own programs now.
     """
 
-    def __init__(self, shelf: ProgramShelf, accounts: Accounts) -> None:
+    def __init__(
+        self, shelf: ProgramShelf, accounts: Accounts, check_writing: Callable[[Session], None] = lambda _: None
+    ) -> None:
+        self._check_writing = check_writing
         self._shelf = shelf
         self._accounts = accounts
 
@@ -55,12 +59,14 @@ class ProgramDeeds:
     async def keep(self, session: Session, name: str, text: str) -> int:
         """Keep a program; returns its version."""
         self._accounts.require(session, Right.OPERATE)
+        self._check_writing(session)
         check_program(name, text)
         return await self._shelf.keep(session.name, name, text)
 
     async def remove(self, session: Session, name: str) -> None:
         """Forget a program with all its versions."""
         self._accounts.require(session, Right.OPERATE)
+        self._check_writing(session)
         await self._shelf.remove(session.name, name)
 
     async def share(self, session: Session, name: str) -> str:

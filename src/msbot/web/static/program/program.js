@@ -4,7 +4,7 @@
 const msbotProgram = (() => {
   const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50;
   let worker = null, files = null, editor = 0, name = "program.py", askedAt = null, isStuck = false, watch = null, ending = null;
-  let begun = 0, tellOpened = null;
+  let begun = 0, tellOpened = null, held = "";
   const isOpened = new Promise((done) => { tellOpened = done; });
   let device = {}, sent = "", audio = null, deviceTimer = null, hasTilt = false;
 
@@ -54,7 +54,7 @@ const msbotProgram = (() => {
   function show(seen) {
     if (isStuck) return;
     if (!seen.state) return;
-    const reason = (seen.slot ? say("slot", { slot: seen.slot }) + ". " : "") + (seen.stopped ? say("stopped") + ". " : "") +
+    const reason = (held ? held + ". " : "") + (seen.slot ? say("slot", { slot: seen.slot }) + ". " : "") + (seen.stopped ? say("stopped") + ". " : "") +
       (seen.state === "refused" ? `${seen.reason}. ${say(seen.describes ? "describes" : "adopt", { number: seen.number })}`
         : seen.slot ? "" : seen.reason);
     showAdopt(seen.state === "refused", seen.describes);
@@ -180,6 +180,9 @@ const msbotProgram = (() => {
     worker.onerror = (event) => { if (worker === one) { line("error", event.message || say("noFiles"), 0); finish(); } };
     askedAt = null;
     watch = setInterval(look, PING_MS);
+    worker.postMessage({
+      do: "hold", on: held !== "",
+    });
     worker.postMessage({
       do: "run", base: location.origin, address: location.origin.replace("http", "ws") + "/api/link", files, program, name, uid: uid(), device,
     });
@@ -339,6 +342,12 @@ const msbotProgram = (() => {
     if (before !== null) await before.close();
   }
 
+  // A teacher holds the program, and says why; empty: not any more.
+  function hold(reason) {
+    held = reason;
+    if (worker !== null) worker.postMessage({ do: "hold", on: held !== "" });
+  }
+
   function opened(id, file) {
     editor = id;
     name = file;
@@ -355,5 +364,5 @@ const msbotProgram = (() => {
   }
 
   addEventListener("pagehide", () => { if (worker !== null) { worker.postMessage({ do: "stop" }); } });
-  return { run, stop, opened, label, showBoard, putOnBoard, isRunning: () => worker !== null };
+  return { run, stop, hold, opened, label, showBoard, putOnBoard, isRunning: () => worker !== null };
 })();

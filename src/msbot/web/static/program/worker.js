@@ -8,7 +8,7 @@ import { openHome } from "/web/program/home.js";
 const FLUSH_MS = 200, MOST_LINES = 50, LONGEST = 2000, LOOK_MS = 250, BACK_MS = 1000, WAITING = 64 * 1024;
 const REFUSED = 4400; // codes from here to 4499: the robot does not want this part
 
-let home = null, socket = null, timer = null, isOver = false, link = "", address = "", notSent = 0, toldAt = -Infinity;
+let home = null, socket = null, timer = null, isOver = false, isHeld = false, link = "", address = "", notSent = 0, toldAt = -Infinity;
 let incoming = [], lines = [], left = 0, flushedAt = 0;
 
 const now = () => Math.round(performance.now());
@@ -110,6 +110,9 @@ onmessage = async ({ data }) => {
     postMessage({ pong: true });
   } else if (data.do === "device" && home !== null && !isOver) {
     ask(data);
+  } else if (data.do === "hold") {
+    isHeld = data.on;
+    if (home !== null && !isOver) { ask({ do: "hold", on: isHeld, now: now() }); soon(0); }
   } else if (data.do === "stop" && home !== null && !isOver) {
     take(ask({ do: "end", now: now() }));
     step();
@@ -120,6 +123,7 @@ onmessage = async ({ data }) => {
     const started = ask({ do: "start", program: data.program, name: data.name, uid: data.uid, now: now(), live: true });
     if (started === null) return;
     if (started.due === null) return over();
+    if (isHeld) ask({ do: "hold", on: true, now: now() });
     connect();
     take(started);
     setInterval(flush, FLUSH_MS);

@@ -1,0 +1,116 @@
+"""A pupil's program, for the teacher: to look at while it is being typed, to take over, to hand back."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from fastapi import Request
+from nicegui import ui
+
+from msbot.errors import MsbotError
+from msbot.operations.rights import Right
+from msbot.web.access.sessions import Session
+from msbot.web.api.models import Done
+from msbot.web.pages.layout import Page, page_frame
+from msbot.web.service import Service
+
+
+def register(service: Service) -> None:
+    """Make the page known."""
+
+    @ui.page("/pupil")
+    def pupil(request: Request, name: str = "") -> None:
+        with page_frame(service, request, "/pupils", "A pupil's program") as page:
+            if not page.may(Right.ARRANGE):
+                ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
+                return
+            _Desk(page, name)
+
+
+class _Desk:
+    """One pupil's program."""
+
+    def __init__(self, page: Page, pupil: str) -> None:
+        self._page = page
+        self._pupil = pupil
+        self._seen = ""
+        self._trouble = ""
+        say = page.say
+        ui.link(say("Back to the pupils"), "/pupils")
+        with ui.element("div").classes("row spread w-full"):
+            self._title = ui.label(pupil).classes("ms-pupil-name").style("font-weight:600;font-size:1.2rem")
+            with ui.element("div").classes("row"):
+                self._take = ui.button(say("Take over"), icon="front_hand", on_click=self._take_over)
+                self._run = ui.button(say("Run"), icon="play_arrow", on_click=self._start).props("color=positive")
+                self._hold = ui.button(say("Stop"), icon="stop", on_click=self._end).props("outline")
+                self._back = ui.button(
+                    say("Hand back"), icon="undo", on_click=partial(page.act, "hand_back", pupil=pupil)
+                ).props("outline")
+        self._state = ui.label("").classes("soft").props("role=status")
+        self._editor = ui.codemirror("", language="Python", theme="githubLight").classes("ms-prog-editor w-full")
+        self._editor.set_enabled(False)
+        page.every_look(self._look)
+        assert page.client is not None
+
+    @property
+    def _is_mine(self) -> bool:
+        taken = self._page.service.operations.pupils.taken_by(self._pupil)
+        return taken is not None and taken.by == self._page.session.name
+
+    async def _look(self) -> None:
+        page, say, mine = self._page, self._page.say, self._is_mine
+        self._take.set_visibility(not mine)
+        for button in (self._run, self._hold, self._back):
+            button.set_visibility(mine)
+        if self._editor.enabled is not mine:
+            self._editor.set_enabled(mine)
+        try:
+            name, text, is_open = await page.service.pupils.program(page.session, self._pupil)
+        except MsbotError as error:
+            self._state.set_text(say(str(error)))
+            return
+        self._title.set_text(f"{self._pupil} · {name}")
+        taken = page.service.operations.pupils.taken_by(self._pupil)
+        words = say("as it is being typed") if is_open else say("as it was kept last: the page is not open")
+        if mine:
+            words = say("You have this program: what you write is shown to the pupil.")
+        elif taken is not None:
+            words = say("taken over by {by}", by=taken.by)
+        self._state.set_text(words)
+        if not mine and text != self._seen:
+            self._editor.value = self._seen = text
+
+    async def _take_over(self) -> None:
+        await self._look()
+        await self._page.act("take_over", pupil=self._pupil)
+
+    async def _write(self) -> bool:
+        """Give the pupil what is written here."""
+        text = str(self._editor.value or "")
+        done = await self._page.do(
+            lambda session: self._page.service.pupils.write(session, self._pupil, text), quiet=True
+        )
+        return done is not None
+
+    async def _start(self) -> None:
+        if (
+            await self._write()
+            and await self._page.act("take_over", quiet=True, pupil=self._pupil, run=True) is not None
+        ):
+            await self._steer(run=True)
+
+    async def _end(self) -> None:
+        await self._page.act("take_over", quiet=True, pupil=self._pupil)
+        await self._steer(run=False)
+
+    async def _steer(self, *, run: bool) -> None:
+        page = self._page
+
+        def deed(session: Session) -> Done:
+            page.service.pupils.steer(session, self._pupil, run=run)
+            say, name = page.say, self._pupil
+            if run:
+                return Done(words=say("The program runs in the browser of {name}.", name=name))
+            return Done(words=say("The program of {name} has ended.", name=name))
+
+        await page.do(deed)

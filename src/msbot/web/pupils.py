@@ -1,0 +1,371 @@
+"""A class on the page: accounts and tickets of pupils, how everybody is, and the programs that they have open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from msbot.config import groups_by_slots
+from msbot.errors import ConfigError, NotThere
+from msbot.lessons.progress import PersonInLesson
+from msbot.operations.dispatch import RunningOperations
+from msbot.operations.rights import Asker, Right, Role
+from msbot.runtime.sentence import counted, said
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.class_list import MOST_PEOPLE, Newcomer, new_password
+from msbot.web.access.guest_tickets import Ticket
+from msbot.web.access.passes import Passes
+from msbot.web.access.sessions import Session
+from msbot.web.api.models import Done
+from msbot.web.learning import Learning
+from msbot.web.programs.program_shelf import ProgramShelf, check_program
+
+MOST_SCREENS = 500
+"""Open pages Program that are known; of more, the oldest cannot be looked at."""
+
+
+class Screen(Protocol):
+    """A page Program that a pupil has open."""
+
+    def program(self) -> tuple[str, str]:
+        """Name and text of the program, as it is being typed."""
+
+    def show(self, text: str) -> None:
+        """Put another text in its place."""
+
+    def run(self) -> None:
+        """Run what is shown."""
+
+    def stop(self) -> None:
+        """End the program."""
+
+
+@dataclass(frozen=True, slots=True)
+class PupilTicket:
+    """What is printed for one pupil."""
+
+    name: str
+    group: str
+    password: str
+    """Empty: nobody knows it any more."""
+    path: str
+    """What the ticket's code leads to, a path of this server."""
+
+
+@dataclass(frozen=True, slots=True)
+class PupilNow:
+    """How one pupil is."""
+
+    name: str
+    group: str
+    slots: tuple[str, ...]
+    """Those that the pupil's programs hold."""
+    runs: bool
+    """Whether a program of the pupil is connected."""
+    is_open: bool
+    """Whether the pupil has the page Program open."""
+    held: str
+    """Why the pupil's programs are held; empty: they are not."""
+    taken_by: str
+    hand_s: float | None
+    """For how long the hand is up; None: it is not."""
+    lesson: str
+    """The lesson that the pupil began last, and how far it is; empty: none."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroupNow:
+    """How one group is: without names, for the wall."""
+
+    group: str
+    """Empty: those without a group."""
+    pupils: tuple[str, ...]
+    active: int
+    """Slots of the group with an active part."""
+    slots: int
+    running: int
+    """Pupils whose program is connected."""
+    hands: int
+    done: float
+    """How far the group is in the lessons that its pupils began last, 0 to 1."""
+
+
+class PupilDesk:
+    """See the module's docstring.
+
+    Args:
+        accounts: who can sign in.
+        operations: what is done to the robot.
+        passes: the tickets.
+        shelf: where programs are kept.
+        learning: how far people are in lessons.
+    """
+
+    def __init__(
+        self, accounts: Accounts, operations: RunningOperations, passes: Passes, shelf: ProgramShelf,
+        learning: Learning,
+    ) -> None:  # fmt: skip
+        self._accounts = accounts
+        self._operations = operations
+        self._control = operations.pupils
+        self._shelf = shelf
+        self._learning = learning
+        self._screens: dict[str, list[Screen]] = {}
+        self.passes = passes
+        """Tickets of pupils and of classes."""
+        self._control.use_people(self.pupils)
+
+    def pupils(self) -> list[str]:
+        """Who can sign in as a pupil, by name."""
+        return [user.name for user in self._accounts.users() if user.role is Role.STUDENT]
+
+    # What a pupil may do
+
+    def check_slot(self, session: Session, slot: str) -> None:
+        """Check that whoever is signed in may do something with a slot now.
+
+        Raises:
+            ConfigError: it is another group's, or a teacher holds the person's programs.
+        """
+        if not session.may(Right.ARRANGE):
+            self._control.check_slot(session.name, slot)
+
+    def check_writing(self, session: Session) -> None:
+        """Check that whoever is signed in may change the own programs now.
+
+        Raises:
+            ConfigError: a teacher has them.
+        """
+        taken = None if session.may(Right.ARRANGE) else self._control.taken_by(session.name)
+        if taken is not None:
+            raise ConfigError(said("{by} has taken over the program of {pupil}", by=taken.by, pupil=session.name))
+
+    # Accounts and tickets
+
+    async def add(self, session: Session, text: str, days: int, who: Asker) -> list[PupilTicket]:
+        """Make accounts from a list, a name on each line, after a semicolon the group: all of them, or none.
+
+        Raises:
+            ConfigError: nobody is in it, somebody is there already, or not so many days.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        listed = read_list(text)
+        people = [Newcomer(name, Role.STUDENT, new_password(), line) for line, (name, _) in enumerate(listed, 1)]
+        await self._accounts.add_people(people, who=session.name)
+        groups: dict[str, list[str]] = {}
+        for name, group in listed:
+            if group:
+                groups.setdefault(group, []).append(name)
+        known = {one.name: one for one in self._control.groups}
+        for group, names in groups.items():
+            old = known.get(group)
+            pupils, slots = ((), ()) if old is None else (old.pupils, old.slots)
+            await self._operations.do("group", who=who, group=group, pupils=[*pupils, *names], slots=list(slots))
+        passwords = {one.name: one.password for one in people}
+        return [self._ticket(name, days, passwords[name]) for name, _ in listed]
+
+    def tickets(self, session: Session, days: int) -> list[PupilTicket]:
+        """A new ticket for every pupil; those that were printed before stay valid until their time is over.
+
+        Raises:
+            ConfigError: there is no pupil, or not so many days.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        if not (names := self.pupils()):
+            raise ConfigError(said("there are no pupils yet: paste a list first"))
+        return [self._ticket(name, days, "") for name in names]
+
+    def class_ticket(self, session: Session, places: int) -> tuple[str, Ticket]:
+        """A ticket by which so many pupils make accounts of their own; returns the path of its link.
+
+        Raises:
+            ConfigError: not so many places.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        word, ticket = self.passes.class_tickets.make(session.name, "/program", places)
+        return f"/come?ticket={word}", ticket
+
+    async def make_groups(self, session: Session, who: Asker) -> Done:
+        """Make the groups that the names of the slots tell; pupils stay where they are.
+
+        Raises:
+            ConfigError: the names tell none.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        found = groups_by_slots([slot.name for slot in self._operations.blueprint.slots])
+        if not found:
+            raise ConfigError(
+                said("the slots tell no groups: `msbot pupils robot` makes a robot with fan_Red, fan_Blue and so on")
+            )
+        pupils = {one.name: one.pupils for one in self._control.groups}
+        for group, slots in found.items():
+            await self._operations.do("group", who=who, group=group, pupils=list(pupils.get(group, ())), slots=slots)
+        return Done(words=counted(len(found), "{count} group is made", "{count} groups are made"))
+
+    def _ticket(self, name: str, days: int, password: str) -> PupilTicket:
+        word = self.passes.make(name, days)
+        return PupilTicket(name, self._control.group_of(name), password, f"/pass?word={word}")
+
+    # How everybody is
+
+    async def now(self, session: Session, language: str, here: Mapping[str, tuple[str, ...]]) -> list[PupilNow]:
+        """How every pupil is: those who ask for help first, the longest waiting at the top.
+
+        Args:
+            session: who looks.
+            language: of the lessons' titles.
+            here: pupils who run programs, and the slots of these.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        lessons = _latest(await self._learning.progress(session, language))
+        hands, control = self._control.hands, self._control
+        names = {*self.pupils(), *here, *hands, *(name for group in control.groups for name in group.pupils)}
+        found = [
+            PupilNow(
+                name=name, group=control.group_of(name), slots=here.get(name, ()), runs=name in here,
+                is_open=bool(self._screens.get(name)), held=control.held(name),
+                taken_by=taken.by if (taken := control.taken_by(name)) else "", hand_s=hands.get(name),
+                lesson=lessons[name].words if name in lessons else "",
+            )
+            for name in names
+        ]  # fmt: skip
+        return sorted(found, key=lambda one: (one.hand_s is None, -(one.hand_s or 0.0), one.group, one.name.casefold()))
+
+    async def groups_now(
+        self, session: Session, here: Mapping[str, tuple[str, ...]], active: frozenset[str]
+    ) -> list[GroupNow]:
+        """How every group is; those without a group are one, if there are any."""
+        self._accounts.require(session, Right.ARRANGE)
+        lessons = _latest(await self._learning.progress(session))
+        hands = self._control.hands
+        groups = [(one.name, one.pupils, one.slots) for one in self._control.groups]
+        grouped = {name for _, pupils, _ in groups for name in pupils}
+        owned = {slot for _, _, slots in groups for slot in slots}
+        rest = tuple(sorted({*here, *hands, *self.pupils()} - grouped))
+        free = tuple(slot.name for slot in self._operations.blueprint.slots if slot.name not in owned)
+        if rest or (free and not groups):
+            groups.append(("", rest, free))
+        return [
+            GroupNow(
+                group=name, pupils=pupils, active=len(active.intersection(slots)), slots=len(slots),
+                running=sum(pupil in here for pupil in pupils), hands=sum(pupil in hands for pupil in pupils),
+                done=_mean(lessons[pupil].share for pupil in pupils if pupil in lessons),
+            )
+            for name, pupils, slots in groups
+        ]  # fmt: skip
+
+    # Programs
+
+    def opened(self, pupil: str, screen: Screen) -> Callable[[], None]:
+        """A pupil has opened the page Program; returns what to call when it is closed."""
+        screens = self._screens.setdefault(pupil, [])
+        screens.append(screen)
+        if sum(map(len, self._screens.values())) > MOST_SCREENS:
+            self._closed(pupil, screens[0])
+
+        def closed() -> None:
+            self._closed(pupil, screen)
+
+        return closed
+
+    def _closed(self, pupil: str, screen: Screen) -> None:
+        screens = self._screens.get(pupil, [])
+        if screen in screens:
+            screens.remove(screen)
+        if not screens:
+            self._screens.pop(pupil, None)
+
+    async def program(self, session: Session, pupil: str) -> tuple[str, str, bool]:
+        """Name and text of a pupil's program, and whether the pupil has it open: else it is the one kept last.
+
+        Raises:
+            NotThere: the pupil has none.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        if screens := self._screens.get(pupil):
+            return (*screens[-1].program(), True)
+        kept = await self._shelf.of(pupil)
+        if not kept:
+            raise NotThere(said("{pupil} has no program yet", pupil=pupil))
+        return kept[0].name, await self._shelf.text(pupil, kept[0].name), False
+
+    async def write(self, session: Session, pupil: str, text: str) -> Done:
+        """Put another text in place of a pupil's program that was taken over; it is kept for the pupil, too.
+
+        Raises:
+            ConfigError: it was not taken over by this teacher, or it is too long.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        self._need_taken(session, pupil)
+        name, _, _ = await self.program(session, pupil)
+        check_program(name, text)
+        for screen in self._screens.get(pupil, [])[-1:]:
+            screen.show(text)
+        number = await self._shelf.keep(pupil, name, text)
+        return Done(words=said("{name} of {pupil} is kept, version {number}", name=name, pupil=pupil, number=number))
+
+    def steer(self, session: Session, pupil: str, *, run: bool) -> None:
+        """Run a pupil's program in the pupil's browser, or end it.
+
+        Raises:
+            ConfigError: it was not taken over by this teacher, or the pupil's page is not open.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        self._need_taken(session, pupil)
+        screens = self._screens.get(pupil)
+        if not screens:
+            raise ConfigError(said("{pupil} has no page Program open: it runs in the pupil's browser", pupil=pupil))
+        (screens[-1].run if run else screens[-1].stop)()
+
+    def _need_taken(self, session: Session, pupil: str) -> None:
+        taken = self._control.taken_by(pupil)
+        if taken is None or taken.by != session.name:
+            raise ConfigError(said("take over the program of {pupil} first", pupil=pupil))
+
+
+def read_list(text: str) -> list[tuple[str, str]]:
+    """Names and groups of a pasted list: a name on each line, the group after a semicolon or a tab.
+
+    Raises:
+        ConfigError: nobody or somebody twice is in it, or too many are.
+    """
+    found: dict[str, str] = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        name, _, group = (part.strip() for part in line.replace("\t", ";").partition(";"))
+        if not name:
+            if group:
+                raise ConfigError(said("line {number}: the name is missing", number=number))
+            continue
+        if name in found:
+            raise ConfigError(said("line {number}: {name!r} is there twice", number=number, name=name))
+        found[name] = group
+    if not found:
+        raise ConfigError(said("the list is empty: write a name on each line"))
+    if len(found) > MOST_PEOPLE:
+        raise ConfigError(said("the list has more than {most} names: divide it", most=MOST_PEOPLE))
+    return list(found.items())
+
+
+@dataclass(frozen=True, slots=True)
+class _InLesson:
+    words: str
+    share: float
+
+
+def _latest(rows: Iterable[PersonInLesson]) -> dict[str, _InLesson]:
+    """Person -> the lesson where something happened last."""
+    newest: dict[str, PersonInLesson] = {}
+    for row in rows:
+        known = newest.get(row.person)
+        if known is None or row.last_ms >= known.last_ms:
+            newest[row.person] = row
+    return {
+        person: _InLesson(f"{row.title}: {row.ticked}/{row.checks}", row.ticked / row.checks if row.checks else 0.0)
+        for person, row in newest.items()
+    }
+
+
+def _mean(shares: Iterable[float]) -> float:
+    found = list(shares)
+    return sum(found) / len(found) if found else 0.0

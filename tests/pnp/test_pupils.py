@@ -1,0 +1,148 @@
+"""Pupils: whose programs are held and which slots are theirs, decided by the inventory."""
+
+from __future__ import annotations
+
+import pytest
+
+from msbot.config import Slot
+from msbot.pnp import Claim, Configuration, Freeze, Group, PartState, Pupils, SlotBinding, TakeOverByTeacher
+from msbot.pnp.access import Access
+from tests.pnp.robot import Rig, configuration, sample_store
+
+RED, BLUE = Group("Red", ("ada", "ben"), ("BB",)), Group("Blue", ("cleo",), ("DD",))
+
+
+def rig(*groups: Group) -> Rig:
+    """The ring with a second slot for EFGH."""
+    store = sample_store(Slot("DD", "EFGH"))
+    spare = Configuration(1, "DD", (SlotBinding("out", "spare", "HelloWorld", publishes=True),), ())
+    store = type(store)(
+        types=tuple(store.types.values()) if hasattr(store, "types") else (),
+        slots=tuple(store.slots()),
+        configurations=(*(configuration(slot) for slot in ("AA", "BB", "CC")), spare),
+    )
+    made = Rig(store)
+    made.inventory.pupils.use_groups(groups)
+    return made
+
+
+def test_a_program_gets_a_slot_of_its_group_whoever_comes_first() -> None:
+    robot = rig(RED, BLUE)
+    for key, pupil in ((1, "cleo"), (2, "ada"), (3, "ben")):
+        robot.join(key, pupil=pupil)
+        robot.claim(key, "EFGH")
+    assert [robot.part(key).slot for key in (1, 2, 3)] == ["DD", "BB", None]
+    assert robot.state(3) is PartState.STANDBY
+    robot.leave(2)
+    assert robot.part(3).slot == "BB"  # of the same group: takes over
+
+
+def test_a_spare_of_another_group_does_not_take_over() -> None:
+    robot = rig(RED, BLUE)
+    for key, pupil in ((1, "ada"), (2, "cleo"), (3, "cleo")):
+        robot.join(key, pupil=pupil)
+        robot.claim(key, "EFGH")
+    robot.leave(1)
+    assert robot.part(3).slot is None
+    match = robot.inventory.slots.match(Claim("EFGH", "BB"), pupil="cleo")
+    assert ("group", "free slots of other groups are not for cleo") in match.evidence
+
+
+def test_who_is_no_pupil_may_have_any_slot_and_without_a_group_only_nobodys() -> None:
+    robot = rig(RED)
+    robot.claim(1, "EFGH", name="BB")
+    assert robot.part(1).slot == "BB"
+    robot = rig(RED)
+    robot.join(1, pupil="dora")
+    robot.claim(1, "EFGH", name="BB")
+    assert robot.part(1).slot == "DD"
+
+
+def test_ones_own_slot_comes_before_everybodys() -> None:
+    robot = rig(Group("Red", ("ada",), ("DD",)))
+    robot.join(1, pupil="ada")
+    robot.claim(1, "EFGH", name="BB")
+    assert robot.part(1).slot == "DD"
+
+
+def test_a_slot_that_another_group_gets_is_left_at_once_and_not_remembered() -> None:
+    robot = rig()
+    robot.join(1, pupil="cleo")
+    robot.claim(1, "EFGH", name="BB")
+    assert robot.part(1).slot == "BB"
+    robot.inventory.pupils.use_groups([RED])
+    robot.inventory.groups_changed(robot.now)
+    assert robot.part(1).slot is None
+    assert "belongs to group Red" in robot.part(1).reason
+    robot.claim(1, "EFGH", name="BB")
+    assert robot.part(1).slot == "DD"
+
+
+class Asker:
+    """A client as the gate sees it."""
+
+    def __init__(self, key: int) -> None:
+        self.key = self.client_key = key
+        self.patience_s, self.link, self.peer, self.address = 0.0, "ws:", None, ""
+
+
+def test_a_held_part_keeps_its_slot_and_uses_no_topic() -> None:
+    robot = rig()
+    told: list[tuple[int, str, bool]] = []
+    robot.inventory.on_partner(lambda *news: told.append(news))
+    access = Access(robot.inventory, clock=lambda: robot.now, free_topics=frozenset({"chat"}))
+    robot.join(1, pupil="ada")
+    robot.claim(1, "ABCD")
+    robot.claim(2, "EFGH", name="BB")
+    robot.run(0.1)
+    one, two = Asker(1), Asker(2)
+    topics = ("HelloWorldTopic_1_to_2", "chat")
+    assert [access.may_write(one, topic) for topic in topics] == [True, True]
+    told.clear()
+    robot.rights.clear()
+    robot.inventory.pupils.freeze = Freeze("novak", "", robot.now)
+    robot.inventory.pupils_changed(robot.now)
+    assert robot.state(1) is PartState.ACTIVE
+    assert [access.may_write(one, topic) for topic in topics] == [False, False]
+    assert not access.may_read(one, "HelloWorldTopic_3_to_1")
+    assert access.may_write(one, "msbot_inventory_Request")  # it beats, and confirms STOP
+    assert access.may_write(two, "HelloWorldTopic_2_to_3")
+    assert 1 in robot.rights
+    assert (2, "HelloWorldTopic_1_to_2", False) in told  # whoever listens goes to its safe value
+    assert (1, "HelloWorldTopic_3_to_1", False) in told  # and so does the part itself
+    told.clear()
+    robot.inventory.pupils.freeze = None
+    robot.inventory.pupils_changed(robot.now)
+    assert access.may_write(one, "HelloWorldTopic_1_to_2")
+    assert told == [(2, "HelloWorldTopic_1_to_2", True)]  # nobody publishes what the part itself reads
+
+
+def test_who_joins_during_a_freeze_is_held_from_the_start() -> None:
+    robot = rig()
+    robot.inventory.pupils.freeze = Freeze("novak", "", robot.now)
+    told: list[tuple[int, str, bool]] = []
+    robot.claim(2, "EFGH", name="BB")
+    robot.inventory.on_partner(lambda *news: told.append(news))
+    robot.join(1, pupil="ada")
+    robot.claim(1, "ABCD")
+    assert robot.state(1) is PartState.ACTIVE
+    assert robot.inventory.is_held(1)
+    assert not [news for news in told if news[2]]  # no partner comes with it
+
+
+@pytest.mark.parametrize(
+    ("freeze", "taken", "words"),
+    [
+        (None, None, ""),
+        (Freeze("novak", "look", 0.0), None, "the class is frozen by novak: look"),
+        (None, TakeOverByTeacher("novak", 0.0), "novak has taken over the program of ada"),
+        (Freeze("novak", "", 0.0), TakeOverByTeacher("novak", 0.0, runs=True), ""),
+    ],
+)
+def test_why_a_program_is_held(freeze: Freeze | None, taken: TakeOverByTeacher | None, words: str) -> None:
+    pupils = Pupils()
+    pupils.freeze = freeze
+    if taken is not None:
+        pupils.taken["ada"] = taken
+    assert pupils.held("ada") == words
+    assert pupils.held("") == ""

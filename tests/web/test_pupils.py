@@ -1,0 +1,176 @@
+"""The class on the page: lists, tickets, how everybody is, and programs that are looked at and taken over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from msbot.config import GROUP_ROBOT_TOML, blueprint_toml, for_groups, groups_by_slots, load_library, parse_blueprint
+from msbot.errors import ConfigError, MsbotError
+from msbot.operations.rights import Role
+from msbot.registry import ProgramRecord
+from msbot.web.access.accounts import NotAllowed
+from msbot.web.programs.program_deeds import ProgramDeeds
+from msbot.web.programs.program_shelf import NoShelf
+from msbot.web.pupils import GroupNow, PupilDesk, read_list
+from tests.web.rig import Rig, refusal, show
+
+
+class Screen:
+    """A page Program that a test looks at."""
+
+    def __init__(self) -> None:
+        self.text = "x = 1"
+        self.done: list[str] = []
+
+    def program(self) -> tuple[str, str]:
+        return "x.py", self.text
+
+    def show(self, text: str) -> None:
+        self.text = text
+
+    def run(self) -> None:
+        self.done.append("run")
+
+    def stop(self) -> None:
+        self.done.append("stop")
+
+
+class Shelf(NoShelf):
+    """Programs in memory."""
+
+    def __init__(self) -> None:
+        self.kept: dict[str, str] = {}
+
+    async def of(self, owner: str) -> Sequence[ProgramRecord]:
+        return [ProgramRecord(owner, name, "", 0) for name in self.kept]
+
+    async def text(self, owner: str, name: str, number: int | None = None) -> str:  # type: ignore[override]
+        return self.kept[name]
+
+    async def keep(self, owner: str, name: str, text: str) -> int:  # type: ignore[override]
+        self.kept[name] = text
+        return 1
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("Ada\nBen; Red\n\n Cleo\tBlue \r\n", [("Ada", ""), ("Ben", "Red"), ("Cleo", "Blue")]),
+        ("Ada;", [("Ada", "")]),
+    ],
+)
+def test_a_pasted_list_is_read(text: str, found: list[tuple[str, str]]) -> None:
+    assert read_list(text) == found
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "is empty"), ("Ada\n;Red", "line 2: the name is missing"), ("Ada\nBen\nAda;Red", "line 3: 'Ada' is there"),
+        ("\n".join(f"p{number}" for number in range(1001)), "more than 1000"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_list_is_said(text: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        read_list(text)
+
+
+def test_a_robot_for_a_class_has_everything_once_for_each_group() -> None:
+    library = load_library()
+    made = for_groups(parse_blueprint(GROUP_ROBOT_TOML, library), ["Red", "7b"])
+    again = parse_blueprint(blueprint_toml(made), library)
+    assert (again.slots, again.bindings) == (made.slots, made.bindings)
+    assert groups_by_slots([slot.name for slot in made.slots]) == {
+        "Red": ["program_Red", "eyes_Red", "bumper_Red", "wheels_Red", "lamp_Red"],
+        "7b": ["program_7b", "eyes_7b", "bumper_7b", "wheels_7b", "lamp_7b"],
+    }
+    assert groups_by_slots(["left_wheel", "fan", "knob"]) == {}
+    for names in ([], ["Red", "Red"], ["Gelb ü"], ["x" * 21], [f"g{number}" for number in range(41)]):
+        with pytest.raises(ConfigError):
+            for_groups(made, names)
+
+
+def test_a_list_makes_accounts_groups_and_tickets(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        desk, teacher = rig.service.pupils, rig.session(Role.TEACHER)
+        who = rig.service.asker(teacher)
+        made = await desk.add(teacher, "Ada; Red\nBen", 7, who)
+        assert [(one.name, one.group) for one in made] == [("Ada", "Red"), ("Ben", "")]
+        word = made[0].path.partition("word=")[2]
+        assert desk.passes.admit(word).name == "Ada"
+        assert (await rig.accounts.sign_in("Ben", made[1].password, "1.2.3.4")).role is Role.STUDENT
+        assert "already" in str(await refusal(lambda: desk.add(teacher, "Cleo\nAda", 7, who)))
+        assert rig.accounts.role_of("Cleo") is None  # all or none
+        assert {one.name for one in desk.tickets(teacher, 1)} >= {"Ada", "Ben"}
+        assert not any(one.password for one in desk.tickets(teacher, 1))
+        assert "tell no groups" in str(await refusal(lambda: desk.make_groups(teacher, who)))
+        found = await desk.groups_now(teacher, {"Ada": ()}, frozenset())
+        assert found[0] == GroupNow("Red", ("Ada",), 0, 0, 1, 0, 0.0)
+        names = [one.name for one in await desk.now(teacher, "en", {})]
+        await rig.service.operations.do("hand", who="student")
+        first = (await desk.now(teacher, "en", {}))[0]
+        assert first.name == "student" != names[0]
+
+    show(tmp_path, scene)
+
+
+def test_only_teachers_have_a_class(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        desk, student = rig.service.pupils, rig.session(Role.STUDENT)
+        who = rig.service.asker(student)
+        for deed in (
+            lambda: desk.add(student, "Ada", 1, who), lambda: desk.tickets(student, 1),
+            lambda: desk.class_ticket(student, 30), lambda: desk.make_groups(student, who),
+            lambda: desk.now(student, "en", {}), lambda: desk.groups_now(student, {}, frozenset()),
+            lambda: desk.program(student, "Ada"), lambda: desk.write(student, "Ada", "x"),
+            lambda: desk.steer(student, "Ada", run=True),
+        ):  # fmt: skip
+            assert isinstance(await refusal(deed), NotAllowed)
+
+    show(tmp_path, scene)
+
+
+def test_a_program_is_looked_at_taken_over_and_steered(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        service, teacher, pupil = rig.service, rig.session(Role.TEACHER), rig.session(Role.STUDENT)
+        shelf, name = Shelf(), pupil.name
+        desk = PupilDesk(rig.accounts, service.operations, service.pupils.passes, shelf, service.learning)
+        programs = ProgramDeeds(shelf, rig.accounts, desk.check_writing)
+        assert "no program yet" in str(await refusal(lambda: desk.program(teacher, name)))
+        await programs.keep(pupil, "x.py", "x = 0")
+        assert await desk.program(teacher, name) == ("x.py", "x = 0", False)
+        screen = Screen()
+        closed = desk.opened(name, screen)
+        assert await desk.program(teacher, name) == ("x.py", "x = 1", True)
+        assert "take over" in str(await refusal(lambda: desk.write(teacher, name, "x = 2")))
+        await rig.act(teacher, "take_over", pupil=name)
+        await desk.write(teacher, name, "x = 2")
+        assert screen.text == "x = 2"
+        assert await programs.text(pupil, "x.py") == "x = 2"
+        assert "taken over" in str(await refusal(lambda: programs.keep(pupil, "x.py", "x = 3")))
+        assert "taken over" in str(await refusal(lambda: programs.remove(pupil, "x.py")))
+        desk.steer(teacher, name, run=True)
+        desk.steer(teacher, name, run=False)
+        assert screen.done == ["run", "stop"]
+        closed()
+        with pytest.raises(MsbotError, match="no page Program open"):
+            desk.steer(teacher, name, run=True)
+        await rig.act(teacher, "hand_back", pupil=name)
+        await programs.keep(pupil, "x.py", "x = 3")
+
+    show(tmp_path, scene)
+
+
+def test_simulated_parts_of_another_group_are_not_played_with(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        teacher, pupil = rig.session(Role.TEACHER), rig.session(Role.STUDENT)
+        await rig.act(teacher, "group", group="Red", pupils=["somebody"], slots=["AA"])
+        for deed in (
+            lambda: rig.service.operate(pupil, "AA", "turn", 1), lambda: rig.service.plug(pupil, "AA", plugged=False),
+        ):  # fmt: skip
+            assert "belongs to group Red" in str(await refusal(deed))
+
+    show(tmp_path, scene)
