@@ -141,7 +141,7 @@ def _watch(part):
 
 def _hold(request):
     """A teacher holds the program: it enters its safe state, and none of its functions is called by time or sample."""
-    global _held  # noqa: PLW0603 - one program per VM
+    global _held
 
     if not _parts or _held is request["on"]:
         return
