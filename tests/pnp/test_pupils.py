@@ -22,7 +22,7 @@ def rig(*groups: Group) -> Rig:
         configurations=(*(configuration(slot) for slot in ("AA", "BB", "CC")), spare),
     )
     made = Rig(store)
-    made.inventory.pupils.use_groups(groups)
+    made.inventory.pupil_parts.pupils.use_groups(groups)
     return made
 
 
@@ -70,8 +70,8 @@ def test_a_slot_that_another_group_gets_is_left_at_once_and_not_remembered() -> 
     robot.join(1, pupil="cleo")
     robot.claim(1, "EFGH", name="BB")
     assert robot.part(1).slot == "BB"
-    robot.inventory.pupils.use_groups([RED])
-    robot.inventory.groups_changed(robot.now)
+    robot.inventory.pupil_parts.pupils.use_groups([RED])
+    robot.inventory.pupil_parts.regroup(robot.now)
     assert robot.part(1).slot is None
     assert "belongs to group Red" in robot.part(1).reason
     robot.claim(1, "EFGH", name="BB")
@@ -100,8 +100,8 @@ def test_a_held_part_keeps_its_slot_and_uses_no_topic() -> None:
     assert [access.may_write(one, topic) for topic in topics] == [True, True]
     told.clear()
     robot.rights.clear()
-    robot.inventory.pupils.freeze = Freeze("novak", "", robot.now)
-    robot.inventory.pupils_changed(robot.now)
+    robot.inventory.pupil_parts.pupils.freeze = Freeze("novak", "", robot.now)
+    robot.inventory.pupil_parts.follow(robot.now)
     assert robot.state(1) is PartState.ACTIVE
     assert [access.may_write(one, topic) for topic in topics] == [False, False]
     assert not access.may_read(one, "HelloWorldTopic_3_to_1")
@@ -111,22 +111,22 @@ def test_a_held_part_keeps_its_slot_and_uses_no_topic() -> None:
     assert (2, "HelloWorldTopic_1_to_2", False) in told  # whoever listens goes to its safe value
     assert (1, "HelloWorldTopic_3_to_1", False) in told  # and so does the part itself
     told.clear()
-    robot.inventory.pupils.freeze = None
-    robot.inventory.pupils_changed(robot.now)
+    robot.inventory.pupil_parts.pupils.freeze = None
+    robot.inventory.pupil_parts.follow(robot.now)
     assert access.may_write(one, "HelloWorldTopic_1_to_2")
     assert told == [(2, "HelloWorldTopic_1_to_2", True)]  # nobody publishes what the part itself reads
 
 
 def test_who_joins_during_a_freeze_is_held_from_the_start() -> None:
     robot = rig()
-    robot.inventory.pupils.freeze = Freeze("novak", "", robot.now)
+    robot.inventory.pupil_parts.pupils.freeze = Freeze("novak", "", robot.now)
     told: list[tuple[int, str, bool]] = []
     robot.claim(2, "EFGH", name="BB")
     robot.inventory.on_partner(lambda *news: told.append(news))
     robot.join(1, pupil="ada")
     robot.claim(1, "ABCD")
     assert robot.state(1) is PartState.ACTIVE
-    assert robot.inventory.is_held(1)
+    assert robot.inventory.pupil_parts.is_held(1)
     assert not [news for news in told if news[2]]  # no partner comes with it
 
 

@@ -25,9 +25,9 @@ async def test_a_freeze_holds_pupils_and_not_teachers_and_stop_is_confirmed() ->
         inventory, now = site.master.inventory, asyncio.get_running_loop().time
         async with site.part(0, await site.token("bob")), site.part(1, await site.token("ada")):
             await site.until(lambda: site.active() == {"S0", "S1"} and min(heard.values()) > 2)
-            assert inventory.pupils_here() == {"bob": ("S0",)}
-            inventory.pupils.freeze = Freeze("ada", "", now())
-            inventory.pupils_changed(now())
+            assert inventory.pupil_parts.here() == {"bob": ("S0",)}
+            inventory.pupil_parts.pupils.freeze = Freeze("ada", "", now())
+            inventory.pupil_parts.follow(now())
             pupils, teachers = heard["out0"], heard["out1"]
             await site.until(lambda: heard["out1"] > teachers + 5)
             assert heard["out0"] == pupils
@@ -36,6 +36,6 @@ async def test_a_freeze_holds_pupils_and_not_teachers_and_stop_is_confirmed() ->
             await site.until(lambda: not site.master.stop.silent)
             assert {one.part for one in site.master.stop.confirmed} == {"T0", "T1"}
             site.master.say_go("ada")
-            inventory.pupils.freeze = None
-            inventory.pupils_changed(now())
+            inventory.pupil_parts.pupils.freeze = None
+            inventory.pupil_parts.follow(now())
             await site.until(lambda: heard["out0"] > pupils + 2)

@@ -40,7 +40,7 @@ class ClassControl:
         self._running = running
         self._lessons = lessons
         self._by_hand = by_hand
-        self._pupils = running.inventory.pupils
+        self._pupils = running.inventory.pupil_parts.pupils
         self._hands: dict[str, float] = {}
         """Who asks for help -> since when, on the robot's clock."""
         self._drivers: set[str] = set()
@@ -130,7 +130,7 @@ class ClassControl:
         self._follow()
         self._by_hand.end_those_of(self._drivers)
         self._drivers.clear()
-        here = sum(bool(slots) for slots in self._running.inventory.pupils_here().values())
+        here = sum(bool(slots) for slots in self._running.inventory.pupil_parts.here().values())
         words = counted(
             here, "the class is frozen: {count} pupil's program is held",
             "the class is frozen: {count} pupils' programs are held",
@@ -160,7 +160,7 @@ class ClassControl:
         Raises:
             ConfigError: there is no such person.
         """
-        known = {*self._people(), *self._running.inventory.pupils_here(), *self._hands}
+        known = {*self._people(), *self._running.inventory.pupil_parts.here(), *self._hands}
         known |= {one for group in self.groups for one in group.pupils}
         if pupil not in known:
             raise NotThere(said("there is no pupil {pupil!r} here", pupil=pupil))
@@ -266,7 +266,7 @@ class ClassControl:
 
     def classroom(self, who: str) -> Outcome:  # noqa: ARG002 - as every operation that is no question for everybody
         """Groups, pupils, who is held and why, whose hand is up."""
-        here, hands = self._running.inventory.pupils_here(), self.hands
+        here, hands = self._running.inventory.pupil_parts.here(), self.hands
         names = sorted({*here, *hands, *self._pupils.taken, *(one for group in self.groups for one in group.pupils)})
         freeze = self._pupils.freeze
         return Outcome(answer={
@@ -285,7 +285,7 @@ class ClassControl:
     # Helpers
 
     def _follow(self) -> None:
-        self._running.inventory.pupils_changed(self._running.now())
+        self._running.inventory.pupil_parts.follow(self._running.now())
 
     async def _use(self, groups: list[Group]) -> None:
         if self._running.registry is not None and self._running.robot is not None:
@@ -295,7 +295,7 @@ class ClassControl:
 
             await self._running.read(keep)
         self._pupils.use_groups(groups)
-        self._running.inventory.groups_changed(self._running.now())
+        self._running.inventory.pupil_parts.regroup(self._running.now())
 
     def _note(self, words: str, who: str) -> None:
         self._running.note(EditKind.CLASS, words, who)

@@ -242,7 +242,7 @@ class Access:
         return client.link == self._trusted_link
 
     def _may_use(self, key: int, topic: str, *, publishes: bool) -> bool:
-        if self._inventory.is_held(key):
+        if self._inventory.pupil_parts.is_held(key):
             return False
         return topic in self._free or self._is_bound(key, topic, publishes=publishes)
 

@@ -25,7 +25,7 @@ from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.life_watch import LifeWatch
 from msbot.pnp.model import THESIS_TIMING, Claim, Configuration, LifeTiming, PartInfo, PartStore, Standing, Verdict
 from msbot.pnp.part_events import PartEvent, PartState
-from msbot.pnp.pupils import Pupils
+from msbot.pnp.pupil_parts import PupilParts
 from msbot.pnp.self_descriptions import SelfDescriptions
 from msbot.pnp.session_seals import SessionSeals
 from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
@@ -58,9 +58,7 @@ class Inventory:
         self.seals = SessionSeals(self._seal_changed)
         """The seals of the parts' samples, where they have any."""
         self._store = store
-        self.pupils = Pupils()
-        """Whose programs are held, and which slots are a group's; call `pupils_changed` after a change."""
-        self._matcher = Matcher(store, self.pupils)
+        self._matcher = Matcher(store)
         self._index = InventoryIndex(random, timing, keep_ended=keep_ended)
         self.hand = HandControl()
         self._changes = StateChanges(store, self._index, self._matcher, self.hand)
@@ -70,6 +68,7 @@ class Inventory:
         self.watch = LifeWatch(self._index, self._changes, timing, now)
         """Who is late, who is lost."""
         self._admission = Admission(store, self._index, self._matcher, self._changes, self.watch)
+        self.pupil_parts = PupilParts(self._matcher.pupils, self._index, self._changes, self._assignment, self._publish)
 
     # What is reported
 
@@ -191,9 +190,8 @@ class Inventory:
         reason = record.with_what_was_said(reason)
         if record.state is not None and not record.state.is_over:
             lost = not politely and (record.holds_slot or record.state is PartState.STANDBY)
-            self._changes.retire(
-                record, PartState.LOST if lost else PartState.LEFT, now, reason, ((said("session ended"), reason),)
-            )
+            state = PartState.LOST if lost else PartState.LEFT
+            self._changes.retire(record, state, now, reason, ((said("session ended"), reason),))
         self._index.detach(record)
         self._publish(now)
 
@@ -236,7 +234,7 @@ class Inventory:
             self.dropped.count("claim of a client without a session")
             return PENDING
         verdict = self._admission.claim(session, claim, now)
-        self._mind(session)
+        self.pupil_parts.mind(session)
         self._publish(now)
         return verdict
 
@@ -311,9 +309,8 @@ class Inventory:
             record = self._index.record_of(key)
             if record is None or record.state not in PLACEABLE:
                 state = said("not there") if record is None or record.state is None else record.state.value
-                raise LocalProtocolError(
-                    said("the part of client {key:08X} is {state} and cannot be moved", key=key, state=state)
-                )
+                words = said("the part of client {key:08X} is {state} and cannot be moved", key=key, state=state)
+                raise LocalProtocolError(words)
             if slot is not None and not self._matcher.has(slot):
                 raise LocalProtocolError(said("there is no slot {slot}", slot=slot))
             records[record] = slot
@@ -337,41 +334,6 @@ class Inventory:
                     self._assignment.block(record, why, now)
         self._publish(now)
 
-    def pupils_changed(self, now: float) -> None:
-        """Follow what has changed about who is held."""
-        for session in list(self._index.sessions.values()):
-            self._mind(session)
-        self._publish(now)
-
-    def groups_changed(self, now: float) -> None:
-        """Take pupils' parts out of slots that belong to other groups now."""
-        for slot, record in list(self._index.holders.items()):
-            if not self.pupils.may_use(self._index.pupil_of(record), slot):
-                group = self.pupils.group_of_slot(slot)
-                words = said("slot {slot} belongs to group {group}", slot=slot, group=group)
-                self._assignment.rearrange({record: None}, now, words)
-        self._publish(now)
-
-    def is_held(self, client_key: int) -> bool:
-        """Whether the part behind a session belongs to a pupil whose programs are held."""
-        session = self._index.sessions.get(client_key)
-        return session is not None and bool(self.pupils.held(session.pupil))
-
-    def pupil_of_slot(self, slot: str) -> str:
-        """The pupil whose program holds a slot; empty: nobody's does."""
-        record = self._index.holders.get(slot)
-        return "" if record is None else self._index.pupil_of(record)
-
-    def pupils_here(self) -> Mapping[str, tuple[str, ...]]:
-        """The pupils who run parts in browsers now, and the slots that these hold."""
-        here: dict[str, list[str]] = {}
-        for session in self._index.sessions.values():
-            if session.pupil:
-                held = here.setdefault(session.pupil, [])
-                if session.record is not None and session.record.holds_slot and session.record.slot is not None:
-                    held.append(session.record.slot)
-        return {pupil: tuple(slots) for pupil, slots in here.items()}
-
     @property
     def slots(self) -> Matcher:
         """The robot's slots: their names, which ones fit a part number, and which are free."""
@@ -394,9 +356,8 @@ class Inventory:
         self._matcher.reload(frozenset(self._index.holders))
         for slot, record in list(self._index.holders.items()):
             if not self._matcher.has(slot):
-                self._changes.retire(
-                    record, PartState.LOST, now, said("the robot has no slot {slot} any more", slot=slot)
-                )
+                words = said("the robot has no slot {slot} any more", slot=slot)
+                self._changes.retire(record, PartState.LOST, now, words)
         self._publish(now)
 
     # Time
@@ -412,19 +373,6 @@ class Inventory:
         self._publish(now)
 
     # Helpers
-
-    def _mind(self, session: PartSession) -> None:
-        """Bring a part in line with whether its pupil is held: its partners hear it, and so does the part."""
-        record = session.record
-        is_held = bool(self.pupils.held(session.pupil))
-        if record is None or record.is_held is is_held:
-            return
-        record.is_held = is_held
-        if record.is_registered and record.configuration is not None:
-            self._changes.rights_changed(record)
-            for topic in dict.fromkeys(one.topic for one in record.configuration.bindings if not one.publishes):
-                if is_held or self._changes.has_publisher(topic):
-                    self._changes.tell_partner(record.client_key, topic, is_there=not is_held)
 
     def _reopen(self, session: PartSession, record: InventoryRecord, now: float) -> None:
         self._index.void_lease(record)

@@ -46,15 +46,15 @@ class Matcher:
 
     Args:
         store: the library and the slots.
-        pupils: which slots are a group's; None: there are no groups.
 
     Raises:
         RegistryError: the slots cannot be read.
     """
 
-    def __init__(self, store: PartStore, pupils: Pupils | None = None) -> None:
+    def __init__(self, store: PartStore) -> None:
         self._store = store
-        self._pupils = pupils or Pupils()
+        self.pupils = Pupils()
+        """Which slots are a group's."""
         self._by_name: dict[str, Slot] = {}
         self._by_number: dict[str, dict[str, Slot]] = {}
         self._free: dict[str, dict[str, Slot]] = {}
@@ -174,8 +174,8 @@ class Matcher:
             )
         evidence.append((said("slots"), _list_slots(self._by_number, tiers)))
         old = self._old_slot(uid, tiers, barred, evidence)
-        if old is not None and not self._pupils.may_use(pupil, old.name):
-            evidence.append((said("same UID as before"), self._pupils.why_not(pupil, old.name)))
+        if old is not None and not self.pupils.may_use(pupil, old.name):
+            evidence.append((said("same UID as before"), self.pupils.why_not(pupil, old.name)))
             old = None
         if old is not None:
             return _found(evidence, old, said("same UID as before: back in its slot {old}", old=old.name))
@@ -231,10 +231,10 @@ class Matcher:
         free = self._free.get(number, {})
         if not pupil or not free:
             return free
-        allowed = {name: slot for name, slot in free.items() if self._pupils.may_use(pupil, name)}
+        allowed = {name: slot for name, slot in free.items() if self.pupils.may_use(pupil, name)}
         if len(allowed) < len(free):
             evidence.append((said("group"), said("free slots of other groups are not for {pupil}", pupil=pupil)))
-        return {name: slot for name, slot in allowed.items() if self._pupils.is_own(pupil, name)} or allowed
+        return {name: slot for name, slot in allowed.items() if self.pupils.is_own(pupil, name)} or allowed
 
     def _among_free(
         self, claim: Claim, tiers: list[str], barred: str, pupil: str, evidence: list[tuple[str, str]]

@@ -176,7 +176,7 @@ class Views:
 
     def pupils_here(self) -> Mapping[str, tuple[str, ...]]:
         """The pupils who run parts in browsers now, and the slots that these hold."""
-        return self._master.inventory.pupils_here()
+        return self._master.inventory.pupil_parts.here()
 
     def empty_slots(self) -> list[str]:
         """The slots that nobody holds and that are for hardware, not for somebody's program."""

@@ -18,11 +18,10 @@ from nicegui import Client, ui
 from msbot.errors import ConfigError, MsbotError, NotThere
 from msbot.lessons.shelf import SIMPLE
 from msbot.operations.rights import Right
-from msbot.pnp import PartState
 from msbot.runtime.sentence import said
 from msbot.web.access.accounts import SignedOut
 from msbot.web.access.sessions import Session
-from msbot.web.api.models import Done, Robot
+from msbot.web.api.models import Done
 from msbot.web.api.session import words_for
 from msbot.web.html import render
 from msbot.web.language import COOKIE as LANGUAGE_COOKIE
@@ -32,6 +31,7 @@ from msbot.web.pages.class_strip import hand_button, show_class_strip
 from msbot.web.pages.easy import ENTRIES, is_easy, read_easily, show_easily
 from msbot.web.pages.help import help_button, offer_tour
 from msbot.web.pages.looking_back import PATHS, LookingBack
+from msbot.web.pages.lost_parts import lost_slots, tell_lost
 from msbot.web.service import Service, done_of
 from msbot.web.sight import LiveSight, Sight
 
@@ -320,7 +320,7 @@ def _menu(page: Page, path: str) -> None:
             with ui.element("summary"):
                 ui.label(page.say("More"))
             _entries(page, path, others)
-    _tell_lost(page)
+    tell_lost(page)
 
 
 def _entries(page: Page, path: str, ways: Sequence[MenuEntry]) -> None:
@@ -344,25 +344,6 @@ def _count(page: Page, of: Callable[[], int], look: str) -> None:
         count.set_visibility(number > 0)
 
     page.every_look(show)
-
-
-def lost_slots(robot: Robot) -> list[str]:
-    """The slots whose part is lost."""
-    return [card.name for card in robot.slots if card.state == PartState.LOST.value]
-
-
-def _tell_lost(page: Page) -> None:
-    """Say it on every page when a part is lost while the page is open."""
-    known: set[str] | None = None
-
-    def look() -> None:
-        nonlocal known
-        lost = set(lost_slots(page.service.robot()))
-        for name in sorted(lost - known) if known is not None else ():
-            ui.notify(page.say("The part in slot {name} is lost.", name=name), type="negative", timeout=8000)
-        known = lost
-
-    page.every_look(look)
 
 
 def _who(page: Page, dark: ui.dark_mode) -> None:
