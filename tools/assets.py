@@ -1,5 +1,5 @@
 """Fetches the files of others that the project carries unmodified, from npm: MicroPython's VM for the browser, uPlot,
-which draws curves, and axe-core, which looks in tests whether everybody can use the pages.
+which draws curves, Blockly, whose blocks become programs, and axe-core, which looks in tests whether everybody can use the pages.
 
     python tools/assets.py                      the versions of the manifests; says so when a file is another one
     python tools/assets.py micropython 1.28.0   another version, with a new manifest
@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[1]
 FOLDERS = {
     "micropython": ROOT / "src/msbot/web/static/micropython",
     "uplot": ROOT / "src/msbot/web/static/uplot",
+    "blockly": ROOT / "src/msbot/web/static/blockly",
     "axe-core": ROOT / "tests/web/browser/axe-core",
 }
 """Each with a manifest: package, version, and the SHA-256 of every file by its path in the package."""

@@ -35,6 +35,7 @@ KEPT = (
     "robot-desk-light", "robot-phone-dark", "slot-desk-light", "arrivals-desk-light", "bus-desk-dark",
     "wires-desk-light", "timeline-desk-light", "settings-desk-light", "passport-desk-light", "arena-desk-light",
     "pupils-desk-light", "projector-desk-light",
+    "blocks-desk-light",
 )  # fmt: skip
 """The pictures in the documentation."""
 
@@ -118,6 +119,33 @@ def _drive(page: Page) -> None:
     page.evaluate("window.scrollTo(0, 0)")
 
 
+FOLLOWER = """() => {
+  const number = (value) => ({ shadow: { type: "math_number", fields: { NUM: value } } });
+  const block = (type, fields, inputs, more = {}) => ({ block: { type, fields, inputs, ...more } });
+  const position = block("msbot_read", { PORT: '["line","Line","position","float32"]' });
+  const steer = block("math_arithmetic", { OP: "MULTIPLY" }, { A: number(30), B: position });
+  const send = (port, OP, next) => block(
+    "msbot_send", { PORT: JSON.stringify([port, "Level"]) },
+    { F_percent: block("math_arithmetic", { OP }, { A: number(35), B: steer }) },
+    { extraState: { fields: [["percent", "float32", "%"]] }, ...(next && { next }) },
+  );
+  const workspace = msbotBlocks.workspace(), hat = workspace.getBlocksByType("msbot_when")[0];
+  const made = Blockly.serialization.blocks.append(send("left", "ADD", send("right", "MINUS")).block, workspace);
+  hat.getInput("DO").connection.connect(made.previousConnection);
+}"""
+"""The line follower of the handbook, put together."""
+
+
+def _blocks(page: Page) -> None:
+    page.get_by_role("button", name="Blocks", exact=True).click()
+    page.wait_for_function("msbotBlocks.isShown()")
+    page.evaluate(FOLLOWER)
+    page.get_by_role("button", name="Run", exact=True).click()
+    page.locator("#ms-prog-state[data-state=active]").wait_for()
+    page.locator(".q-notification").first.wait_for(state="hidden")
+    page.evaluate("window.scrollTo(0, 0)")
+
+
 SHOTS = (
     Shot("login", "/login", signed_in=False),
     Shot("robot", "/"),
@@ -128,6 +156,7 @@ SHOTS = (
     Shot("bus", "/bus", _take_apart),
     Shot("wires", "/wires"),
     Shot("program", "/program"),
+    Shot("blocks", "/program?name=01_hello.py", _blocks, world="line"),
     Shot("board", "/program", _put_on_a_board),
     Shot("describing", "/program", _describing_part),
     Shot("described", "/arrivals", _said_by_a_part),

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 
-from msbot import Count, HelloWorld, Level, Message, Text, Trigger, float32, int16, uint64
+from msbot import Colour, Count, HelloWorld, Level, Message, Text, Trigger, float32, int16, uint64
 from msbot.config import Options
 from tests.homes.world import PARTNER_UID, SLOT, SPARE_SLOT, Part, Robot, World
 
@@ -83,6 +83,23 @@ async def listen(world: World) -> None:
     for index, text in enumerate(("hello", "", "Grüße")):
         partner.publish("in", HelloWorld(index=index, message=text))
         await asyncio.sleep(0.1)
+
+
+async def blocks(world: World) -> None:
+    """What the page Program makes of blocks (`tests/web/browser/test_blocks.py`): waits, loops, STOP and GO."""
+    kinds = {"out": Count, "colour": Colour, "word": Text}
+    partner = await begin(world, *(hears(world, port, kind) for port, kind in kinds.items()))
+    partner.publish("in", HelloWorld(index=4, message="hello"))
+    await asyncio.sleep(2.0)
+    partner.publish("level", Level(percent=80.0))
+    await asyncio.sleep(2.0)
+    world.note("STOP")
+    world.master.say_stop("ann")
+    await asyncio.sleep(1.0)
+    world.note("GO")
+    world.master.say_go("ann")
+    await asyncio.sleep(3.0)
+    world.note(world.home.state())
 
 
 async def messages(world: World) -> None:
@@ -346,6 +363,17 @@ EXAMPLES = {
 SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
     "errors": Scene(wired("in in HelloWorld"), errors),
     "gpio": Scene(wired("in in HelloWorld"), gpio),
+    "blocks": Scene(
+        wired(
+            "out out Count",
+            "colour out Colour",
+            "word out Text",
+            "in in HelloWorld",
+            "level in Level",
+            settings=(("gain", "2.5"),),
+        ),
+        blocks,
+    ),
     "describes": Scene(
         wired("wind out Wind", "brake in Level", settings=(("gain", "5"), ("brake.safe.percent", "100"))), describes
     ),

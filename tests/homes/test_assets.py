@@ -9,13 +9,20 @@ import pytest
 STATIC = Path(__file__).parents[2] / "src/msbot/web/static"
 
 
-@pytest.mark.parametrize(("name", "author"), [("micropython", "Damien P. George"), ("uplot", "Leon Sorokin")])
-def test_what_others_have_made_is_the_file_that_npm_has(name: str, author: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "licence", "words"),
+    [
+        ("micropython", "MIT", "Damien P. George"),
+        ("uplot", "MIT", "Leon Sorokin"),
+        ("blockly", "Apache-2.0", "Apache License"),
+    ],
+)
+def test_what_others_have_made_is_the_file_that_npm_has(name: str, licence: str, words: str) -> None:
     folder = STATIC / name
     manifest = json.loads((folder / "manifest.json").read_text())
     found = {one: hashlib.sha256((folder / Path(one).name).read_bytes()).hexdigest() for one in manifest["files"]}
     assert found == manifest["files"]
     present = {path.name for path in folder.iterdir()}
     assert present == {*(Path(one).name for one in found), "LICENSE", "manifest.json"}
-    assert manifest["licence"] == "MIT"
-    assert author in (folder / "LICENSE").read_text()
+    assert manifest["licence"] == licence
+    assert words in (folder / "LICENSE").read_text()

@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 
 from msbot.errors import ConfigError, NotThere
-from msbot.registry import Registry
+from msbot.registry import ProgramSource, Registry
 from msbot.registry.edits import users
 from msbot.registry.programs import MOST_PROGRAMS, MOST_VERSIONS
 
@@ -15,34 +15,37 @@ from msbot.registry.programs import MOST_PROGRAMS, MOST_VERSIONS
 def test_a_program_is_kept_with_its_versions(registry: Registry) -> None:
     kept = registry.programs
     assert kept.of("ann") == []
-    assert [kept.keep("ann", "one.py", text) for text in ("a", "b", "b", "a")] == [1, 2, 2, 3]
-    assert kept.text("ann", "one.py") == "a"
-    assert kept.text("ann", "one.py", 2) == "b"
+    assert [kept.keep("ann", "one.py", ProgramSource(text)) for text in ("a", "b", "b", "a")] == [1, 2, 2, 3]
+    assert kept.source("ann", "one.py") == ProgramSource("a")
+    assert kept.source("ann", "one.py", 2) == ProgramSource("b")
     assert [(one.number, one.size) for one in kept.versions("ann", "one.py")] == [(3, 1), (2, 1), (1, 1)]
-    kept.keep("ann", "two.py", "")
-    kept.keep("bob", "one.py", "bob's")
+    made = ProgramSource("a", '{"msbot": 1}')
+    assert [kept.keep("ann", "one.py", source) for source in (made, made)] == [4, 4], "the blocks have changed"
+    assert kept.source("ann", "one.py") == made
+    kept.keep("ann", "two.py", ProgramSource(""))
+    kept.keep("bob", "one.py", ProgramSource("bob's"))
     assert {program.name for program in kept.of("ann")} == {"one.py", "two.py"}
     kept.remove("ann", "one.py")
     assert [program.name for program in kept.of("ann")] == ["two.py"]
-    assert kept.text("bob", "one.py") == "bob's"
+    assert kept.source("bob", "one.py") == ProgramSource("bob's")
 
 
 def test_the_newest_versions_stay(registry: Registry) -> None:
     for number in range(MOST_VERSIONS + 5):
-        registry.programs.keep("ann", "one.py", str(number))
+        registry.programs.keep("ann", "one.py", ProgramSource(str(number)))
     numbers = [one.number for one in registry.programs.versions("ann", "one.py")]
     assert numbers == list(range(MOST_VERSIONS + 5, 5, -1))
     with pytest.raises(NotThere, match=r"version 5 of one.py is not kept any more"):
-        registry.programs.text("ann", "one.py", 5)
+        registry.programs.source("ann", "one.py", 5)
 
 
 def test_a_shared_program_is_read_by_its_word_and_nothing_else_is(registry: Registry) -> None:
     kept = registry.programs
-    kept.keep("ann", "one.py", "print(1)")
-    kept.keep("ann", "two.py", "secret")
+    kept.keep("ann", "one.py", ProgramSource("print(1)"))
+    kept.keep("ann", "two.py", ProgramSource("secret"))
     word = kept.share("ann", "one.py")
     assert kept.share("ann", "one.py") == word
-    assert kept.shared(word) == ("ann", "one.py", "print(1)")
+    assert kept.shared(word) == ("ann", "one.py", ProgramSource("print(1)"))
     for wrong in ("", word[:-1], "two.py"):
         with pytest.raises(NotThere, match="nobody shares a program by that link"):
             kept.shared(wrong)
@@ -51,13 +54,18 @@ def test_a_shared_program_is_read_by_its_word_and_nothing_else_is(registry: Regi
 def test_nobody_has_programs_without_end_and_they_go_with_their_owner(registry: Registry) -> None:
     registry.edits.make(None, "setup", partial(users.keep, people=[users.Person("ann", "student", "salt")]))
     for number in range(MOST_PROGRAMS):
-        registry.programs.keep("ann", f"p{number}.py", "")
+        registry.programs.keep("ann", f"p{number}.py", ProgramSource(""))
     with pytest.raises(ConfigError, match="ann has 100 programs already: remove one first"):
-        registry.programs.keep("ann", "more.py", "")
-    registry.programs.keep("bob", "one.py", "")
+        registry.programs.keep("ann", "more.py", ProgramSource(""))
+    registry.programs.keep("bob", "one.py", ProgramSource(""))
     registry.edits.make(None, "setup", partial(users.remove, name="ann"))
     assert registry.programs.of("ann") == []
     assert len(registry.programs.of("bob")) == 1
-    for deed in (registry.programs.remove, registry.programs.share, registry.programs.text, registry.programs.versions):
+    for deed in (
+        registry.programs.remove,
+        registry.programs.share,
+        registry.programs.source,
+        registry.programs.versions,
+    ):
         with pytest.raises(NotThere, match=r"ann has no program 'p1.py'"):
             deed("ann", "p1.py")

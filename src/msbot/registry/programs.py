@@ -10,7 +10,7 @@ from sqlalchemy import Connection, delete, func, insert, select, update
 from msbot.errors import ConfigError, NotThere
 from msbot.registry.database.storage import Storage
 from msbot.registry.database.tables import program_texts, programs
-from msbot.registry.records import ProgramRecord, ProgramVersion
+from msbot.registry.records import ProgramRecord, ProgramSource, ProgramVersion
 from msbot.runtime.sentence import said
 
 MOST_PROGRAMS = 100
@@ -33,14 +33,14 @@ class Programs:
         """
         return self._storage.read(partial(_programs_of, owner=owner))
 
-    def text(self, owner: str, name: str, number: int | None = None) -> str:
+    def source(self, owner: str, name: str, number: int | None = None) -> ProgramSource:
         """A program, or an earlier version of it.
 
         Raises:
             NotThere: there is no such program or version.
             RegistryError: the database cannot be read.
         """
-        return self._storage.read(partial(_text_of, owner=owner, name=name, number=number))
+        return self._storage.read(partial(_source_of, owner=owner, name=name, number=number))
 
     def versions(self, owner: str, name: str) -> list[ProgramVersion]:
         """The versions of a program that are kept, the newest first.
@@ -51,14 +51,15 @@ class Programs:
         """
         return self._storage.read(partial(_versions_of, owner=owner, name=name))
 
-    def keep(self, owner: str, name: str, text: str) -> int:
-        """Store a program; returns the number of its newest version. An unchanged text makes no new version.
+    def keep(self, owner: str, name: str, source: ProgramSource) -> int:
+        """Store a program; returns the number of its newest version. What is unchanged makes no new version.
 
         Raises:
             ConfigError: the person has too many programs.
             RegistryError: the database cannot be written; nothing has changed.
         """
-        return self._storage.change(partial(_keep, owner=owner, name=name, text=text, now_ns=self._storage.epoch_ns()))
+        now_ns = self._storage.epoch_ns()
+        return self._storage.change(partial(_keep, owner=owner, name=name, source=source, now_ns=now_ns))
 
     def remove(self, owner: str, name: str) -> None:
         """Delete a program with all its versions.
@@ -78,8 +79,8 @@ class Programs:
         """
         return self._storage.change(partial(_share, owner=owner, name=name))
 
-    def shared(self, word: str) -> tuple[str, str, str]:
-        """Owner, name and text of the program shared by that word.
+    def shared(self, word: str) -> tuple[str, str, ProgramSource]:
+        """Owner, name and source of the program shared by that word.
 
         Raises:
             NotThere: there is no such program or version.
@@ -107,14 +108,15 @@ def _id_of(connection: Connection, owner: str, name: str) -> int:
     return found
 
 
-def _text_of(connection: Connection, owner: str, name: str, number: int | None) -> str:
-    query = select(program_texts.c.text).where(program_texts.c.program_id == _id_of(connection, owner, name))
+def _source_of(connection: Connection, owner: str, name: str, number: int | None) -> ProgramSource:
+    texts = program_texts.c
+    query = select(texts.text, texts.blocks).where(texts.program_id == _id_of(connection, owner, name))
     if number is not None:
-        query = query.where(program_texts.c.number == number)
-    text: str | None = connection.execute(query.order_by(program_texts.c.number.desc()).limit(1)).scalar()
-    if text is None:
+        query = query.where(texts.number == number)
+    row = connection.execute(query.order_by(texts.number.desc()).limit(1)).one_or_none()
+    if row is None:
         raise NotThere(said("version {number} of {name} is not kept any more", number=number, name=name))
-    return text
+    return ProgramSource(row.text, row.blocks)
 
 
 def _versions_of(connection: Connection, owner: str, name: str) -> list[ProgramVersion]:
@@ -124,19 +126,19 @@ def _versions_of(connection: Connection, owner: str, name: str) -> list[ProgramV
     return [ProgramVersion(row.number, row.saved_ns, row.size) for row in connection.execute(query)]
 
 
-def _keep(connection: Connection, owner: str, name: str, text: str, now_ns: int) -> int:
+def _keep(connection: Connection, owner: str, name: str, source: ProgramSource, now_ns: int) -> int:
     try:
         program = _id_of(connection, owner, name)
     except NotThere:
         program = _make(connection, owner, name, now_ns)
     texts = program_texts.c
-    newest = connection.execute(
-        select(texts.number, texts.text).where(texts.program_id == program).order_by(texts.number.desc()).limit(1)
-    ).one_or_none()
-    if newest is not None and newest.text == text:
+    query = select(texts.number, texts.text, texts.blocks).where(texts.program_id == program)
+    newest = connection.execute(query.order_by(texts.number.desc()).limit(1)).one_or_none()
+    if newest is not None and ProgramSource(newest.text, newest.blocks) == source:
         return int(newest.number)
     number = 1 if newest is None else int(newest.number) + 1
-    connection.execute(insert(program_texts).values(program_id=program, number=number, text=text, saved_ns=now_ns))
+    kept = insert(program_texts).values(program_id=program, number=number, saved_ns=now_ns)
+    connection.execute(kept.values(text=source.text, blocks=source.blocks))
     connection.execute(delete(program_texts).where(texts.program_id == program, texts.number <= number - MOST_VERSIONS))
     connection.execute(update(programs).where(programs.c.id == program).values(changed_ns=now_ns))
     return number
@@ -171,10 +173,10 @@ def _share(connection: Connection, owner: str, name: str) -> str:
     return word
 
 
-def _shared(connection: Connection, word: str) -> tuple[str, str, str]:
+def _shared(connection: Connection, word: str) -> tuple[str, str, ProgramSource]:
     row = None
     if word:
         row = connection.execute(select(programs).where(programs.c.share == word)).one_or_none()
     if row is None:
         raise NotThere(said("nobody shares a program by that link (any more)"))
-    return row.owner, row.name, _text_of(connection, row.owner, row.name, None)
+    return row.owner, row.name, _source_of(connection, row.owner, row.name, None)

@@ -223,6 +223,15 @@ class ProgramRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class ProgramSource:
+    """What a person wrote: a program, and the blocks that it was made of."""
+
+    text: str
+    blocks: str = ""
+    """As JSON (`msbot.web.programs.program_shelf`); empty: it was never made of blocks."""
+
+
+@dataclass(frozen=True, slots=True)
 class ProgramVersion:
     """One kept version of a program."""
 

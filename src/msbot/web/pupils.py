@@ -11,6 +11,7 @@ from msbot.errors import ConfigError, NotThere
 from msbot.lessons.progress import PersonInLesson
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Asker, Right, Role
+from msbot.registry import ProgramSource
 from msbot.runtime.sentence import counted, said
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.class_list import MOST_PEOPLE, Newcomer, new_password
@@ -288,7 +289,14 @@ class PupilDesk:
         kept = await self._shelf.of(pupil)
         if not kept:
             raise NotThere(said("{pupil} has no program yet", pupil=pupil))
-        return kept[0].name, await self._shelf.text(pupil, kept[0].name), False
+        return kept[0].name, (await self._shelf.source(pupil, kept[0].name)).text, False
+
+    async def _blocks_of(self, pupil: str, name: str) -> str:
+        """The blocks that are kept with a program; a text that somebody else writes does not change them."""
+        try:
+            return (await self._shelf.source(pupil, name)).blocks
+        except NotThere:
+            return ""
 
     async def write(self, session: Session, pupil: str, text: str) -> Done:
         """Put another text in place of a pupil's program that was taken over; it is kept for the pupil, too.
@@ -299,10 +307,11 @@ class PupilDesk:
         self._accounts.require(session, Right.ARRANGE)
         self._need_taken(session, pupil)
         name, _, _ = await self.program(session, pupil)
-        check_program(name, text)
+        source = ProgramSource(text, await self._blocks_of(pupil, name))
+        check_program(name, source)
         for screen in self._screens.get(pupil, [])[-1:]:
             screen.show(text)
-        number = await self._shelf.keep(pupil, name, text)
+        number = await self._shelf.keep(pupil, name, source)
         return Done(words=said("{name} of {pupil} is kept, version {number}", name=name, pupil=pupil, number=number))
 
     def steer(self, session: Session, pupil: str, *, run: bool) -> None:

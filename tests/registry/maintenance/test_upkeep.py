@@ -11,7 +11,7 @@ from sqlalchemy import Table, select, text
 from msbot.config import Blueprint, Library
 from msbot.errors import RegistryError
 from msbot.pnp import Group, PartState
-from msbot.registry import Registry, open_registry
+from msbot.registry import ProgramSource, Registry, open_registry
 from msbot.registry.database.tables import metadata
 from msbot.registry.maintenance import backup_check, upkeep
 from tests.registry.database.test_schema import NEXT, NOW, _migrations
@@ -37,7 +37,7 @@ def full(registry: Registry, blueprint: Blueprint, library: Library) -> Registry
     Hand(registry).block(robot, "number", "WXYZ", "hot", "Ann")
     Hand(registry).keep_user("ann", "administrator", "ann", password_hash="salt", tokens=(("desk", "abc"),))
     registry.keys.keep(UID, b"\x00secret", "ann")
-    registry.programs.keep("ann", "blink", "from msbot import Part")
+    registry.programs.keep("ann", "blink", ProgramSource("from msbot import Part"))
     registry.lesson_ticks.note(["ann"], "ring", "1.1", 5)
     registry.class_groups.keep(robot, [Group("Red", ("ann",), ("AA",))])
     registry.runs.node_ids(robot, "can:0").keep(7, UID)

@@ -9,6 +9,7 @@ import pytest
 
 from msbot.errors import ConfigError
 from msbot.operations.rights import Right, Role
+from msbot.registry import ProgramSource
 from msbot.web.access.accounts import Accounts, NotAllowed
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.guest_tickets import MOST_GUESTS, MOST_OF_ONE, TICKET_S
@@ -133,7 +134,7 @@ def test_a_guest_gets_neither_token_nor_password_nor_a_shelf(tmp_path: Path) -> 
             await service.change_password(guest, "student", "another horse", "correct horse")
         for deed in (
             service.programs.mine(guest),
-            service.programs.keep(guest, "x.py", ""),
+            service.programs.keep(guest, "x.py", ProgramSource("")),
             service.programs.share(guest, "x.py"),
             service.programs.invite(guest, "phone.py", 1),
         ):
@@ -141,7 +142,7 @@ def test_a_guest_gets_neither_token_nor_password_nor_a_shelf(tmp_path: Path) -> 
                 await deed
         with pytest.raises(NotAllowed):
             service.plug(guest, "AA", plugged=False)
-        assert "PHONE" in await service.programs.text(guest, "phone.py")
+        assert "PHONE" in (await service.programs.source(guest, "phone.py")).text
 
     show(tmp_path, scene)
 

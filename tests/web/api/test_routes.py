@@ -302,8 +302,9 @@ def test_programs_are_kept_by_person_and_version(site: Site) -> None:
     assert done.json()["words"] == "mine.py is kept, version 2."
     assert [one["name"] for one in site.ask("GET", "/api/programs", role="student").json()] == ["mine.py"]
     assert site.ask("GET", "/api/programs", role="teacher").json() == []
-    assert site.ask("GET", "/api/programs/mine.py", role="student").json() == {"text": "print(2)\n"}
-    assert site.ask("GET", "/api/programs/mine.py?version=1", role="student").json() == {"text": "print(1)\n"}
+    for query, text in (("", "print(2)\n"), ("?version=1", "print(1)\n")):
+        kept = site.ask("GET", f"/api/programs/mine.py{query}", role="student").json()
+        assert kept == {"text": text, "blocks": ""}
     versions = site.ask("GET", "/api/programs/mine.py/versions", role="student").json()
     assert [(one["number"], one["size"]) for one in versions] == [(2, 9), (1, 9)]
     assert "from msbot import" in site.ask("GET", "/api/programs/01_hello.py", role="student").json()["text"]
@@ -311,6 +312,11 @@ def test_programs_are_kept_by_person_and_version(site: Site) -> None:
     assert site.ask("GET", "/api/programs/mine.py", role="viewer").status_code == 403
     assert site.ask("PUT", "/api/programs/a%20b.py", role="student", json={"text": ""}).status_code == 400
     assert site.ask("PUT", "/api/programs/b.py", role="student", json={"text": "x" * 70_000}).status_code == 422
+    made = {"text": "print(3)\n", "blocks": '{"msbot": 1}'}
+    assert site.ask("PUT", "/api/programs/mine.py", role="student", json=made).status_code == 200
+    assert site.ask("GET", "/api/programs/mine.py", role="student").json() == made
+    made["blocks"] = "[]"
+    assert site.ask("PUT", "/api/programs/mine.py", role="student", json=made).status_code == 400
     assert site.ask("DELETE", "/api/programs/mine.py", role="student").status_code == 200
     assert site.ask("GET", "/api/programs/mine.py", role="student").status_code == 404
 

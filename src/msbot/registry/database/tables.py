@@ -272,6 +272,7 @@ program_texts = Table(
     Column("program_id", ForeignKey("programs.id", ondelete="CASCADE"), primary_key=True, comment="the program"),
     Column("number", Integer, primary_key=True, autoincrement=False, comment="version, 1 and up"),
     Column("text", Text, nullable=False, comment="the program as it was then"),
+    Column("blocks", Text, nullable=False, server_default="", comment="the blocks it was made of as JSON, empty: none"),
     Column("saved_ns", BigInteger, nullable=False, comment="when it was kept"),
 )
 

@@ -7,12 +7,13 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query
 from pydantic import Field
 
+from msbot.registry import ProgramSource
 from msbot.runtime.sentence import said
 from msbot.web.access.guest_tickets import MOST_GUESTS, TICKET_S
 from msbot.web.api.model import Model
 from msbot.web.api.models import Done
 from msbot.web.api.session import SignedIn
-from msbot.web.programs.program_shelf import MAX_PROGRAM
+from msbot.web.programs.program_shelf import MAX_BLOCKS, MAX_PROGRAM
 from msbot.web.service import Service
 
 FileName = Annotated[str, Path(max_length=60, description="File name of the program, such as `lamp.py`")]
@@ -41,6 +42,8 @@ class ProgramText(Model):
     """A program."""
 
     text: str = Field(max_length=MAX_PROGRAM)
+    blocks: str = Field(default="", max_length=MAX_BLOCKS)
+    """The blocks it was made of, as JSON; empty: none."""
 
 
 class Shared(Model):
@@ -84,7 +87,8 @@ def add_programs(router: APIRouter, service: Service) -> None:
         session: SignedIn, name: FileName, version: Annotated[int | None, Query(ge=1, le=2**53)] = None
     ) -> ProgramText:
         """A program, or an earlier version of it; examples have names, too."""
-        return ProgramText.model_construct(text=await programs.text(session, name, version))
+        source = await programs.source(session, name, version)
+        return ProgramText.model_construct(text=source.text, blocks=source.blocks)
 
     @router.get("/programs/{name}/versions")
     async def versions(session: SignedIn, name: FileName) -> list[ProgramVersionLine]:
@@ -97,7 +101,7 @@ def add_programs(router: APIRouter, service: Service) -> None:
     @router.put("/programs/{name}")
     async def keep(session: SignedIn, name: FileName, program: ProgramText) -> Done:
         """Keep a program, as a new version if it has changed."""
-        number = await programs.keep(session, name, program.text)
+        number = await programs.keep(session, name, ProgramSource(program.text, program.blocks))
         return Done(words=said("{name} is kept, version {number}.", name=name, number=number))
 
     @router.delete("/programs/{name}")

@@ -17,12 +17,14 @@ from msbot.errors import MsbotError
 from msbot.operations.rights import Right
 from msbot.part import JoinState
 from msbot.part.join.refusal import STANDBY, Refusal
+from msbot.registry import ProgramSource
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
 from msbot.web.html import Markup, render
 from msbot.web.pages.arrivals import adopt
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import show_dialog
+from msbot.web.pages.program_blocks import ProgramBlocks
 from msbot.web.pages.share_program import ShareDialog
 from msbot.web.pages.under_teacher import UnderTeacher
 from msbot.web.programs.browser_files import examples
@@ -73,8 +75,9 @@ class _Desk:
         self._base = base
         self._deeds: ProgramDeeds = page.service.programs
         self._name = ""
-        self._kept = ""
-        """The text as it was opened or kept last."""
+        self._kept = ProgramSource("")
+        """The program as it was opened or kept last."""
+        self._blocks = ProgramBlocks(page, on_new=self._new_blocks)
         self._mine: list[str] = []
         self._is_guest = bool(page.session.guest_of)
         """Runs what the ticket opens, and keeps nothing."""
@@ -85,6 +88,7 @@ class _Desk:
         for script in ("board", "program"):
             ui.add_head_html(f'<script src="/web/program/{script}.js"></script>')
         bar = ui.element("div").classes("row w-full ms-prog-bar")
+        self._blocks.lay_out()
         with bar:
             self._choice = ui.select([], label=say("Program"), on_change=self._chosen).props("dense outlined")
             self._choice.classes("ms-prog-choice").set_visibility(not self._is_guest)
@@ -92,13 +96,17 @@ class _Desk:
             run.on("click", js_handler="() => msbotProgram.run()")
             stop = ui.button(say("Stop"), icon="stop").props("outline").classes("ms-prog-stop")
             stop.on("click", js_handler="() => msbotProgram.stop()")
+            self._blocks.lay_out_switch()
         if not self._is_guest:
             with bar:
                 self._lay_out_keeping()
         with ui.element("div").classes("ms-prog ms-prog-guest" if self._is_guest else "ms-prog"):
             with ui.element("div").classes("ms-prog-left"):
-                self._editor = ui.codemirror("", language="Python", theme="githubLight").classes("ms-prog-editor")
-                ui.html(render("console", say=say), sanitize=False).classes("w-full")
+                self._blocks.lay_out_place()
+                with ui.element("div").classes("ms-prog-text"):
+                    self._editor = ui.codemirror("", language="Python", theme="githubLight").classes("ms-prog-editor")
+                    self._blocks.lay_out_note()
+                ui.html(render("console", say=say), sanitize=False).classes("w-full ms-prog-console")
             ui.html(
                 Markup(
                     render(
@@ -110,7 +118,9 @@ class _Desk:
         ui.on("ms_program_line", self._mark)
         ui.on("ms_program_adopt", self._adopt)
         ui.run_javascript(f"msbotProgram.label({self._editor.id}, {json.dumps(say('Program text'))})")
-        UnderTeacher(self._page, self._editor, (run, stop), lambda: self._name)
+        self._blocks.lay_out_editor(self._editor)
+        held = (run, stop, self._blocks.switch)
+        UnderTeacher(self._page, self._editor, held, lambda: self._name, self._blocks.put_text)
         ui.timer(0.5, self._follow_look)
         assert self._page.client is not None
         self._page.client.on_disconnect(self._left)
@@ -125,6 +135,7 @@ class _Desk:
         ui.button(say("Keep"), icon="save", on_click=self._keep_now).props("flat")
         with ui.button(icon="more_vert").props(f'flat dense aria-label="{say("More")}"'), ui.menu():
             ui.menu_item(say("New program"), self._new)
+            ui.menu_item(say("New program of blocks"), self._new_blocks)
             ui.menu_item(say("Keep as …"), self._keep_as)
             ui.menu_item(say("Earlier versions"), self._versions)
             ui.menu_item(say("Share, or open on a phone"), self._share)
@@ -135,12 +146,11 @@ class _Desk:
         page = self._page
         if shared:
             try:
-                owner, name, text = await self._deeds.shared(page.session, shared)
+                owner, name, source = await self._deeds.shared(page.session, shared)
             except MsbotError as error:
                 ui.notify(page.say(str(error)), type="negative", timeout=10_000)
             else:
-                self._show(name, text)
-                self._kept = text
+                await self._show(name, source)
                 ui.notify(page.say("A copy of {name} by {owner}. Read it before you run it.", name=name, owner=owner))
                 return
         wanted = name or (self._mine[0] if self._mine else FIRST)
@@ -164,12 +174,17 @@ class _Desk:
             await self._open(name)
 
     async def _open(self, name: str) -> None:
-        text = await self._try(self._deeds.text(self._page.session, name))
-        if text is not None:
-            self._show(name, text)
-            self._kept = text
+        source = await self._try(self._deeds.source(self._page.session, name))
+        if source is not None:
+            await self._show(name, source)
 
-    def _show(self, name: str, text: str) -> None:
+    async def _show(self, name: str, source: ProgramSource) -> None:
+        """Open a program as it is kept."""
+        self._put_in(name, source.text)
+        self._kept = source
+        await self._blocks.opened(name, source)
+
+    def _put_in(self, name: str, text: str) -> None:
         self._name = name
         self._editor.decorations = []
         self._editor.value = text
@@ -180,35 +195,41 @@ class _Desk:
             f"history.replaceState(history.state, '', {json.dumps(f'/program?name={name}')})"
         )
 
+    @property
+    def _source(self) -> ProgramSource:
+        """The program as it is now."""
+        return ProgramSource(self._editor.value, self._blocks.doc)
+
     async def _keep_if_changed(self) -> None:
-        if self._editor.value != self._kept and not self._is_guest:
+        if self._source != self._kept and not self._is_guest:
             await self._keep(self._name, quiet=True)
 
     async def _keep_now(self) -> None:
         await self._keep(self._name)
 
     async def _keep(self, name: str, *, quiet: bool = False) -> bool:
-        text = self._editor.value
+        source = self._source
 
         async def deed(session: Session) -> Done:
-            number = await self._deeds.keep(session, name, text)
+            number = await self._deeds.keep(session, name, source)
             return Done(words=self._page.say("{name} is kept, version {number}.", name=name, number=number))
 
         if await self._page.do(deed, quiet=quiet) is None:
             return False
-        self._kept, self._name = text, name
+        self._kept, self._name = source, name
         if name not in self._mine:
             await self._list()
         return True
 
     async def _left(self) -> None:
         """The page is closed: what was typed is not lost."""
-        if self._editor.value != self._kept and not self._is_guest:
+        if self._source != self._kept and not self._is_guest:
+            source = self._source
             try:
-                await self._deeds.keep(self._page.session, self._name, self._editor.value)
+                await self._deeds.keep(self._page.session, self._name, source)
             except MsbotError:
                 return  # signed out, or too long: the person was told when it was kept or run
-            self._kept = self._editor.value
+            self._kept = source
 
     def _mark(self, event: GenericEventArguments) -> None:
         """Mark the lines that an error names; `event.args` comes from the browser."""
@@ -237,12 +258,28 @@ class _Desk:
 
     async def _new(self) -> None:
         await self._keep_if_changed()
-        number = 1
-        while f"program{number}.py" in self._mine:
-            number += 1
-        self._show(f"program{number}.py", NEW)
+        await self._show(self._free_name("program"), ProgramSource(NEW))
         await self._keep(self._name, quiet=True)
         self._choice.value = self._name
+
+    async def _new_blocks(self) -> None:
+        """A program that begins with blocks; the one that was open is kept."""
+        await self._keep_if_changed()
+        before = self._name
+        self._put_in(self._free_name("blocks"), "")
+        self._kept = ProgramSource("")
+        await self._blocks.begin(self._name)
+        await self._keep_if_changed()
+        self._choice.value = self._name
+        ui.notify(self._page.say(
+            "{name} is a new program of blocks; {before} stays as it is.", name=self._name, before=before
+        ))  # fmt: skip
+
+    def _free_name(self, word: str) -> str:
+        number = 1
+        while f"{word}{number}.py" in self._mine:
+            number += 1
+        return f"{word}{number}.py"
 
     def _keep_as(self) -> None:
         say = self._page.say
@@ -254,7 +291,8 @@ class _Desk:
                 name = name if name.endswith(".py") else f"{name}.py"
                 if await self._keep(name):
                     dialog.close()
-                    self._show(name, self._editor.value)
+                    self._put_in(name, self._editor.value)
+                    self._blocks.renamed(name)
 
             ui.button(say("Keep"), on_click=keep)
         show_dialog(dialog)
@@ -269,10 +307,12 @@ class _Desk:
             for version in found:
 
                 async def back(number: int = version.number) -> None:
-                    text = await self._try(self._deeds.text(page.session, self._name, number))
-                    if text is not None:
-                        self._editor.value = text
+                    source = await self._try(self._deeds.source(page.session, self._name, number))
+                    if source is not None:
                         dialog.close()
+                        kept = self._kept
+                        await self._show(self._name, source)
+                        self._kept = kept  # of the newest version: this one becomes the next when it is kept
 
                 when = page.when(version.saved_ns // 1_000_000)
                 words = page.say(
@@ -282,7 +322,7 @@ class _Desk:
         show_dialog(dialog)
 
     async def _share(self) -> None:
-        is_example = self._name in examples() and self._name not in self._mine and self._editor.value == self._kept
+        is_example = self._name in examples() and self._name not in self._mine and self._source == self._kept
         if is_example or await self._keep(self._name, quiet=True):
             await ShareDialog(self._page, self._base, self._name, is_example=is_example).show()
 
@@ -301,7 +341,7 @@ class _Desk:
 
                 dialog.close()
                 if await page.do(deed) is not None:
-                    self._kept = self._editor.value
+                    self._kept = self._source
                     await self._list()
                     await self._open(self._mine[0] if self._mine else FIRST)
 
@@ -340,6 +380,7 @@ def _words(page: Page) -> dict[str, object]:
         "adopt": say("Under Arrivals a teacher can let {number} in."),
         "describes": say("It tells the robot what it is: a teacher can adopt it."),
         "line": say("line {number}"),
+        "block": say("the block"),
         "left": say("… and {number} more lines, too many at once"),
         "tooFast": say(
             "{number} messages were not sent: the program sends more than the robot takes. Send less often."

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 from nicegui import ui
 from nicegui.elements.codemirror import CodeMirror
+from nicegui.elements.mixins.disableable_element import DisableableElement
 
 from msbot.operations.rights import Right
 from msbot.web.pages.layout import Page
@@ -20,13 +21,18 @@ class UnderTeacher:
         editor: what is typed into.
         buttons: what the pupil cannot press while a teacher has the program.
         name: of the program that is open.
+        put_in: puts another text in the editor; the program is text from then on, also where it was blocks.
     """
 
-    def __init__(self, page: Page, editor: CodeMirror, buttons: Sequence[ui.button], name: Callable[[], str]) -> None:
+    def __init__(
+        self, page: Page, editor: CodeMirror, buttons: Sequence[DisableableElement], name: Callable[[], str],
+        put_in: Callable[[str], None],
+    ) -> None:  # fmt: skip
         self._page = page
         self._editor = editor
         self._buttons = buttons
         self._name = name
+        self._put_in = put_in
         self._shown: tuple[str, bool] = ("", False)
         if page.may(Right.ARRANGE) or page.client is None:
             return
@@ -40,7 +46,7 @@ class UnderTeacher:
     def show(self, text: str) -> None:
         """See `Screen`."""
         with self._page.here():
-            self._editor.value = text
+            self._put_in(text)
 
     def run(self) -> None:
         """See `Screen`."""
@@ -64,4 +70,5 @@ class UnderTeacher:
         self._editor.set_enabled(not is_taken)
         for button in self._buttons:
             button.set_enabled(not is_taken)
+        ui.run_javascript(f"document.querySelector('.ms-blocks-box')?.toggleAttribute('inert', {json.dumps(is_taken)})")
         ui.run_javascript(f"msbotProgram.hold({json.dumps(self._page.say(held) if held else '')})")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from msbot.errors import NotThere
 from msbot.operations.rights import Right
-from msbot.registry import ProgramRecord, ProgramVersion
+from msbot.registry import ProgramRecord, ProgramSource, ProgramVersion
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.guest_tickets import Ticket
 from msbot.web.access.sessions import Session
@@ -35,20 +35,20 @@ class ProgramDeeds:
         self._accounts.require(session, Right.OPERATE)
         return await self._shelf.of(session.name)
 
-    async def text(self, session: Session, name: str, number: int | None = None) -> str:
+    async def source(self, session: Session, name: str, number: int | None = None) -> ProgramSource:
         """A program of the person, or an earlier version of it; an example that the person has not changed.
 
         Guests have no programs of their own.
         """
         if session.guest_of and number is None and name in examples():
             self._accounts.require(session, Right.JOIN)
-            return examples()[name]
+            return ProgramSource(examples()[name])
         self._accounts.require(session, Right.OPERATE)
         try:
-            return await self._shelf.text(session.name, name, number)
+            return await self._shelf.source(session.name, name, number)
         except NotThere:
             if number is None and name in examples():
-                return examples()[name]
+                return ProgramSource(examples()[name])
             raise
 
     async def versions(self, session: Session, name: str) -> Sequence[ProgramVersion]:
@@ -56,12 +56,12 @@ class ProgramDeeds:
         self._accounts.require(session, Right.OPERATE)
         return await self._shelf.versions(session.name, name)
 
-    async def keep(self, session: Session, name: str, text: str) -> int:
+    async def keep(self, session: Session, name: str, source: ProgramSource) -> int:
         """Keep a program; returns its version."""
         self._accounts.require(session, Right.OPERATE)
         self._check_writing(session)
-        check_program(name, text)
-        return await self._shelf.keep(session.name, name, text)
+        check_program(name, source)
+        return await self._shelf.keep(session.name, name, source)
 
     async def remove(self, session: Session, name: str) -> None:
         """Forget a program with all its versions."""
@@ -74,8 +74,8 @@ class ProgramDeeds:
         self._accounts.require(session, Right.OPERATE)
         return await self._shelf.share(session.name, name)
 
-    async def shared(self, session: Session, word: str) -> tuple[str, str, str]:
-        """Owner, name and text of a program that somebody shares."""
+    async def shared(self, session: Session, word: str) -> tuple[str, str, ProgramSource]:
+        """Owner, name and source of a program that somebody shares."""
         self._accounts.require(session, Right.JOIN)
         return await self._shelf.shared(word)
 

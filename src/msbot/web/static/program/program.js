@@ -29,8 +29,9 @@ const msbotProgram = (() => {
       if (where) {
         const go = document.createElement("button");
         go.type = "button";
-        go.textContent = say("line", { number: where });
-        go.onclick = () => emitEvent("ms_program_line", { lines: [where], show: true });
+        const isOfBlock = kind === "error" && msbotBlocks.light(where, content);
+        go.textContent = isOfBlock ? say("block") : say("line", { number: where });
+        go.onclick = () => { if (!msbotBlocks.reveal(where)) emitEvent("ms_program_line", { lines: [where], show: true }); };
         row.append(" ", go);
       }
       rows.append(row);
@@ -164,6 +165,7 @@ const msbotProgram = (() => {
       await isOpened;
       if (mine !== begun) return;
     }
+    msbotBlocks.began();
     const program = text();
     useDevice(/^\s*(import|from)\s+device\b/m.test(program));
     state("starting", "new", "");
