@@ -98,7 +98,8 @@ class Pupil:
         mouse.move(x + 40, y + 3, steps=3)
         mouse.move(to_x + 12, to_y + 18, steps=8)
         mouse.up()
-        return next(one for one in self.page.evaluate(IDS) if one not in before)
+        found: list[str] = self.page.evaluate(IDS)
+        return next(one for one in found if one not in before)
 
     def choose(self, block: str, field: str, label: str) -> None:
         """Choose in a drop-down."""

@@ -108,7 +108,7 @@ class ProgramBlocks:
 
     # The switch.
 
-    async def _switched(self, event: ValueChangeEventArguments) -> None:
+    async def _switched(self, event: ValueChangeEventArguments[View]) -> None:
         if self._is_setting or event.value == self._view:
             return
         if event.value == PYTHON:
