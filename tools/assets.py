@@ -1,5 +1,6 @@
 """Fetches the files of others that the project carries unmodified, from npm: MicroPython's VM for the browser, uPlot,
-which draws curves, Blockly, whose blocks become programs, and axe-core, which looks in tests whether everybody can use the pages.
+which draws curves, Blockly, whose blocks become programs, and axe-core, which looks in tests whether everybody can use
+the pages.
 
     python tools/assets.py                      the versions of the manifests; says so when a file is another one
     python tools/assets.py micropython 1.28.0   another version, with a new manifest
