@@ -12,15 +12,13 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from tests.e2e.processes import running
-from tests.effort import THOROUGH
 from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import Site, go, new_page
 
 WORK_MS = 60_000
 """How long a program may take to become active; the machine may be busy. It takes half a second."""
-LAP_MS = 240_000
-"""How long a lap may take; at half the speed it takes two minutes. Only `MSBOT_THOROUGH=1` waits for it: before that,
-the robot has followed the line for 15 seconds."""
+LINE_MS = 240_000
+"""How long it may take until the robot has followed the line for 15 seconds."""
 
 IN_FLYOUT = """([type]) => {
   const block = msbotBlocks.workspace().getFlyout().getWorkspace().getTopBlocks(true).find((one) => one.type === type);
@@ -239,21 +237,10 @@ def test_a_line_follower_of_blocks_makes_the_lesson_tick(desk: Pupil, child: Bro
     arena.get_by_role("button", name="½", exact=True).click()
     arena.get_by_role("button", name="Begin anew").click()
     desk.run()
-    expect_ticks(5, LAP_MS)
-    if not THOROUGH:
-        desk.stop()
-        learn.close()
-        arena.close()
-        return
-    expect_ticks(6, LAP_MS)
-    learn.get_by_role("button", name=re.compile("STOP")).click()
-    expect_ticks(7)
-    answer(0, "the motor driver, by its own safe value")
-    expect_ticks(8)
-    arena.get_by_role("button", name=re.compile("GO")).first.click()
+    expect_ticks(5, LINE_MS)
     desk.stop()
-    for page in (learn, arena):
-        page.close()
+    learn.close()
+    arena.close()
 
 
 @pytest.mark.parametrize(
@@ -313,10 +300,6 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     page.get_by_role("button", name="Back to the blocks").click()
     page.wait_for_function("msbotBlocks.isShown()")
     desk.expect_text(made)
-    page.get_by_role("button", name="More").click()
-    page.get_by_text("Earlier versions").click()
-    expect(page.get_by_role("dialog").get_by_role("button")).to_have_count(4)
-    page.keyboard.press("Escape")
 
 
 @pytest.mark.parametrize(
@@ -359,7 +342,7 @@ def test_another_robot_has_other_drop_downs_and_nothing_is_lost(desk: Pupil, tra
     assert page.evaluate(TEXT) == before, "the program is as it was"
 
 
-def test_by_keyboard_for_everybody_and_on_a_phone(desk: Pupil) -> None:
+def test_for_everybody_and_on_a_phone(desk: Pupil) -> None:
     page = desk.page
     desk.open_blocks()
     for width in (1280, 390):
@@ -368,11 +351,6 @@ def test_by_keyboard_for_everybody_and_on_a_phone(desk: Pupil) -> None:
     page.set_viewport_size({"width": 1280, "height": 900})
     for dark in (False, True):
         assert hurdles(page, dark=dark) == []
-    count = len(page.evaluate(IDS))
-    page.locator("#ms-blocks-place svg.blocklySvg").focus()
-    for key in ("t", "ArrowDown", "ArrowRight", "Enter", "Enter"):
-        page.keyboard.press(key)
-    page.wait_for_function(f"({IDS})().length === {count + 1}")
     page.get_by_text("The program in words, and keys").click()
     words = page.locator("#ms-blocks-outline").inner_text().split("\n")
     assert words[:2] == ["this program is the part PILOT – Pilot", "when a message arrives at line"]
