@@ -12,10 +12,12 @@ from msbot.errors import ConfigError, MsbotError
 from msbot.operations.outcome import Outcome
 from msbot.operations.rights import Role
 from msbot.part import HelloWorld
+from msbot.school.class_robots import ClassRobot
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
 from msbot.web.access.users import MemoryUsers
 from msbot.web.api.models import ControlLine, Robot, Scalar
+from msbot.web.far_robots import FarRobots, FarStop
 from msbot.web.frames import FrameRing
 from msbot.web.live import Live
 from msbot.web.local_masters import LocalMaster, LocalMasters
@@ -68,6 +70,16 @@ class Alone(LocalMasters):
         return ()
 
 
+class NobodyElsewhere(FarRobots):
+    """There is no access to a robot elsewhere."""
+
+    async def look(self) -> Sequence[ClassRobot]:
+        return ()
+
+    async def stop_all(self, reason: str) -> list[FarStop]:
+        return []
+
+
 class Rig:
     """The web room around a robot on its stage, without a server."""
 
@@ -104,6 +116,7 @@ class Rig:
             robot=self._describe,
             clock=clock,
             neighbours=Alone(),
+            far=NobodyElsewhere(clock),
         )
 
     def _describe(self) -> Robot:

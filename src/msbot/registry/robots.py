@@ -59,6 +59,10 @@ class Robots:
         """All robots of the database, the most recently used first."""
         return self._storage.read(store.list_robots)
 
+    def newest_edits(self) -> dict[int, int]:
+        """Number of a robot -> that of the newest change that was made to it."""
+        return self._storage.read(store.newest_edits)
+
     def find(self, blueprint: Blueprint) -> RobotRecord | None:
         """The robot of a blueprint: the one with its name and serial number."""
         profile = blueprint.robot

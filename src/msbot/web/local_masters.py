@@ -30,6 +30,11 @@ class LocalMaster:
     stopped: bool
     database: str = ""
     """Which database it uses, see `database_identity`."""
+    version: str = ""
+    blueprint: str = ""
+    """The mark of its blueprint in force."""
+    msbot: str = ""
+    """The version of MsBOT that runs it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +51,8 @@ class StopForAll:
     """Masters that run and gave no answer."""
     waiting: tuple[str, ...] = ()
     """Robots with parts that had not confirmed it then, with their names."""
+    not_told: tuple[str, ...] = ()
+    """Robots elsewhere whose masters have not taken it, with the reason."""
 
 
 class LocalMasters:
@@ -85,5 +92,5 @@ def _neighbour(answer: Mapping[str, object]) -> LocalMaster:
 
     return LocalMaster(
         text("robot"), text("serial_number"), text("page"), count("slots"), count("active"),
-        answer.get("stopped") is True, text("database"),
+        answer.get("stopped") is True, text("database"), text("version"), text("blueprint"), text("msbot"),
     )  # fmt: skip

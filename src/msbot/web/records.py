@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import BinaryIO, NoReturn
 
-from msbot.config import Library, blueprint_toml, compare_text, parse_blueprint
+from msbot.config import Library, blueprint_mark, blueprint_toml, compare_text, parse_blueprint
 from msbot.errors import RegistryError
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.outcome import Outcome
@@ -251,8 +251,23 @@ def robot_tiles(
 ) -> Callable[[], Awaitable[list[RobotTile]]]:
     """All robots of the database; `here` is the one this server runs."""
 
+    marks: dict[int, tuple[int, str]] = {}
+    """Number of a robot -> its newest edit, and the mark of its blueprint then: to read a blueprint takes long."""
+
+    def mark_of(robot: RobotRecord, edit: int) -> str:
+        known = marks.get(robot.id)
+        if known is None or known[0] != edit:
+            marks[robot.id] = known = (edit, blueprint_mark(registry.robots.blueprint(robot)))
+        return known[1]
+
     def read() -> list[RobotTile]:
-        return [_tile(registry, robot, robot.id == here.id, epoch_ns()) for robot in registry.robots.all()]
+        robots, newest = registry.robots.all(), registry.robots.newest_edits()
+        for gone in marks.keys() - {robot.id for robot in robots}:
+            del marks[gone]
+        return [
+            _tile(registry, robot, robot.id == here.id, epoch_ns(), mark_of(robot, newest.get(robot.id, 0)))
+            for robot in robots
+        ]
 
     async def read_in_time() -> list[RobotTile]:
         return await registry.storage.in_time(read)
@@ -260,7 +275,7 @@ def robot_tiles(
     return read_in_time
 
 
-def _tile(registry: Registry, robot: RobotRecord, is_here: bool, now_ns: int) -> RobotTile:
+def _tile(registry: Registry, robot: RobotRecord, is_here: bool, now_ns: int, mark: str) -> RobotTile:
     parts = registry.robots.parts(robot)
     newest = registry.robots.journal(1, robot=robot)
     event = newest[-1] if newest else None
@@ -275,6 +290,8 @@ def _tile(registry: Registry, robot: RobotRecord, is_here: bool, now_ns: int) ->
         active=len({part.slot for part in parts if _is_active(part) and part.slot in slots}),
         last_event="" if event is None else event.event.sentences()[0],
         last_event_age_s=None if event is None else max(now_ns - event.at_ns, 0) / 1e9,
+        version=robot.version,
+        blueprint=mark,
     )
 
 

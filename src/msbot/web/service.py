@@ -37,6 +37,7 @@ from msbot.web.api.models import (
 )
 from msbot.web.arena_sight import ArenaSight
 from msbot.web.examining import Examining
+from msbot.web.far_robots import FarRobots
 from msbot.web.learning import Learning
 from msbot.web.local_masters import LocalMasters
 from msbot.web.past import RecordedPast
@@ -71,6 +72,7 @@ class Service:
         arena: the world that its parts are in; None: none that is here.
         figures: reads the figures for Prometheus; None: there are none.
         learning: the lessons; None: there are none.
+        far: the robots on other computers; None: those that this user has an access to.
     """
 
     def __init__(
@@ -78,7 +80,7 @@ class Service:
         robot: Callable[[], Robot], clock: Callable[[], float], neighbours: LocalMasters | None = None,
         programs: ProgramShelf | None = None, doctor: Examining | None = None,
         figures: Callable[[], MomentFigures] | None = None, arena: LivingArena | None = None,
-        learning: Learning | None = None,
+        learning: Learning | None = None, far: FarRobots | None = None,
     ) -> None:  # fmt: skip
         self.views = views
         self.accounts = accounts
@@ -89,7 +91,7 @@ class Service:
         self._doctor = doctor
         self._figures = figures
         self.whole_class = WholeClass(
-            operations, records, robot, accounts, clock=clock, neighbours=neighbours or LocalMasters()
+            operations, records, robot, accounts, clock=clock, neighbours=neighbours or LocalMasters(), far=far
         )
         """All robots of the class."""
         self.past = RecordedPast(

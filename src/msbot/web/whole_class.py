@@ -1,19 +1,23 @@
-"""The whole class as the pages show it: the robots of the database and of every master here, and one STOP for all."""
+"""The whole class as the pages show it: the robots of the database, of every master here, and those on other computers
+with an access; and one STOP for all."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
+from msbot.errors import ConfigError
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Right
 from msbot.runtime.own_version import own_version
 from msbot.runtime.sentence import said
-from msbot.school.class_robots import database_mark
+from msbot.school.class_robots import ClassRobot, database_mark
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
 from msbot.web.api.class_models import RobotStatus, RobotTile
 from msbot.web.api.models import Robot
+from msbot.web.far_robots import FarRobots, FarStop
 from msbot.web.local_masters import LocalMaster, LocalMasters, StopForAll
 from msbot.web.records import Records
 
@@ -33,11 +37,12 @@ class WholeClass:
         accounts: who may do what.
         clock: the robot's clock.
         neighbours: the masters of this computer.
+        far: the masters elsewhere.
     """
 
     def __init__(
         self, operations: RunningOperations, records: Records, robot: Callable[[], Robot], accounts: Accounts, *,
-        clock: Callable[[], float], neighbours: LocalMasters,
+        clock: Callable[[], float], neighbours: LocalMasters, far: FarRobots | None = None,
     ) -> None:  # fmt: skip
         self._operations = operations
         self._records = records
@@ -45,8 +50,11 @@ class WholeClass:
         self._accounts = accounts
         self._clock = clock
         self._neighbours = neighbours
+        self._far = far or FarRobots(clock)
         self._looking_around = asyncio.Lock()
         self._seen: tuple[float, list[RobotTile]] | None = None
+        self.trouble = ""
+        """Why robots elsewhere are not shown; empty: they are."""
 
     def status(self) -> RobotStatus:
         """The robot here in short, for the class that it is in."""
@@ -61,7 +69,7 @@ class WholeClass:
         )  # fmt: skip
 
     async def robots(self) -> list[RobotTile]:
-        """All robots of the database, and those whose masters run on this computer.
+        """All robots of the database, those whose masters run on this computer, and those elsewhere with an access.
 
         Read at most every few seconds, and by one at a time, however many pages are open.
         """
@@ -69,15 +77,83 @@ class WholeClass:
             if self._seen is None or self._clock() - self._seen[0] >= CLASS_S:
                 found = await self._neighbours.look()
                 tiles = with_neighbours(await self._records.robots(), found, self._records.database)
+                try:
+                    far, self.trouble = await self._far.look(), ""
+                except ConfigError as error:
+                    far, self.trouble = (), str(error)
+                tiles = with_far(tiles, far, self._records.database)
                 self._seen = (self._clock(), tiles)
             return self._seen[1]
 
     async def stop_all(self, session: Session) -> StopForAll:
-        """STOP to every robot whose master runs on this computer."""
+        """STOP to every robot whose master runs on this computer, or elsewhere with an access; all at once.
+
+        Raises:
+            NotAllowed: the session may not say STOP.
+            ConfigError: the file with the accesses cannot be used; the robots of this computer were told.
+        """
         self._accounts.require(session, Right.STOP)
-        return await self._neighbours.stop_all(
-            session.name, said("{session} said STOP to all robots of the class", session=session.name)
+        reason = said("{session} said STOP to all robots of the class", session=session.name)
+        here, far = await asyncio.gather(
+            self._neighbours.stop_all(session.name, reason), self._far.stop_all(reason), return_exceptions=True
         )
+        for one in (here, far):
+            if isinstance(one, BaseException):
+                raise one
+        assert isinstance(here, StopForAll)
+        assert isinstance(far, list)
+        return together(here, far)
+
+
+def together(here: StopForAll, far: Sequence[FarStop]) -> StopForAll:
+    """One STOP, here and elsewhere; who has not answered is named, and nothing is assumed of it."""
+    taken = [(one.robot, one.answer) for one in far if one.answer is not None and one.answer.get("stopped")]
+    known = [(robot, answer) for robot, answer in taken if isinstance(answer.get("told"), int)]
+    waiting = [
+        f"{robot} ({', '.join(str(name) for name in answer.get('silent', ())) or answer['not_confirmed']})"
+        for robot, answer in known
+        if answer.get("not_confirmed")
+    ]
+    return replace(
+        here,
+        told=(*here.told, *(robot for robot, _ in taken)),
+        parts=here.parts + sum(answer["told"] for _, answer in known),
+        confirmed=here.confirmed + sum(answer["told"] - answer.get("not_confirmed", 0) for _, answer in known),
+        waiting=(*here.waiting, *waiting, *(robot for robot, answer in taken if answer.get("told") is None)),
+        not_told=tuple(f"{one.robot}: {one.trouble}" if one.trouble else one.robot for one in far
+                       if one.answer is None or not one.answer.get("stopped")),
+    )  # fmt: skip
+
+
+def with_far(tiles: Sequence[RobotTile], far: Iterable[ClassRobot], database: str) -> list[RobotTile]:
+    """The tiles with what masters on other computers say of theirs, and tiles for those that are in no database here.
+
+    Args:
+        tiles: of the database, and of this computer.
+        far: the robots elsewhere.
+        database: which database it is; empty: none.
+    """
+    mark = database_mark(database) if database else ""
+    known = {(tile.name, tile.serial_number): number for number, tile in enumerate(tiles)}
+    found = list(tiles)
+    for one in far:
+        assert one.far is not None
+        told = {
+            "running": one.answers, "address": one.page, "active": one.active, "slots": one.slots, "elsewhere": True,
+            "stopped": one.far.status.get("stopped") is True, "reachable": one.answers, "version": one.version,
+            "blueprint": one.blueprint, "msbot": one.msbot, "trouble": one.far.trouble,
+        }  # fmt: skip
+        number = known.get((one.name, one.serial_number)) if mark and one.far.text("database") == mark else None
+        if number is None:
+            found.append(
+                RobotTile(
+                    name=one.name, serial_number=one.serial_number, running=one.answers, here=False, owner="",
+                    slots=one.slots, active=one.active, last_event="", last_event_age_s=None,
+                ).model_copy(update=told)
+            )  # fmt: skip
+        elif not found[number].reachable:  # else it is one of this computer, which has said so itself
+            found[number] = found[number].model_copy(update={**told, "running": True})
+    return found
 
 
 def with_neighbours(tiles: Sequence[RobotTile], found: Iterable[LocalMaster], database: str) -> list[RobotTile]:
@@ -100,6 +176,7 @@ def with_neighbours(tiles: Sequence[RobotTile], found: Iterable[LocalMaster], da
         )  # fmt: skip
         known[key] = tile.model_copy(
             update={"running": True, "address": one.page, "active": one.active, "slots": one.slots,
-                    "stopped": one.stopped, "reachable": True}
+                    "stopped": one.stopped, "reachable": True, "version": one.version or tile.version,
+                    "blueprint": one.blueprint or tile.blueprint, "msbot": one.msbot}
         )  # fmt: skip
     return list(known.values())

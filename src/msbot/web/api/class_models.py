@@ -54,4 +54,14 @@ class RobotTile(Model):
     stopped: bool = False
     """Whether STOP holds, as its master says."""
     reachable: bool = False
-    """Whether its master runs on this computer: one STOP for all reaches it."""
+    """Whether its master answers, here or elsewhere by an access: one STOP for all reaches it."""
+    version: str = ""
+    """Of its blueprint's profile."""
+    blueprint: str = ""
+    """The mark of its blueprint in force; empty: not known."""
+    msbot: str = ""
+    """The version of MsBOT that runs it; empty: not known."""
+    elsewhere: bool = False
+    """Whether there is an access to its master on another computer."""
+    trouble: Said = ""
+    """Why a master elsewhere does not answer."""

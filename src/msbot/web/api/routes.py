@@ -173,7 +173,7 @@ def _add_reads(router: APIRouter, service: Service) -> None:
 
     @router.get("/robots")
     async def robots(session: SignedIn) -> list[RobotTile]:
-        """All robots of the database."""
+        """All robots of the class: of the database, of this computer, and elsewhere with an access."""
         tiles = await service.whole_class.robots()
         return [tile.model_copy(update={"last_event": words_for(session, tile.last_event)}) for tile in tiles]
 

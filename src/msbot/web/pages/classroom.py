@@ -1,7 +1,8 @@
-"""The class view: one tile per robot, of the database and of the masters on this computer; one STOP for all."""
+"""The class view: one tile per robot, of the database, of the masters here and of those elsewhere; one STOP for all."""
 
 from __future__ import annotations
 
+import re
 from urllib.parse import urlsplit
 
 from fastapi import Request
@@ -13,6 +14,9 @@ from msbot.web.html import Markup, render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
+
+MOST_NAMED = 30
+"""Robots that are named in one message."""
 
 
 def register(service: Service) -> None:
@@ -26,39 +30,93 @@ def register(service: Service) -> None:
 
 def _tiles(page: Page, hostname: str) -> None:
     with ui.element("div").classes("row spread w-full"):
-        find = ui.input(page.say("Search"), placeholder=page.say("name, serial number, state")).props(
+        find = ui.input(page.say("Search"), placeholder=page.say("name, serial number, state, blueprint")).props(
             "outlined dense clearable"
         )
         count = ui.label("").classes("soft num").props("aria-live=polite")
         ui.button(page.say("STOP all robots"), on_click=lambda: _stop_all(page), color=None).classes("ms-stop").props(
-            f'unelevated aria-label="{page.say("STOP all robots whose masters run on this computer")}"'
+            f'unelevated aria-label="{page.say("STOP all robots of the class")}"'
         )
     ui.label(
-        page.say("The robots of this database, and of every master on this computer. Click one to go to its page.")
+        page.say(
+            "The robots of this database, of every master on this computer, and those elsewhere that there is an access "
+            "to. Click one to go to its page."
+        )
     ).classes("soft")
-    shown = ui.html("", sanitize=False).classes("w-full")
+    trouble = ui.label("").classes("ms-banner warn")
+    nobody = ui.label(page.say("No robot fits. Try part of its name, or clear the search."))
+    grid = ui.element("div").classes("grid")
+    shown = _Shown(page, grid, hostname)
 
     async def show() -> None:
         try:
             tiles = await page.service.whole_class.robots()
         except MsbotError as error:
-            set_html(shown, Markup.escape(page.say(str(error))))
+            trouble.set_text(page.say(str(error)))
+            trouble.set_visibility(True)
             return
-        words = str(find.value or "").casefold().split()
-        fitting = [tile for tile in tiles if all(word in _searched(page, tile) for word in words)]
+        trouble.set_text(page.say(page.service.whole_class.trouble))
+        trouble.set_visibility(bool(page.service.whole_class.trouble))
+        fitting = shown.update(tiles, str(find.value or "").casefold().split())
         well = sum(_state_of(tile)[0] == "active" for tile in fitting)
-        count.set_text(page.say("Robots that are well: {well} of {all}", well=well, all=len(fitting)))
-        set_html(shown, render("tiles", tiles=[_tile(page, tile, hostname) for tile in fitting], say=page.say))
+        words = page.say("Robots that are well: {well} of {all}", well=well, all=len(fitting))
+        marks = {tile.blueprint for tile in fitting if tile.blueprint}
+        more = page.say("{count} different blueprints", count=len(marks))
+        count.set_text(f"{words} · {more}" if len(marks) > 1 else words)
+        nobody.set_visibility(not fitting)
 
     page.every_look(show)
     find.on_value_change(show)
 
 
+class _Shown:
+    """The tiles on a page: each is an element of its own, and only those that have changed are sent."""
+
+    def __init__(self, page: Page, grid: ui.element, hostname: str) -> None:
+        self._page = page
+        self._grid = grid
+        self._hostname = hostname
+        self._elements: list[ui.html] = []
+        self._tiles: list[RobotTile] = []
+        self._source: object = None
+
+    def update(self, tiles: list[RobotTile], words: list[str]) -> list[RobotTile]:
+        """Show these robots as far as all words are found in what is said of them; returns those."""
+        if tiles is not self._source:  # else nobody has looked at the robots since
+            self._source = tiles
+            self._tiles = sorted(tiles, key=lambda tile: (_natural(tile.name), _natural(tile.serial_number)))
+            with self._grid:
+                self._elements += [
+                    ui.html("", sanitize=False).style("display:grid") for _ in self._tiles[len(self._elements) :]
+                ]
+            while len(self._elements) > len(self._tiles):
+                self._elements.pop().delete()
+            for tile, element in zip(self._tiles, self._elements, strict=True):
+                set_html(element, _tile(self._page, tile, self._hostname))
+        fitting = []
+        for tile, element in zip(self._tiles, self._elements, strict=True):
+            text = _searched(self._page, tile)
+            fits = all(word in text for word in words)
+            if element.visible != fits:
+                element.set_visibility(fits)
+            if fits:
+                fitting.append(tile)
+        return fitting
+
+
+def _natural(text: str) -> list[tuple[int, str]]:
+    """By this, robot 10 comes after robot 9."""
+    return [(int(piece), "") if piece.isdecimal() else (-1, piece) for piece in re.split(r"([0-9]+)", text.casefold())]
+
+
 async def _stop_all(page: Page) -> None:
+    school = page.service.whole_class
     try:
-        done = await page.service.whole_class.stop_all(page.session)
+        done = await school.stop_all(page.session)
         unreached = [
-            tile.name for tile in await page.service.whole_class.robots() if tile.running and not tile.reachable
+            f"{tile.name} {tile.serial_number}"
+            for tile in await school.robots()
+            if tile.running and not (tile.reachable or tile.here or tile.elsewhere)
         ]
     except MsbotError as error:
         ui.notify(page.say(str(error)), type="negative", multi_line=True)
@@ -74,6 +132,13 @@ async def _stop_all(page: Page) -> None:
     if done.silent:
         words = page.say("NOT delivered to {count} masters that run here: cut their power.", count=done.silent)
         ui.notify(words, type="negative", multi_line=True, timeout=15_000)
+    if done.not_told:
+        told = ", ".join(page.say(one) for one in done.not_told[:MOST_NAMED])
+        words = page.say(
+            "NOT stopped: {count} robots on other computers do not answer: {robots}. Cut their power.",
+            count=len(done.not_told), robots=told,
+        )  # fmt: skip
+        ui.notify(words, type="negative", multi_line=True, timeout=30_000)
     if unreached:
         names = ", ".join(unreached)
         words = page.say("NOT told, their masters run on other computers: {names}. Press STOP there.", names=names)
@@ -82,6 +147,8 @@ async def _stop_all(page: Page) -> None:
 
 def _state_of(tile: RobotTile) -> tuple[str, str]:
     """The colour of a tile, and the word for it."""
+    if tile.trouble:
+        return "late", "its master does not answer"
     if not tile.running:
         return "empty", "no master runs it"
     if not (tile.here or tile.reachable):
@@ -92,7 +159,10 @@ def _state_of(tile: RobotTile) -> tuple[str, str]:
 
 
 def _searched(page: Page, tile: RobotTile) -> str:
-    return f"{tile.name} {tile.serial_number} {tile.owner} {page.say(_state_of(tile)[1])}".casefold()
+    state = page.say(_state_of(tile)[1])
+    return (
+        f"{tile.name} {tile.serial_number} {tile.owner} {tile.version} {tile.blueprint} {tile.msbot} {tile.address} {state}"
+    ).casefold()
 
 
 def _tile(page: Page, tile: RobotTile, hostname: str) -> Markup:
@@ -119,6 +189,6 @@ def _for_visitor(address: str, hostname: str) -> str:
 
 
 def _age(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
+    if seconds < 60:
+        return "< 1 min"  # by the second, all tiles would be sent anew all the time
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.0f} h"

@@ -1,0 +1,107 @@
+"""Robots on other computers among the tiles of the class, and in its one STOP."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from pathlib import Path
+
+import pytest
+
+from msbot.errors import ConfigError
+from msbot.school.access import AccessBook, FarAccess
+from msbot.school.class_robots import ClassRobot, FarRobot, database_mark
+from msbot.web import far_robots
+from msbot.web.api.class_models import RobotTile
+from msbot.web.far_robots import FarRobots, FarStop
+from msbot.web.local_masters import StopForAll
+from msbot.web.pages.classroom import _natural, _state_of
+from msbot.web.whole_class import together, with_far
+
+DATABASE = "postgresql://server/robots"
+PAGE = "http://10.0.0.2:8080"
+
+
+def tile(name: str, *, reachable: bool = False) -> RobotTile:
+    return RobotTile(
+        name=name, serial_number="1", running=True, here=False, owner="", slots=3, active=2, last_event="x",
+        last_event_age_s=None, reachable=reachable,
+    )  # fmt: skip
+
+
+def far(name: str, database: str = "", trouble: str = "") -> ClassRobot:
+    status = {"robot": name, "slots": 5, "active": 4, "stopped": True, "database": database}
+    known = FarRobot(FarAccess(PAGE, "t", name, "1"), {} if trouble else status, trouble)
+    return ClassRobot(name, "1", "2", PAGE, None, blueprint="abcd1234", msbot="0.1.0", far=known)
+
+
+def test_a_robot_of_the_database_that_runs_elsewhere_gets_what_its_master_says() -> None:
+    (one,) = with_far([tile("R")], [far("R", database_mark(DATABASE))], DATABASE)
+    assert (one.elsewhere, one.reachable, one.stopped, one.slots, one.active) == (True, True, True, 5, 4)
+    assert (one.address, one.blueprint, one.msbot, one.last_event) == (PAGE, "abcd1234", "0.1.0", "x")
+
+
+def test_one_of_the_same_name_in_another_database_is_another_robot() -> None:
+    for database in ("", database_mark("sqlite:other")):
+        there, elsewhere = with_far([tile("R")], [far("R", database)], DATABASE)
+        assert (there.elsewhere, elsewhere.elsewhere) == (False, True)
+
+
+def test_what_a_master_of_this_computer_says_is_not_covered_by_the_way_over_the_network() -> None:
+    (one,) = with_far([tile("R", reachable=True)], [far("R", database_mark(DATABASE))], DATABASE)
+    assert not one.elsewhere
+
+
+def test_of_one_that_does_not_answer_nothing_else_is_said() -> None:
+    (one,) = with_far([], [far("R", trouble=f"{PAGE}: no answer in time")], DATABASE)
+    assert (one.running, one.reachable, one.stopped) == (False, False, False)
+    assert _state_of(one) == ("late", "its master does not answer")
+
+
+def test_one_stop_counts_only_what_was_said_and_names_the_rest() -> None:
+    here = StopForAll(("A",), 2, 3, 0, ("A (x)",))
+    said = together(
+        here,
+        [
+            FarStop("B 1", {"stopped": True, "told": 2, "not_confirmed": 0, "silent": []}),
+            FarStop("C 1", {"stopped": True, "told": 3, "not_confirmed": 1, "silent": ["arm"]}),
+            FarStop("D 1", {"stopped": True, "told": None, "not_confirmed": 0, "silent": []}),
+            FarStop("E 1", {"stopped": False, "told": 0, "not_confirmed": 0}),
+            FarStop("F 1", None, "http://f: no answer in time"),
+        ],
+    )
+    assert said.told == ("A", "B 1", "C 1", "D 1")
+    assert (said.confirmed, said.parts) == (2 + 2 + 2, 3 + 2 + 3)
+    assert said.waiting == ("A (x)", "C 1 (arm)", "D 1")
+    assert said.not_told == ("E 1", "F 1: http://f: no answer in time")
+
+
+def test_a_look_is_shared_and_a_file_that_cannot_be_used_is_told(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        address = f"http://127.0.0.1:{closed.getsockname()[1]}"
+    book, now = AccessBook(tmp_path), 0.0
+    book.keep(FarAccess(address, "t", "R", "1"))
+
+    async def scene() -> None:
+        nonlocal now
+        looking = FarRobots(lambda: now, book)
+        first = await looking.look()
+        assert [one.far and one.far.trouble for one in first] == [f"{address}: Connection refused"]
+        assert await looking.look() is first, "a moment later nobody is asked again"
+        (stop,) = await looking.stop_all("")
+        assert (stop.robot, stop.answer, stop.trouble) == ("R 1", None, f"{address}: Connection refused")
+        book.path.write_text("{")
+        now += far_robots.AGAIN_S
+        assert await looking.look() is first, "nobody waits for the next look"
+        assert looking._looking is not None
+        await asyncio.wait([looking._looking])
+        with pytest.raises(ConfigError, match="move it away"):
+            await looking.look()
+        with pytest.raises(ConfigError, match="move it away"):
+            await looking.look()
+
+    asyncio.run(scene())
+
+
+def test_robot_10_comes_after_robot_9() -> None:
+    assert sorted(["r10", "R9", "a", "r", "10", "9"], key=_natural) == ["9", "10", "a", "r", "R9", "r10"]
