@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 from msbot.config import Blueprint, Difference, Library
 from msbot.registry.blueprint import blueprint_reader, blueprint_store
 from msbot.registry.database import statements as store
+from msbot.registry.database.class_look import RobotInClass, look_at_class
 from msbot.registry.database.storage import Storage
 from msbot.registry.edits import slot_values as values
 from msbot.registry.edits import undo
@@ -59,9 +61,10 @@ class Robots:
         """All robots of the database, the most recently used first."""
         return self._storage.read(store.list_robots)
 
-    def newest_edits(self) -> dict[int, int]:
-        """Number of a robot -> that of the newest change that was made to it."""
-        return self._storage.read(store.newest_edits)
+    def in_class(self) -> Sequence[RobotInClass]:
+        """All robots in short, by a few queries."""
+        self._storage.catch_up()
+        return self._storage.read(look_at_class)
 
     def find(self, blueprint: Blueprint) -> RobotRecord | None:
         """The robot of a blueprint: the one with its name and serial number."""

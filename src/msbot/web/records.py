@@ -18,8 +18,8 @@ from msbot.errors import RegistryError
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.outcome import Outcome
 from msbot.operations.rights import Role, role_named
-from msbot.pnp import PartState
-from msbot.registry import EditKind, EditRecord, JournalEntry, PartRecord, Registry, RobotRecord, UserRecord
+from msbot.registry import EditKind, EditRecord, JournalEntry, Registry, RobotRecord, UserRecord
+from msbot.registry.database.class_look import RobotInClass
 from msbot.registry.database_identity import database_identity
 from msbot.registry.edits import users as people
 from msbot.registry.maintenance import upkeep
@@ -32,6 +32,8 @@ from msbot.web.access.users import User
 from msbot.web.api.class_models import RobotTile
 from msbot.web.api.models import JournalLine, Robot
 
+MARKS_AT_ONCE = 20
+"""Blueprints of the class that one look reads; the others follow with the next looks."""
 PIECE = 1 << 18
 """Octets of a backup that are read at a time."""
 
@@ -254,20 +256,21 @@ def robot_tiles(
     marks: dict[int, tuple[int, str]] = {}
     """Number of a robot -> its newest edit, and the mark of its blueprint then: to read a blueprint takes long."""
 
-    def mark_of(robot: RobotRecord, edit: int) -> str:
-        known = marks.get(robot.id)
-        if known is None or known[0] != edit:
-            marks[robot.id] = known = (edit, blueprint_mark(registry.robots.blueprint(robot)))
-        return known[1]
-
     def read() -> list[RobotTile]:
-        robots, newest = registry.robots.all(), registry.robots.newest_edits()
-        for gone in marks.keys() - {robot.id for robot in robots}:
+        found = registry.robots.in_class()
+        for gone in marks.keys() - {one.robot.id for one in found}:
             del marks[gone]
+        old = [one for one in found if marks.get(one.robot.id, (None, ""))[0] != one.newest_edit]
+        for one in old[:MARKS_AT_ONCE]:
+            marks[one.robot.id] = (one.newest_edit, blueprint_mark(registry.robots.blueprint(one.robot)))
+        for one in old[MARKS_AT_ONCE:]:
+            marks.pop(one.robot.id, None)
+        now_ns = epoch_ns()
         return [
-            _tile(registry, robot, robot.id == here.id, epoch_ns(), mark_of(robot, newest.get(robot.id, 0)))
-            for robot in robots
-        ]
+            _tile(one, marks.get(one.robot.id, (0, ""))[1], now_ns, is_here=one.robot.id == here.id,
+                  is_run=one.robot.id == here.id or registry.runs.is_run(one.robot))
+            for one in found
+        ]  # fmt: skip
 
     async def read_in_time() -> list[RobotTile]:
         return await registry.storage.in_time(read)
@@ -275,28 +278,20 @@ def robot_tiles(
     return read_in_time
 
 
-def _tile(registry: Registry, robot: RobotRecord, is_here: bool, now_ns: int, mark: str) -> RobotTile:
-    parts = registry.robots.parts(robot)
-    newest = registry.robots.journal(1, robot=robot)
-    event = newest[-1] if newest else None
-    slots = registry.robots.slot_names(robot)
+def _tile(one: RobotInClass, mark: str, now_ns: int, *, is_here: bool, is_run: bool) -> RobotTile:
     return RobotTile(
-        name=robot.name,
-        serial_number=robot.serial_number,
-        running=is_here or registry.runs.is_run(robot),
+        name=one.robot.name,
+        serial_number=one.robot.serial_number,
+        running=is_run,
         here=is_here,
-        owner=robot.manufacturer,
-        slots=len(slots),
-        active=len({part.slot for part in parts if _is_active(part) and part.slot in slots}),
-        last_event="" if event is None else event.event.sentences()[0],
-        last_event_age_s=None if event is None else max(now_ns - event.at_ns, 0) / 1e9,
-        version=robot.version,
+        owner=one.robot.manufacturer,
+        slots=one.slots,
+        active=one.filled if is_run else 0,
+        last_event="" if one.newest is None else one.newest.event.sentences()[0],
+        last_event_age_s=None if one.newest is None else max(now_ns - one.newest.at_ns, 0) / 1e9,
+        version=one.robot.version,
         blueprint=mark,
     )
-
-
-def _is_active(part: PartRecord) -> bool:
-    return PartState(part.state).is_registered
 
 
 def journal_line(entry: JournalEntry) -> JournalLine:

@@ -15,7 +15,7 @@ from sqlalchemy.dialects import sqlite
 
 from msbot.config import PartType, Slot
 from msbot.pnp import Claim, PartEvent, PartState
-from msbot.registry.database.tables import edits, journal, library, node_ids, parts, robots, slots
+from msbot.registry.database.tables import journal, library, node_ids, parts, robots, slots
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord, uid_text
 from msbot.runtime.sentence import from_json, to_json
 
@@ -69,14 +69,6 @@ def _insert(dialect: str, table: Table) -> sqlite.Insert | postgresql.Insert:
 def list_robots(connection: Connection) -> list[RobotRecord]:
     """All robots, the most recently used first."""
     return [_robot(row) for row in connection.execute(select(robots).order_by(robots.c.applied_ns.desc()))]
-
-
-def newest_edits(connection: Connection) -> dict[int, int]:
-    """Number of a robot -> that of its newest edit."""
-    query = (
-        select(edits.c.robot_id, func.max(edits.c.id)).where(edits.c.robot_id.is_not(None)).group_by(edits.c.robot_id)
-    )
-    return {int(robot): int(newest) for robot, newest in connection.execute(query)}
 
 
 def find_robot(connection: Connection, name: str, serial_number: str) -> RobotRecord | None:
@@ -215,7 +207,7 @@ def read_journal(connection: Connection, robot_id: int | None, part: str | None,
         # SQLite's lower() knows ASCII only, so the word itself is compared as well.
         query = query.where(or_(*(or_(name == part, func.lower(name) == part.lower()) for name in names)))
     rows = connection.execute(query.order_by(journal.c.id.desc()).limit(limit)).all()
-    return [_journal_entry(row) for row in reversed(rows)]
+    return [journal_entry(row) for row in reversed(rows)]
 
 
 def prune(connection: Connection, robot_id: int, journal_rows: int, strangers: int, strangers_rows: int) -> None:
@@ -292,7 +284,8 @@ def _part(row: Row[tuple[object, ...]]) -> PartRecord:
     )
 
 
-def _journal_entry(row: Row[tuple[object, ...]]) -> JournalEntry:
+def journal_entry(row: Row[tuple[object, ...]]) -> JournalEntry:
+    """A line of the journal, from its row with the robot's name."""
     reason, evidence = row.said or (row.reason, row.evidence)
     event = PartEvent(
         at=row.at_ns / 1e9,
