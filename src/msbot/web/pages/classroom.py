@@ -87,7 +87,8 @@ class _Shown:
             self._tiles = sorted(tiles, key=lambda tile: (_natural(tile.name), _natural(tile.serial_number)))
             with self._grid:
                 self._elements += [
-                    ui.html("", sanitize=False).style("display:grid") for _ in self._tiles[len(self._elements) :]
+                    ui.html("", sanitize=False).style("display:grid;min-width:0;grid-template-columns:minmax(0,1fr)")
+                    for _ in self._tiles[len(self._elements) :]
                 ]
             while len(self._elements) > len(self._tiles):
                 self._elements.pop().delete()
