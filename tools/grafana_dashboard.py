@@ -26,7 +26,12 @@ STATS = (
     ("Changes that wait to be stored", f"sum(msbot_database_waiting{ROBOTS})", "short"),
     ("People on the page", f"sum(msbot_page_sessions{ROBOTS})", "short"),
 )
-DELAYS = f"sum by (le, instance) (rate(msbot_loop_delay_seconds_bucket{ROBOTS}[$__rate_interval]))"
+
+
+def _rates(histogram: str) -> str:
+    return f"sum by (le, instance) (rate({histogram}_bucket{ROBOTS}[$__rate_interval]))"
+
+
 CURVES = (
     ("Parts by state", (f"sum by (state) (msbot_parts{ROBOTS})", "{{state}}"), "short", True),
     ("Bus load", (f"msbot_bus_load_ratio{ROBOTS}", "{{instance}} {{bus}}"), "percentunit", False),
@@ -40,7 +45,11 @@ CURVES = (
      (f"sum by (reason) (rate(msbot_agent_lost_total{ROBOTS}[$__rate_interval]))", "{{reason}}"), "cps", False),
     ("Beats of parts", (f"rate(msbot_beats_total{ROBOTS}[$__rate_interval])", "{{instance}}"), "cps", False),
     ("Event loop: 99 % are less late than",
-     (f"histogram_quantile(0.99, {DELAYS})", "{{instance}}"), "s", False),
+     (f"histogram_quantile(0.99, {_rates('msbot_loop_delay_seconds')})", "{{instance}}"), "s", False),
+    ("Samples: 99 % are through the master within",
+     (f"histogram_quantile(0.99, {_rates('msbot_sample_latency_seconds')})", "{{instance}}"), "s", False),
+    ("Messages: 99 % are acknowledged within",
+     (f"histogram_quantile(0.99, {_rates('msbot_acknowledgement_seconds')})", "{{instance}}"), "s", False),
     ("Memory", (f"process_resident_memory_bytes{ROBOTS}", "{{instance}}"), "bytes", False),
     ("Processor", (f"rate(process_cpu_seconds_total{ROBOTS}[$__rate_interval])", "{{instance}}"), "percentunit", False),
 )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import count
 
+from msbot.agent.latency import Transit
 from msbot.agent.pending_requests import make_guid
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.statistics import TopicTraffic
@@ -20,6 +21,7 @@ class FakeHost:
         self.replies = replies or ReplyExchange(self.space)
         self.key = key
         self.now = 0.0
+        self.transit = Transit(self.clock)
         self.max_requests = 4
         self.own_filter: Shape | None = None
         self.barred: set[str] = set()

@@ -9,6 +9,7 @@ import pytest
 from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.gate import ClientInfo, OpenGate
+from msbot.agent.latency import Transit
 from msbot.agent.proxy import Proxy, Surroundings
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.link import Peer
@@ -27,6 +28,7 @@ def client(key: int, session_id: int = 0x81, peer: Peer = "peer") -> Proxy:
     surroundings = Surroundings(
         space=space,
         replies=ReplyExchange(space),
+        transit=Transit(lambda: 0.0),
         gate=OpenGate(),
         settings=AgentSettings(),
         clock=lambda: 0.0,

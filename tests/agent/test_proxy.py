@@ -8,6 +8,7 @@ import pytest
 
 from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.gate import ClientInfo, OpenGate
+from msbot.agent.latency import Transit
 from msbot.agent.pending_requests import client_key_of
 from msbot.agent.proxy import Proxy, Surroundings
 from msbot.agent.reply_routing import ReplyExchange
@@ -31,6 +32,7 @@ class Pair:
         surroundings = Surroundings(
             space=self.space,
             replies=ReplyExchange(self.space),
+            transit=Transit(lambda: self.now),
             gate=OpenGate(),
             settings=AgentSettings(probes=2, probe_period_s=1.0),
             clock=lambda: self.now,

@@ -56,7 +56,9 @@ def record_demo(
             recorder.watch(robot.master, operations)
             async with asyncio.TaskGroup() as tasks:
                 running = tasks.create_task(robot.run())
-                measuring = tasks.create_task(keep_measuring(robot.master.inventory.view, recorder.measured))
+                measuring = tasks.create_task(
+                    keep_measuring(robot.master.agent, robot.master.inventory.view, recorder.measured)
+                )
                 await robot.master.ready.wait()
                 await scene(robot, operations)
                 robot.finish()

@@ -109,13 +109,17 @@ def test_what_was_measured_is_read_back(tmp_path: Path) -> None:
     items = [(int(Kind.CHANNEL), 1, 0, channel.encode())]
     for second in range(3):
         value = {"late_ms": second / 10, "beats": {"AA": 1 + second / 100} if second else {}}
+        value |= {"latency_ms": None if second == 1 else 0.5, "acks_ms": {"AA": 2.5} if second == 2 else {}}
         items.append((int(Kind.OBJECT), 1, BEGAN_NS + second * NS, encode_object(value)))
-    items.append((int(Kind.OBJECT), 1, BEGAN_NS + 3 * NS, encode_object({"late_ms": None, "beats": 7})))
+    items.append((int(Kind.OBJECT), 1, BEGAN_NS + 3 * NS, encode_object({"late_ms": None, "beats": 7, "acks_ms": []})))
     store(items, tmp_path / "a.mcap")
-    found = read(tmp_path / "a.mcap", "@late", "@beat")
+    found = read(tmp_path / "a.mcap", "@late", "@latency", "@beat", "@ack")
     assert values(found, "@late") == [0.0, 0.1, 0.2]
     assert values(found, "@beat.AA") == [1.01, 1.02]
-    assert {curve.name: curve.unit for curve in found.curves} == {"@late": "ms", "@beat.AA": "s"}
+    assert values(found, "@latency") == [0.5, 0.5], "a second in which none was measured has no value"
+    assert values(found, "@ack.AA") == [2.5]
+    units = {curve.name: curve.unit for curve in found.curves}
+    assert units == {"@late": "ms", "@latency": "ms", "@beat.AA": "s", "@ack.AA": "ms"}
     assert found.figures["@late"].mean == pytest.approx(0.1)
 
 

@@ -55,6 +55,8 @@ FIGURES = MomentFigures(
     beats=77,
     beat_intervals=Buckets((0.5, 1.0)).read(),
     loop_delays=Buckets((0.1,)).read(),
+    latencies=Buckets((0.001,)).read(),
+    acknowledgements=Buckets((0.001,)).read(),
 )
 
 
@@ -137,7 +139,7 @@ def test_the_dashboard_is_what_its_tool_writes_and_asks_only_for_what_there_is()
     names = {name for name, _ in values(exposition(lambda: FIGURES)[0])}
     processes = {"process_resident_memory_bytes", "process_cpu_seconds_total"}
     assert asked - names - processes == set()
-    assert len(board.panels or []) == 17
+    assert len(board.panels or []) == 19
 
 
 def test_buckets_count_what_is_at_most_their_bound() -> None:
@@ -162,7 +164,7 @@ class Inventory:
 
 def test_intervals_between_beats_are_noted_also_when_several_came_since_the_last_look() -> None:
     inventory = Inventory()
-    noting = Noting(cast("Master", SimpleNamespace(inventory=inventory)))
+    noting = Noting(Agent(MemorySpace()), cast("Master", SimpleNamespace(inventory=inventory)))
 
     def look(now: float, beats: int, last_at: float) -> None:
         inventory.infos = [SimpleNamespace(beat_age_s=now - last_at, beats=beats, client_key=1)]
@@ -195,7 +197,7 @@ async def fetch(address: str) -> bytes:
 
 
 async def serving(read: Callable[[], MomentFigures]) -> tuple[MetricsServer, asyncio.Task[None]]:
-    server = MetricsServer(read, Noting(None), 0)
+    server = MetricsServer(read, Noting(Agent(MemorySpace()), None), 0)
     return server, asyncio.create_task(server.run())
 
 
@@ -218,7 +220,7 @@ async def test_a_port_that_is_taken_is_one_sentence() -> None:
     server, task = await serving(lambda: FIGURES)
     port = int(server.address.split(":")[2].partition("/")[0])
     with pytest.raises(ConfigError, match=f"port {port} .* choose another one with --metrics"):
-        MetricsServer(lambda: FIGURES, Noting(None), port)
+        MetricsServer(lambda: FIGURES, Noting(Agent(MemorySpace()), None), port)
     task.cancel()
     await asyncio.wait([task])
 

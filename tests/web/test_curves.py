@@ -41,6 +41,8 @@ def test_ports_and_beats_are_curves_and_only_what_is_new_is_given(tmp_path: Path
         assert known["@beat.AA"].unit == "s"
         assert [seconds for _, seconds in beats[1:]] == pytest.approx([1.0] * len(beats[1:]), abs=0.1)
         assert known[LATE].unit == "ms"
+        assert known["@latency"].unit == known["@ack.AA"].unit == "ms"
+        assert all(0 <= ms < 1000 for name in ("@latency", "@ack.AA") for _, ms in curves.newer(name, 0.0))
         assert FRAMES not in known, "this robot has no bus"
         assert curves.newer("no.such.curve", 0.0) == []
 

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from msbot.agent.agent_settings import AgentSettings
     from msbot.agent.discovery import DiscoveryResponder, host_ipv6_addresses
     from msbot.agent.gate import ClientInfo, Gate, OpenGate
+    from msbot.agent.latency import Acknowledgements, Worst
     from msbot.agent.logins import client_key_in
     from msbot.agent.pending_requests import client_key_of
     from msbot.agent.server import Agent, AgentSignalHandler
@@ -35,6 +36,10 @@ _NAMES = {
         "OpenGate",
     ),
     "msbot.agent.agent_settings": ("AgentSettings",),
+    "msbot.agent.latency": (
+        "Acknowledgements",
+        "Worst",
+    ),
     "msbot.agent.logins": ("client_key_in",),
     "msbot.agent.pending_requests": ("client_key_of",),
     "msbot.agent.server": (
@@ -65,6 +70,7 @@ __getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = [
     "MASTER",
+    "Acknowledgements",
     "Agent",
     "AgentSettings",
     "AgentSignalHandler",
@@ -81,6 +87,7 @@ __all__ = [
     "SessionWear",
     "StatusServer",
     "StreamView",
+    "Worst",
     "client_key_in",
     "client_key_of",
     "host_ipv6_addresses",

@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable
 
 from msbot.agent.client_table import ServedLink
+from msbot.agent.latency import Transit
 from msbot.agent.proxy import Proxy
 from msbot.agent.timers import TimerHeap
 from msbot.errors import LinkDown, LinkFull
@@ -32,6 +33,8 @@ class Flusher:
         clock: Callable[[], float],
         end_session: EndSession,
         compare: Callable[[float], float] = lambda _: math.inf,
+        *,
+        transit: Transit,
     ) -> None:
         """`compare` is called when it is time to compare how much the clients send; it returns when to call it
         again."""
@@ -40,6 +43,7 @@ class Flusher:
         self._clock = clock
         self._end_session = end_session
         self._compare = compare
+        self._transit = transit
         self._compare_at = 0.0
         self._marked: list[Proxy] = []
         self._timers: TimerHeap[Proxy] = TimerHeap()
@@ -69,6 +73,8 @@ class Flusher:
             proxy.is_marked = False
             if not proxy.is_over:
                 self._serve(proxy, now)
+        if self._transit.booked:
+            self._transit.settle()
 
     def room_gained(self, port: ServedLink, peer: Peer | None) -> None:
         """The link has room for that peer again, or for all."""
@@ -76,6 +82,8 @@ class Flusher:
         for proxy in list(port.blocked):
             if peer is None or port.members[proxy] == peer:
                 self._serve(proxy, now)
+        if self._transit.booked:
+            self._transit.settle()
 
     def watch_life(self, proxy: Proxy, when: float) -> None:
         """Check at that time whether the client is still alive."""

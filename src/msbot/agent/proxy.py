@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.fair_share import Limit
 from msbot.agent.gate import ClientInfo, Gate, SampleGuard
+from msbot.agent.latency import Transit
 from msbot.agent.object_tree import ObjectBudget, ObjectTree
 from msbot.agent.pending_requests import client_key_of, make_guid
 from msbot.agent.reply_routing import ReplyExchange
@@ -63,6 +64,8 @@ class Surroundings:
     mark: Callable[[Proxy], None]
     """Have the client's packets sent at the end of this turn of the loop."""
     replies: ReplyExchange
+    transit: Transit
+    """Measures how long samples take."""
     references: References | None = None
     topics: TopicTable = field(default_factory=lambda: TopicTable(4096))
     budget: ObjectBudget = field(default_factory=lambda: ObjectBudget(200_000))
@@ -83,6 +86,7 @@ class Proxy:
         self.session = open_session(on_data=self._write)
         self.space = surroundings.space
         self.replies = surroundings.replies
+        self.transit = surroundings.transit
         self.clock = surroundings.clock
         self.max_requests = settings.max_requests
         self.own_filter: Shape | None = None if echo else NoEchoShape(self._is_own)
@@ -256,6 +260,10 @@ class Proxy:
     def troubles(self) -> tuple[str, ...]:
         """Why its endpoints do not match others in the space, each sentence once."""
         return tuple(dict.fromkeys(trouble for _, entity in self._tree.items() for trouble in entity.troubles))
+
+    def acknowledged(self) -> tuple[int, float]:
+        """See `Agent.acknowledgements`."""
+        return self.session.acknowledged
 
     def wear(self) -> SessionWear:
         """See `Agent.wear`."""

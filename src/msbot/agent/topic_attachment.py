@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from msbot.agent.delivery_control import NEVER, ReadTask
+from msbot.agent.latency import TimedOctets, Transit
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.statistics import PUSHED_OUT, TopicTraffic
 from msbot.runtime.tally import Tally
@@ -31,6 +32,8 @@ class EndpointHost(Protocol):
     """Hands replies to the requester that asked."""
     max_requests: int
     """How many open requests a requester may have."""
+    transit: Transit
+    """Measures how long samples take."""
     own_filter: Shape | None
     """For data readers of a client that does not want its own samples back."""
     dropped: Tally
@@ -69,7 +72,7 @@ class EndpointHost(Protocol):
 class WriteSide:
     """The place of an endpoint among the writers of a topic; outside the space until `recheck`."""
 
-    __slots__ = ("_host", "_object_id", "_owner", "_qos", "_topic", "_traffic", "published", "writer")
+    __slots__ = ("_host", "_object_id", "_owner", "_qos", "_topic", "_traffic", "_transit", "published", "writer")
 
     def __init__(self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, owner: Owner) -> None:
         self._host = host
@@ -78,6 +81,7 @@ class WriteSide:
         self._qos = qos
         self._owner = owner
         self._traffic = host.traffic_of(topic.name)
+        self._transit = host.transit
         self.writer: Writer | None = None
         """The writer in the space; None while the gate keeps it out."""
         self.published = 0
@@ -104,6 +108,8 @@ class WriteSide:
             return
         self._traffic.published += 1
         self.published += 1
+        if self._transit.is_due:
+            payload = self._transit.mark(payload)
         writer.write(payload, related)
 
     def close(self) -> None:
@@ -120,8 +126,8 @@ class ReadSide:
     full window or link), all later ones wait behind it in the reader's bounded history until `pull` gets through.
     """
 
-    __slots__ = ("_host", "_object_id", "_on_hand", "_open_reader", "_owner", "_qos", "_shape", "_topic", "_traffic",
-                 "delivered", "is_waiting", "read", "reader")  # fmt: skip
+    __slots__ = ("_host", "_object_id", "_on_hand", "_open_reader", "_owner", "_qos", "_shape", "_since", "_topic",
+                 "_traffic", "delivered", "is_waiting", "read", "reader")  # fmt: skip
 
     def __init__(
         self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, owner: Owner, *,
@@ -147,6 +153,7 @@ class ReadSide:
         self._traffic = host.traffic_of(topic.name)
         self._shape = shape
         self._on_hand: deque[Sample] = deque()
+        self._since = 0.0  # when it entered the space
         self.is_waiting = False
         """Whether samples may be waiting, in the history or here."""
         self.read: ReadTask | None = None
@@ -171,6 +178,7 @@ class ReadSide:
     def enter(self) -> None:
         """Enter the space without asking the gate: the caller knows that the client may read what gets through."""
         if self.reader is None:
+            self._since = self._host.clock()
             self.reader = self._open_reader(self._topic, self._qos, self.deliver, self._owner)
 
     def start(self, request_id: int, stream_id: int, control: DeliveryControl | None) -> None:
@@ -241,6 +249,8 @@ class ReadSide:
             return False
         if shape is not None:
             shape.sent(sample)
+        if type(sample.payload) is TimedOctets:
+            self._host.transit.book(sample.payload, self._since)
         if read.limited:
             self._account(read, len(payload))
         self.delivered += 1

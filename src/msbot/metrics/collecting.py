@@ -1,7 +1,7 @@
 """Collects the figures: everything is read from what is counted anyway, in the loop that counts it.
 
-Two things are noted between questions, by a task of their own: how late the event loop is, and the beats. The route of
-a sample knows nothing of it.
+Some things are noted between questions, by a task of their own: how late the event loop is, the beats, and how long
+messages take, of which the agent measures a few.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Final
 
-from msbot.agent import Agent
+from msbot.agent import Acknowledgements, Agent
 from msbot.master import Master
 from msbot.metrics.bus_meter import FrameMeter
 from msbot.metrics.figures import (
@@ -28,9 +28,10 @@ from msbot.pnp import PartState
 
 DELAYS: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 INTERVALS: Final = (0.1, 0.2, 0.3, 0.5, 0.8, 1.0, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0)
+LATENCIES: Final = (0.0001, 0.0002, 0.0005, *DELAYS)
 DELAY_S: Final = 0.1
-BEATS_EVERY: Final = 10
-"""The beats are looked at once in so many rounds: once a second."""
+LOOK_EVERY: Final = 10
+"""The parts are looked at once in so many rounds: once a second."""
 MOST_TOPICS: Final = 200
 """Topics that are told; those with the most samples."""
 
@@ -39,34 +40,46 @@ class Noting:
     """What only a continuous look shows.
 
     Args:
+        agent: whose messages are measured.
         master: whose beats are noted; None: an agent has none.
     """
 
-    def __init__(self, master: Master | None) -> None:
+    def __init__(self, agent: Agent, master: Master | None) -> None:
+        self._agent = agent
         self._master = master
+        self._acknowledgements = Acknowledgements()
         self._seen: dict[int, tuple[int, float]] = {}
         """By client key: beats counted so far, and when the latest came."""
         self.beats = 0
         self.delays = Buckets(DELAYS)
         self.intervals = Buckets(INTERVALS)
+        self.latencies = Buckets(LATENCIES)
+        self.acknowledgements = Buckets(LATENCIES)
 
     async def run(self) -> None:
         """Note until cancelled."""
         loop = asyncio.get_running_loop()
         rounds = 0
+        self._agent.on_delivery(self.latencies.add)
         while True:
             due = loop.time() + DELAY_S
             await asyncio.sleep(DELAY_S)
             self.delays.add(max(0.0, loop.time() - due))
             rounds += 1
-            if self._master is not None and rounds % BEATS_EVERY == 0:
+            if rounds % LOOK_EVERY == 0:
                 self.look(loop.time())
 
     def look(self, now: float) -> None:
-        """Note the beats since the last look; of several by one part, their mean interval."""
-        assert self._master is not None
+        """Note the beats since the last look, of several by one part their mean interval; and of each client, how long
+        it took to acknowledge the message that was measured last."""
+        for _, seconds in self._acknowledgements.look(self._agent.acknowledgements()):
+            self.acknowledgements.add(seconds)
+        if self._master is not None:
+            self._look_at_beats(self._master, now)
+
+    def _look_at_beats(self, master: Master, now: float) -> None:
         seen: dict[int, tuple[int, float]] = {}
-        for info in self._master.inventory.view(now):
+        for info in master.inventory.view(now):
             if info.beat_age_s is None:
                 continue
             at = now - info.beat_age_s
@@ -116,6 +129,8 @@ class Collecting:
             beats=0 if noting is None else noting.beats,
             beat_intervals=None if noting is None or self._master is None else noting.intervals.read(),
             loop_delays=None if noting is None else noting.delays.read(),
+            latencies=None if noting is None else noting.latencies.read(),
+            acknowledgements=None if noting is None else noting.acknowledgements.read(),
         )
 
 

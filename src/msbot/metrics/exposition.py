@@ -64,6 +64,12 @@ def families(figures: MomentFigures) -> Iterator[Metric]:
         yield _histogram("msbot_beat_interval_seconds", "Time between two beats of a part.", figures.beat_intervals)
     if figures.loop_delays is not None:
         yield _histogram("msbot_loop_delay_seconds", "How late the event loop was.", figures.loop_delays)
+    if figures.latencies is not None:
+        words = "From a sample's arrival at the agent to its leaving for a reader; at most ten samples a second."
+        yield _histogram("msbot_sample_latency_seconds", words, figures.latencies)
+    if figures.acknowledgements is not None:
+        words = "From a message's leaving for a client to its acknowledgement; at most one a second of each client."
+        yield _histogram("msbot_acknowledgement_seconds", words, figures.acknowledgements)
     if figures.database is not None:
         yield from _database(figures.database)
     if figures.page is not None:

@@ -128,4 +128,6 @@ class MomentFigures:
     """Beats of all parts since they are noted."""
     beat_intervals: Histogram | None = None
     loop_delays: Histogram | None = None
+    latencies: Histogram | None = None
+    acknowledgements: Histogram | None = None
     labels: Mapping[str, str] = field(default_factory=dict)

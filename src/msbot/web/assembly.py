@@ -117,7 +117,7 @@ class WebRoom:
             bus=seen.bus,
             stop=lambda: stop_state(master.stop),
         )
-        self._noting = Noting(master)
+        self._noting = Noting(master.agent, master)
         self._is_noting = asyncio.Event()
         self._collecting = Collecting(
             master.agent, master=master, page=self.figures, noting=self._noting,

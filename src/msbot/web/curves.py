@@ -10,15 +10,19 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+from msbot.agent import Worst
 from msbot.config import Blueprint, Library
 from msbot.lab.curves.curve import Point
-from msbot.lab.curves.measuring import Lateness
+from msbot.lab.curves.measuring import Acks, Lateness
 from msbot.lab.curves.names import (
+    ACK,
     BEAT,
     BUS,
     FRAMES,
     LATE,
+    LATENCY,
     UNITS,
+    ack_curve,
     beat_curve,
     measured_unit,
     number_of,
@@ -75,6 +79,9 @@ class LiveCurves:
         self._frames = frames
         self._clock = clock
         self._lateness = Lateness()
+        self._latency = Worst()
+        master.agent.on_delivery(self._latency.add)
+        self._acks = Acks(master.agent)
         self._measured: dict[str, deque[Point]] = {}
         self._settings: dict[str, deque[Point]] = {}
         self._setting_kinds: dict[str, tuple[str, str]] = {}
@@ -97,6 +104,13 @@ class LiveCurves:
         if now - at >= MEASURE_S:
             self._counted = (now, self._frames())
             self._note(LATE, now, self._lateness.take_ms())
+            latency_ms = self._latency.take_ms()
+            if latency_ms is not None:
+                self._note(LATENCY, now, latency_ms)
+            for slot, ms in self._acks.look(self._master.inventory.view(now)):
+                self._note(ack_curve(slot), now, ms)
+            for name in [name for name, points in self._measured.items() if now - points[-1][0] > HISTORY_S]:
+                del self._measured[name]  # of a slot that is empty or gone
             if self._load_percent is not None:
                 self._note(BUS, now, self._load_percent())
                 self._note(FRAMES, now, (self._counted[1] - count) / (now - at))
@@ -143,6 +157,9 @@ class LiveCurves:
                 yield name, CurveFacts(measured_unit(name))
         for slot in self._timeline.with_beats():
             yield beat_curve(slot), CurveFacts(measured_unit(beat_curve(slot)))
+        for name in self._measured:
+            if name.startswith(ACK):
+                yield name, CurveFacts(measured_unit(name))
 
     def _look_at_settings(self, now: float) -> None:
         inventory = self._master.inventory

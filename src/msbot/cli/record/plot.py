@@ -64,7 +64,8 @@ def command(
     """Draw curves: of the robot that runs here, or of a recording.
 
     A CURVE is a field (knob.level.percent), a port or a slot with all it has (knob.level, knob), a setting
-    (ear:threshold), @bus, @frames, @late or @beat.SLOT. Without any, what can be drawn is listed.
+    (ear:threshold), @bus, @frames, @late, @latency, @beat.SLOT or @ack.SLOT. Without any, what can be drawn is
+    listed.
     """
     if out is not None and out.exists():
         raise ConfigError(f"{out} is there already: give the file another name")

@@ -33,7 +33,7 @@ def metrics_beside(
         health = registry.storage.health
         return DatabaseFigures(health.waiting, health.lost, health.is_well)
 
-    noting = Noting(master)
+    noting = Noting(agent, master)
     links = agent.links if master is None else master.links
     # The page measures the bus already, if there is one.
     meter = meter_of(links, asyncio.get_running_loop().time) if room() is None else None

@@ -86,4 +86,4 @@ class RobotRecording:
         operations.recording.use(process)
         if self._wish.file is not None:
             process.record(self._wish.file.absolute())
-        return [run_recorder(process), keep_measuring(master.inventory.view, self._recorder.measured)]
+        return [run_recorder(process), keep_measuring(master.agent, master.inventory.view, self._recorder.measured)]

@@ -1,15 +1,32 @@
-"""What is measured at the robot itself: the time between beats, and how late its event loop does what is due."""
+"""What is measured at the robot itself: the time between beats, how late its event loop does what is due, and how long
+messages take."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final
 
+from msbot.agent import Acknowledgements, Agent, Worst
 from msbot.pnp import PartInfo
 
 STEP_S: Final = 0.1
 LOOK_S: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What was measured since the last time."""
+
+    late_ms: float
+    """How late the master was at most."""
+    latency_ms: float | None
+    """How long a sample took through it at most; None: none was measured."""
+    beats: Sequence[tuple[str, float, float]]
+    """Those that came since: slot, when by the robot's clock, seconds since the one before."""
+    acks_ms: Sequence[tuple[str, float]]
+    """For each slot with news: how long a message took to its part, and the acknowledgement back."""
 
 
 class Beats:
@@ -53,22 +70,40 @@ class Lateness:
         return worst_s * 1e3
 
 
+class Acks:
+    """Finds how long the parts in slots took to acknowledge a message."""
+
+    def __init__(self, agent: Agent) -> None:
+        self._agent = agent
+        self._acknowledgements = Acknowledgements()
+
+    def look(self, infos: Iterable[PartInfo]) -> Iterator[tuple[str, float]]:
+        """(slot, milliseconds) for each slot with news since the last look."""
+        slots = {info.client_key: info.slot for info in infos if info.slot and info.state.is_registered}
+        for key, seconds in self._acknowledgements.look(self._agent.acknowledgements()):
+            if key in slots:
+                yield slots[key], seconds * 1e3
+
+
 async def keep_measuring(
+    agent: Agent,
     view: Callable[[float], Sequence[PartInfo]],
-    tell: Callable[[float, Sequence[PartInfo], Sequence[tuple[str, float, float]]], None],
+    tell: Callable[[Measured, Sequence[PartInfo]], None],
 ) -> None:
     """Tell a robot's recorder once a second what was measured.
 
     Args:
+        agent: the robot's.
         view: the parts, at a time of the robot's clock.
-        tell: takes milliseconds of lateness, the parts, and for each slot with a beat since the last time what
-            `Beats.look` gives.
+        tell: takes what was measured, and the parts.
     """
-    loop, beats, lateness = asyncio.get_running_loop(), Beats(), Lateness()
+    loop, beats, lateness, latency, acks = asyncio.get_running_loop(), Beats(), Lateness(), Worst(), Acks(agent)
+    agent.on_delivery(latency.add)
     async with asyncio.TaskGroup() as tasks:
         tasks.create_task(lateness.run())
         while True:
             await asyncio.sleep(LOOK_S)
             now = loop.time()
             infos = view(now)
-            tell(lateness.take_ms(), infos, [*beats.look(infos, now)])
+            measured = Measured(lateness.take_ms(), latency.take_ms(), [*beats.look(infos, now)], [*acks.look(infos)])
+            tell(measured, infos)

@@ -16,9 +16,14 @@ FRAMES: Final = "@frames"
 """CAN frames a second."""
 LATE: Final = "@late"
 """How late the master does what is due."""
+LATENCY: Final = "@latency"
+"""How long a sample takes through the master."""
 BEAT: Final = "@beat."
 """With a slot behind it: the time between two beats of its part."""
-UNITS: Final[Mapping[str, str]] = {BUS: "%", FRAMES: "1/s", LATE: "ms"}
+ACK: Final = "@ack."
+"""With a slot behind it: the time until its part has acknowledged a message."""
+UNITS: Final[Mapping[str, str]] = {BUS: "%", FRAMES: "1/s", LATE: "ms", LATENCY: "ms"}
+_SLOT_UNITS: Final[Mapping[str, str]] = {BEAT: "s", ACK: "ms"}
 _FOREIGN: Final = re.compile(r"[^A-Za-z0-9.]+")
 _CAPITAL: Final = re.compile(r"(?<=[a-z0-9])([A-Z])")
 
@@ -44,9 +49,14 @@ def beat_curve(slot: str) -> str:
     return f"{BEAT}{slot}"
 
 
+def ack_curve(slot: str) -> str:
+    """The name of the time until the part in a slot has acknowledged a message."""
+    return f"{ACK}{slot}"
+
+
 def measured_unit(name: str) -> str:
     """The unit of a curve that was measured at the robot itself; empty: it is another curve."""
-    return "s" if name.startswith(BEAT) else UNITS.get(name, "")
+    return UNITS.get(name) or next((unit for begin, unit in _SLOT_UNITS.items() if name.startswith(begin)), "")
 
 
 def is_wanted(name: str, wanted: Iterable[str]) -> bool:

@@ -19,6 +19,8 @@ from msbot.lab.curves.names import (
     BUS,
     FRAMES,
     LATE,
+    LATENCY,
+    ack_curve,
     beat_curve,
     is_wanted,
     measured_unit,
@@ -250,9 +252,10 @@ class _Reading:
 
     def _take_measured(self, message: RecordedMessage) -> None:
         value = _object_of(message)
-        beats = value.get("beats")
-        found = {LATE: value.get("late_ms")}
-        found |= {beat_curve(str(slot)): one for slot, one in (beats if isinstance(beats, dict) else {}).items()}
+        found = {LATE: value.get("late_ms"), LATENCY: value.get("latency_ms")}
+        for key, curve in (("beats", beat_curve), ("acks_ms", ack_curve)):
+            slots = value.get(key)
+            found |= {curve(str(slot)): one for slot, one in (slots if isinstance(slots, dict) else {}).items()}
         for name, one in found.items():
             number = number_of(one)
             if number is not None:

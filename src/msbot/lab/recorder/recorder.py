@@ -14,6 +14,7 @@ from typing import Final, Protocol
 
 from msbot.agent import client_key_of
 from msbot.config import Blueprint, Library
+from msbot.lab.curves.measuring import Measured
 from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_began, encode_object, encode_state, head
 from msbot.lab.recorder.can_frames import FRAME_DEFINITION, FRAME_OCTETS, FRAME_TYPE, PLAIN_FRAMES, SENT, frame_octets
 from msbot.lab.recorder.robot_words import blueprint_words, event_words, shown_words
@@ -128,19 +129,20 @@ class Recorder:
         """Something that the recorder itself has to say."""
         self.put(Kind.OBJECT, self._json_channel("/msbot/recorder"), self.clock(), encode_object(words))
 
-    def measured(self, late_ms: float, infos: Sequence[PartInfo], beats: Sequence[tuple[str, float, float]]) -> None:
+    def measured(self, found: Measured, infos: Sequence[PartInfo]) -> None:
         """How the robot is at this moment; to be called about once a second.
 
         Args:
-            late_ms: how late the master was at most since the last time.
+            found: what was measured since the last time.
             infos: its parts.
-            beats: those that came since: slot, when by the robot's clock, seconds since the one before.
         """
         now = self.clock()
         value = {
-            "late_ms": round(late_ms, 3),
-            "beats": {slot: round(seconds, 4) for slot, _, seconds in beats},
-            "ages": {slot: round(now - at, 3) for slot, at, _ in beats},
+            "late_ms": round(found.late_ms, 3),
+            "latency_ms": None if found.latency_ms is None else round(found.latency_ms, 3),
+            "beats": {slot: round(seconds, 4) for slot, _, seconds in found.beats},
+            "ages": {slot: round(now - at, 3) for slot, at, _ in found.beats},
+            "acks_ms": {slot: round(ms, 3) for slot, ms in found.acks_ms},
             "lives": {info.slot: info.life for info in infos if info.slot and info.state is PartState.LATE},
         }
         self.put(Kind.OBJECT, self._json_channel(MEASURED), now, encode_object(value))

@@ -138,6 +138,11 @@ class Session(ABC, Generic[Event]):
         """Whether the peer has acknowledged everything that was booked on reliable streams."""
         return self._sender.is_delivered
 
+    @property
+    def acknowledged(self) -> tuple[int, float]:
+        """How often it was measured how long a message and its acknowledgement take, and the latest, seconds."""
+        return self._sender.round_trip.count, self._sender.round_trip.latest_s
+
     def packets_to_send(self, now: float, limit: int | None = None) -> list[bytes]:
         """The next messages for the link, all or at most `limit`; they count as sent.
 

@@ -18,16 +18,21 @@ MEMORY_S = 10.0
 class RoundTrip:
     """The measured time from handing a message to the link until its acknowledgement, and recent losses."""
 
-    __slots__ = ("_lossy_until", "_spread_s", "smoothed_s")
+    __slots__ = ("_lossy_until", "_spread_s", "count", "latest_s", "smoothed_s")
 
     def __init__(self) -> None:
         self.smoothed_s: float | None = None
         """None before the first measurement."""
+        self.count = 0
+        """Measurements so far."""
+        self.latest_s = 0.0
         self._spread_s = 0.0
         self._lossy_until = float("-inf")
 
     def measure(self, sample_s: float) -> None:
         """Take one measurement."""
+        self.count += 1
+        self.latest_s = sample_s
         known = self.smoothed_s
         if known is None:
             self.smoothed_s = sample_s
