@@ -26,7 +26,7 @@ def test_a_few_samples_are_measured_and_what_waits_for_room_counts() -> None:
         reader = await other.add_reader("light", qos=EndpointQos(keep_all=True))
         writer = await one.add_writer("light")
         await one.write(writer, b"before")
-        agent.on_delivery(heard.append)
+        agent.latency.on_delivery(heard.append)
         for number in range(30):
             await one.write(writer, bytes([number]))
             await asyncio.sleep(0.02)
@@ -65,7 +65,7 @@ def test_a_sample_that_waits_in_the_history_took_that_long() -> None:
 def test_what_was_kept_for_a_reader_that_came_later_does_not_count() -> None:
     async def scenario(agent: Agent, link: FakeLink) -> None:
         heard: list[float] = []
-        agent.on_delivery(heard.append)
+        agent.latency.on_delivery(heard.append)
         one, other = await connected(link, 1, 2)
         await one.write(await one.add_writer("profile", qos=LATCHED), b"new")
         await asyncio.sleep(60.0)
@@ -117,16 +117,16 @@ def test_each_client_s_acknowledgements_are_found_once() -> None:
         reader = await other.add_reader("light")
         writer = await one.add_writer("light")
         await other.settle(40)
-        assert [*looks.look(agent.acknowledgements())], "statuses are acknowledged, too"
-        assert [*looks.look(agent.acknowledgements())] == []
+        assert [*looks.look(agent.latency.acknowledgements())], "statuses are acknowledged, too"
+        assert [*looks.look(agent.latency.acknowledgements())] == []
         await one.write(writer, b"x")
         await other.settle(40)
         assert other.received(reader) == [b"x"]
-        ((key, seconds),) = looks.look(agent.acknowledgements())
+        ((key, seconds),) = looks.look(agent.latency.acknowledgements())
         assert key == 2
         assert 0 <= seconds < 1
         agent.disconnect(2, "test")
-        assert 2 not in {key for key, _, _ in agent.acknowledgements()}
+        assert 2 not in {key for key, _, _ in agent.latency.acknowledgements()}
 
     play(scenario)
 

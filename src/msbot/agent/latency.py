@@ -16,7 +16,9 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable, Iterator
-from typing import Final
+from typing import Final, Protocol
+
+from msbot.xrce import AgentSession
 
 EVERY_S: Final = 0.1
 MOST_READERS: Final = 64
@@ -77,6 +79,38 @@ class Transit:
         self.is_due = True
 
 
+class Measured(Protocol):
+    """A client, as far as it is looked at here."""
+
+    key: int
+    session: AgentSession
+
+
+class Latency:
+    """What an agent has measured.
+
+    Args:
+        clock: the agent's.
+        clients: those that it serves.
+    """
+
+    def __init__(self, clock: Callable[[], float], clients: Iterable[Measured]) -> None:
+        self.transit = Transit(clock)
+        self._clients = clients
+
+    def on_delivery(self, listener: Heard) -> None:
+        """Measure now and then how long a sample takes through the agent, and tell the listener the seconds."""
+        self.transit.on_delivery(listener)
+
+    def acknowledgements(self) -> Iterator[tuple[int, int, float]]:
+        """`(client key, how often it was measured, seconds)`: how long the latest reliable message that was measured
+        took to each client, and its acknowledgement back; clients without one are left out."""
+        for client in self._clients:
+            count, seconds = client.session.acknowledged
+            if count:
+                yield client.key, count, seconds
+
+
 class Worst:
     """The greatest of what it is told."""
 
@@ -103,7 +137,7 @@ class Acknowledgements:
         """`(client key, seconds)` for each client with news: the latest of what was measured since.
 
         Args:
-            measured: what `Agent.acknowledgements` gives.
+            measured: what `Latency.acknowledgements` gives.
         """
         seen: dict[int, int] = {}
         for key, count, seconds in measured:

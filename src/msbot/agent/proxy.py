@@ -65,7 +65,6 @@ class Surroundings:
     """Have the client's packets sent at the end of this turn of the loop."""
     replies: ReplyExchange
     transit: Transit
-    """Measures how long samples take."""
     references: References | None = None
     topics: TopicTable = field(default_factory=lambda: TopicTable(4096))
     budget: ObjectBudget = field(default_factory=lambda: ObjectBudget(200_000))
@@ -104,8 +103,7 @@ class Proxy:
         """Why the client has gone, in the link's words, while it may still come back."""
         self.limit: Limit | None = None
         """Its limit, while it sends more than its share; see `msbot.agent.fair_share`."""
-        self.bytes_in = 0
-        self.bytes_out = 0
+        self.bytes_in = self.bytes_out = 0
         self._surroundings = surroundings
         self._settings = settings
         self._gate = surroundings.gate
@@ -146,10 +144,8 @@ class Proxy:
         when = self.session.timer()
         if not self._timed:
             return when
-        for limit in self._timed.values():
-            if when is None or limit < when:
-                when = limit
-        return when
+        limit = min(self._timed.values())
+        return limit if when is None or limit < when else when
 
     def handle_timer(self, now: float) -> None:
         """Let the session resend what is due, and release samples that a byte rate or a pace held back."""
@@ -162,9 +158,8 @@ class Proxy:
     @property
     def dead_after_s(self) -> float:
         """The silence after which the client is probed; infinite = never."""
-        if self.is_settled():
-            return self._dead_after_s
-        return min(self._dead_after_s, self._settings.unsettled_dead_after_s)
+        limit_s = math.inf if self.is_settled() else self._settings.unsettled_dead_after_s
+        return min(self._dead_after_s, limit_s)
 
     @property
     def packets_in(self) -> int:
@@ -260,10 +255,6 @@ class Proxy:
     def troubles(self) -> tuple[str, ...]:
         """Why its endpoints do not match others in the space, each sentence once."""
         return tuple(dict.fromkeys(trouble for _, entity in self._tree.items() for trouble in entity.troubles))
-
-    def acknowledged(self) -> tuple[int, float]:
-        """See `Agent.acknowledgements`."""
-        return self.session.acknowledged
 
     def wear(self) -> SessionWear:
         """See `Agent.wear`."""

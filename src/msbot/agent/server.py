@@ -20,7 +20,7 @@ from msbot.agent.flushing import Flusher
 from msbot.agent.gate import ClientInfo, Gate, OpenGate
 from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
 from msbot.agent.join_queue import JoinQueue
-from msbot.agent.latency import Transit
+from msbot.agent.latency import Latency
 from msbot.agent.object_tree import ObjectBudget
 from msbot.agent.proxy import Proxy, Surroundings
 from msbot.agent.relays import Relays
@@ -84,21 +84,15 @@ class Agent:
             self._settings.max_packets_in_all_per_s,
             lambda proxy, rate, share: self._gate.limits(proxy.info, rate, share),
         )
-        self._transit = Transit(self._now)
-        self._flusher = Flusher(self._now, self._end_session, self._compare, transit=self._transit)
+        self.latency = Latency(self._now, self._clients)
+        """How long messages take."""
+        self._flusher = Flusher(self._now, self._end_session, self._compare, transit=self.latency.transit)
         self._surroundings = Surroundings(
-            space=space,
-            gate=self._gate,
-            settings=self._settings,
-            clock=self._now,
-            agent_id=agent_id or os.urandom(8),
-            mark=self._flusher.mark,
-            replies=ReplyExchange(space),
-            transit=self._transit,
-            references=references,
-            topics=TopicTable(self._settings.max_topics),
+            space=space, gate=self._gate, settings=self._settings, clock=self._now,
+            agent_id=agent_id or os.urandom(8), mark=self._flusher.mark, replies=ReplyExchange(space),
+            transit=self.latency.transit, references=references, topics=TopicTable(self._settings.max_topics),
             budget=ObjectBudget(self._settings.max_objects_in_all),
-        )
+        )  # fmt: skip
         self._session_settings = {is_bus: session_settings(self._settings, is_bus=is_bus) for is_bus in (False, True)}
         self._held = Memory(self._settings.max_held_in_all)
         self._unacked = Memory(self._settings.max_unacked_in_all)
@@ -200,19 +194,6 @@ class Agent:
         """Which endpoints should match that client's writers and readers now and cannot, one sentence each."""
         proxy = self._clients.by_key(client_key)
         return () if proxy is None else proxy.troubles()
-
-    def on_delivery(self, listener: Callable[[float], object]) -> None:
-        """Measure now and then how long a sample takes through the agent, and tell the listener the seconds; see
-        `msbot.agent.latency`."""
-        self._transit.on_delivery(listener)
-
-    def acknowledgements(self) -> Iterator[tuple[int, int, float]]:
-        """`(client key, how often it was measured, seconds)`: how long the latest reliable message that was measured
-        took to each client and its acknowledgement back; clients without one are left out."""
-        for proxy in self._clients:
-            count, seconds = proxy.acknowledged()
-            if count:
-                yield proxy.info.key, count, seconds
 
     def place_of(self, client_key: int) -> tuple[Link, Peer] | None:
         """The link and the address of that client; None: it has no session, or its peer has gone."""

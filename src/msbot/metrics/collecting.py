@@ -60,7 +60,7 @@ class Noting:
         """Note until cancelled."""
         loop = asyncio.get_running_loop()
         rounds = 0
-        self._agent.on_delivery(self.latencies.add)
+        self._agent.latency.on_delivery(self.latencies.add)
         while True:
             due = loop.time() + DELAY_S
             await asyncio.sleep(DELAY_S)
@@ -72,7 +72,7 @@ class Noting:
     def look(self, now: float) -> None:
         """Note the beats since the last look, of several by one part their mean interval; and of each client, how long
         it took to acknowledge the message that was measured last."""
-        for _, seconds in self._acknowledgements.look(self._agent.acknowledgements()):
+        for _, seconds in self._acknowledgements.look(self._agent.latency.acknowledgements()):
             self.acknowledgements.add(seconds)
         if self._master is not None:
             self._look_at_beats(self._master, now)

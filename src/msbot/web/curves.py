@@ -80,7 +80,7 @@ class LiveCurves:
         self._clock = clock
         self._lateness = Lateness()
         self._latency = Worst()
-        master.agent.on_delivery(self._latency.add)
+        master.agent.latency.on_delivery(self._latency.add)
         self._acks = Acks(master.agent)
         self._measured: dict[str, deque[Point]] = {}
         self._settings: dict[str, deque[Point]] = {}

@@ -80,7 +80,7 @@ class Acks:
     def look(self, infos: Iterable[PartInfo]) -> Iterator[tuple[str, float]]:
         """(slot, milliseconds) for each slot with news since the last look."""
         slots = {info.client_key: info.slot for info in infos if info.slot and info.state.is_registered}
-        for key, seconds in self._acknowledgements.look(self._agent.acknowledgements()):
+        for key, seconds in self._acknowledgements.look(self._agent.latency.acknowledgements()):
             if key in slots:
                 yield slots[key], seconds * 1e3
 
@@ -98,7 +98,7 @@ async def keep_measuring(
         tell: takes what was measured, and the parts.
     """
     loop, beats, lateness, latency, acks = asyncio.get_running_loop(), Beats(), Lateness(), Worst(), Acks(agent)
-    agent.on_delivery(latency.add)
+    agent.latency.on_delivery(latency.add)
     async with asyncio.TaskGroup() as tasks:
         tasks.create_task(lateness.run())
         while True:
