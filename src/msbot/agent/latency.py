@@ -79,7 +79,7 @@ class Transit:
         self.is_due = True
 
 
-class Measured(Protocol):
+class ServedClient(Protocol):
     """A client, as far as it is looked at here."""
 
     key: int
@@ -94,7 +94,7 @@ class Latency:
         clients: those that it serves.
     """
 
-    def __init__(self, clock: Callable[[], float], clients: Iterable[Measured]) -> None:
+    def __init__(self, clock: Callable[[], float], clients: Iterable[ServedClient]) -> None:
         self.transit = Transit(clock)
         self._clients = clients
 
