@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import socket
 import subprocess
 from itertools import islice
 from pathlib import Path
+from random import Random
 
 import pytest
 from click.testing import CliRunner, Result
@@ -16,7 +18,7 @@ from click.testing import CliRunner, Result
 from msbot.cli.explain import command as explain
 from msbot.cli.quiz import command as quiz
 from msbot.errors import ConfigError
-from msbot.lab.explain.quiz import questions, stuffed
+from msbot.lab.explain.quiz import frame_question, questions, stuffed
 from msbot.link.can.protocol import frame_bits, parse_frame
 from msbot.xrce import read_fields
 
@@ -174,9 +176,25 @@ def test_the_answer_about_the_length_of_a_frame_is_what_a_controller_sends() -> 
     assert asked
     for question in asked:
         assert question.answer == str(frame_bits(parse_frame(question.shown)).nominal_bits)
-        words = question.why.split()
-        octets, stuff = int(words[words.index("its") + 1]), int(words[words.index("octets,") + 2])
+        octets, stuff = map(int, re.findall(r"\((\d+)\)", question.why))
         assert 47 + 8 * octets + stuff == int(question.answer), "what it says adds up"
+
+
+def test_frames_of_a_real_bus_are_asked_about_as_made_up_ones_are() -> None:
+    random = Random(5)
+    frames = ["103#C181010000070108", "18A#C0FF", "700#", "07F#11"]
+    asked = [(text, frame_question(parse_frame(text), random)) for text in frames for _ in range(30)]
+    for text, question in asked:
+        assert question is not None
+        if question.text.startswith("Which node"):
+            assert (text, question.answer) in (("103#C181010000070108", "3"), ("18A#C0FF", "10"))
+        elif question.text.startswith("How many bits is it"):
+            assert question.is_right(str(frame_bits(parse_frame(text)).nominal_bits))
+        else:
+            assert text in ("103#C181010000070108", "18A#C0FF"), "a run of bits needs some data"
+    assert len({question.text.form for _, question in asked if question}) == 3
+    for text in ("103##0C1", "00000103#C1", "103#R"):
+        assert frame_question(parse_frame(text), random) is None
 
 
 def test_stuff_bits_count_for_the_next_five() -> None:

@@ -56,13 +56,38 @@ def test_where_a_database_has_several_robots_one_is_named_or_all_are_told_apart(
         ask("set", "fan", "--json")
 
 
-def test_a_library_file_that_is_wrong_is_told_as_json(tmp_path: Path) -> None:
-    (tmp_path / "lux.toml").write_text('number = "LUX"\n')
-    done = CliRunner().invoke(msbot, ["library", "check", "lux.toml", "--json"])
-    assert done.exit_code == 2
-    (problem,) = json.loads(done.stdout)["problems"]
-    assert (problem["file"], problem["key"]) == ("lux.toml", "name")
+@pytest.mark.parametrize(
+    ("command", "file", "text", "key"),
+    [
+        (("library", "check"), "lux.toml", 'number = "LUX"\n', "name"),
+        (("mission", "check"), "moods.toml", '[mission]\nstory = "Why?"\n[[fault]]\nkind = "unplug"\nat = ["fan"]\n',
+         "mission.title"),
+        (("arena", "check"), "hall.toml", '[world]\nname = "Hall"\nwidth_m = 4\n', "robot"),
+        (("check",), "robot.toml", '[robot]\nname = "Rex"\n', "slot"),
+        (("lesson", "check"), "bits.md", "+++\n[lesson]\nnumber = 1\n+++\n# Bits\n", "title"),
+    ],
+)  # fmt: skip
+def test_mistakes_in_a_file_that_is_checked_are_told_as_json(
+    command: tuple[str, ...], file: str, text: str, key: str
+) -> None:
+    Path(file).write_text(text)
+    done = CliRunner().invoke(msbot, [*command, file, "--json"])
+    assert done.exit_code == 2, done.output
+    problems = json.loads(done.stdout)["problems"]
+    assert key in [problem["key"] for problem in problems]
+    assert all(problem["file"] == file and problem["words"] for problem in problems)
+    in_words = CliRunner().invoke(msbot, [*command, file])
+    assert isinstance(in_words.exception, ConfigError)
+    assert problems[0]["words"].splitlines()[0] in str(in_words.exception)
+
+
+def test_files_that_are_right_have_no_problems() -> None:
+    Path("moods.toml").write_text(
+        '[mission]\ntitle = "Moods"\nstory = "Why?"\n[[fault]]\nkind = "unplug"\nat = ["fan"]\n'
+    )
     assert ask("library", "check", "--json") == {"problems": [], "hints": []}
+    found = as_dict(ask("mission", "check", "moods.toml", "--json"))
+    assert (found["problems"], found["title"], found["slots"]) == ([], "Moods", ["fan"])
 
 
 def test_the_options_are_click_s_own() -> None:

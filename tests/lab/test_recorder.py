@@ -19,7 +19,7 @@ from msbot.lab.recordings.comparing import differences
 from msbot.lab.recordings.reading import Decoder, RecordingReader
 from msbot.lab.recordings.telling import frame_of, line_of
 from msbot.link import LinkInfo
-from msbot.link.can import CanMasterLink, FrameTap
+from msbot.link.can import CanBusInfo, CanMasterLink, FrameTap
 from msbot.link.can.protocol import Frame
 from msbot.operations.dispatch import RunningOperations
 from msbot.space import MemorySpace, Qos, Topic
@@ -95,6 +95,10 @@ class TappedLink(CanMasterLink):
     def __init__(self) -> None:
         self.info = LinkInfo("bus", 512, bits_per_second=500_000)
 
+    @property
+    def bus_info(self) -> CanBusInfo:
+        return CanBusInfo("bus", 500_000)
+
     def on_frame(self, tap: FrameTap) -> None:
         self.heard_by = tap
 
@@ -103,11 +107,11 @@ class TappedLink(CanMasterLink):
 def frames(draw: st.DrawFn) -> Frame:
     """Frames of any kind, also such that no controller would send."""
     flag = st.booleans()
-    fd = draw(flag)
+    fd, remote = draw(flag), draw(flag)
     return Frame(
         draw(st.integers(0, 0x1FFFFFFF)), draw(st.binary(max_size=64 if fd else 8)), extended=draw(flag), fd=fd,
-        brs=fd and draw(flag), remote=draw(flag), error=draw(flag), esi=fd and draw(flag),
-        remote_length=draw(st.integers(0, 8)), long_dlc=draw(st.sampled_from([0, 0, 9, 15])),
+        brs=fd and draw(flag), remote=remote, error=draw(flag), esi=fd and draw(flag),
+        remote_length=draw(st.integers(0, 8)) if remote else 0, long_dlc=draw(st.sampled_from([0, 0, 9, 15])),
     )  # fmt: skip
 
 

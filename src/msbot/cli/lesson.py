@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import click
 
 from msbot.cli.change.robot_access import database_to_read, perform, say, until_stored
-from msbot.cli.options import answer_options, json_option, lessons_option, robot_options
+from msbot.cli.options import answer_options, json_option, lessons_option, mistakes_told, robot_options
 
 
 @click.group("lesson")
@@ -47,16 +46,10 @@ def list_lessons(lessons: tuple[Path, ...], *, as_json: bool) -> None:
 @json_option
 def check(path: Path, *, as_json: bool) -> None:
     """Check the file of a lesson: every mistake with its line and what would be right."""
-    from msbot.config import FoundProblems, problems_json
     from msbot.lessons.reading import read_lesson
 
-    try:
+    with mistakes_told(as_json=as_json):
         lesson = read_lesson(path)
-    except FoundProblems as found:
-        if not as_json:
-            raise
-        click.echo(json.dumps({"problems": problems_json(found)}))
-        sys.exit(2)
     if as_json:
         click.echo(json.dumps({"problems": []}))
         return

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import getpass
-from collections.abc import Callable, Sequence
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -128,6 +131,26 @@ def library_here(folders: Sequence[Path]) -> Library:
     from msbot.config import library_folders, load_library
 
     return load_library(*library_folders(DEFAULT_BLUEPRINT), *folders)
+
+
+@contextmanager
+def mistakes_told(*, as_json: bool, **beside: object) -> Iterator[None]:
+    """Around the reading of a file that a command checks: with `--json` its mistakes are printed as one object, and the
+    command ends with status 2; else they go on as the error that they are.
+
+    Args:
+        as_json: whether `--json` was given.
+        beside: what the object has besides `problems`.
+    """
+    from msbot.config import FoundProblems, problems_json
+
+    try:
+        yield
+    except FoundProblems as found:
+        if not as_json:
+            raise
+        click.echo(json.dumps({"problems": problems_json(found), **beside}))
+        sys.exit(2)
 
 
 def user_name() -> str:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import re
+from itertools import islice
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from msbot.lab.explain.quiz import questions
 from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import Site, go, new_page
 
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
-    "/arena": "Arena", "/plots": "Plots", "/timeline": "Timeline", "/learn": "Learn", "/library": "Library",
+    "/arena": "Arena", "/plots": "Plots", "/timeline": "Timeline", "/learn": "Learn",
+    "/learn/quiz?seed=7": "Quiz", "/library": "Library",
     "/library/SG90": "Library", "/pupils": "Pupils", "/projector": "Our class",
     "/journal": "Journal", "/faults": "Faults", "/missions": "Missions",
     "/class": "Class", "/admin": "Admin", "/doctor": "Doctor",
@@ -236,6 +239,39 @@ def test_the_language_is_chosen_and_kept(browser: Browser, demo: Site) -> None:
     page.get_by_text("English").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("Robot")
     page.context.close()
+
+
+def test_a_quiz_is_answered_by_keyboard_graded_and_asks_about_frames_of_the_bus(blank: Page, demo: Site) -> None:
+    page = blank
+    go(page, f"{demo.base}/learn/quiz?seed=7")
+    first, second = islice(questions(7), 2)
+    answer = page.get_by_label("Your answer")
+    expect(page.locator("pre")).to_have_text(first.shown)
+    answer.press("Enter")
+    expect(page.get_by_text("Write an answer first")).to_be_visible()
+    answer.fill(f" {first.answer} ")
+    answer.press("Enter")
+    expect(page.get_by_role("status").filter(has_text="Right.")).to_contain_text(first.why)
+    expect(page.get_by_text("1 of 1 are right")).to_be_visible()
+    onward = page.get_by_role("button", name="Next question")
+    expect(onward).to_be_focused()
+    onward.press("Enter")
+    expect(page.locator("pre")).to_have_text(second.shown)
+    expect(answer).to_be_focused()
+    page.keyboard.type("nonsense")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("status").filter(has_text=f"No: {second.answer}.")).to_contain_text(second.why)
+    expect(page.get_by_text("1 of 2 are right")).to_be_visible()
+    page.get_by_label("Octets and frames").click()
+    page.get_by_role("option", name="from this robot's bus").click()
+    expect(page.locator("pre")).not_to_have_text(second.shown)
+    shown = page.locator("pre").inner_text()
+    assert re.fullmatch(r"[0-9A-F]{3}#[0-9A-F]*|[01]+", shown), shown
+    page.get_by_role("button", name="I do not know").click()
+    expect(page.get_by_role("status").filter(has_text="How one finds it:")).to_contain_text("What it says")
+    expect(page.get_by_text("1 of 3 are right")).to_be_visible()
+    expect(onward).to_be_focused()
+    assert hurdles(page, dark=True) == []
 
 
 def test_a_backup_and_a_blueprint_are_handed_in_from_the_page(blank: Page, demo: Site, tmp_path: Path) -> None:

@@ -95,7 +95,8 @@ FILLED = {
     "/": ".slot", "/settings": ".q-field input", "/bus": "tr[data-number]", "/wires": "svg.wires .port",
     "/plots": "#ms-plot-figures td",
     "/timeline": "svg.wide rect", "/library": "a.slot", "/library/SG90": "table", "/journal": "tbody tr",
-    "/faults": "button", "/missions": "button", "/learn": ".panel .row", "/class": "a.slot", "/admin": "table",
+    "/faults": "button", "/missions": "button", "/learn": ".panel .row",
+    "/learn/quiz?seed=7": "pre", "/class": "a.slot", "/admin": "table",
     "/doctor": "table", "/?slot=fan": "[role=dialog] input", "/?slot=knob": "[role=dialog] input",
 }  # fmt: skip
 """What is there as soon as a page has something to show."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import click
 
 from msbot.cli.change.robot_access import perform, say
-from msbot.cli.options import answer_options, json_option, robot_options
+from msbot.cli.options import answer_options, json_option, mistakes_told, robot_options
 from msbot.errors import ConfigError
 
 
@@ -38,16 +37,10 @@ def list_worlds(*, as_json: bool) -> None:
 @json_option
 def check(world: str, *, as_json: bool) -> None:
     """Check a world file: every mistake is told with file, line and what would be right (exit status 2)."""
-    from msbot.config import FoundProblems, problems_json
     from msbot.sim.arena.world_reader import open_world
 
-    try:
+    with mistakes_told(as_json=as_json):
         plan = open_world(world)
-    except FoundProblems as found:
-        if not as_json:
-            raise
-        click.echo(json.dumps({"problems": problems_json(found)}))
-        sys.exit(2)
     if as_json:
         click.echo(json.dumps({"problems": []}))
         return

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import click
 
-from msbot.cli.options import DEFAULT_BLUEPRINT, library_option
-from msbot.config import Blueprint, FoundProblems, Library, open_blueprint, problems_json
+from msbot.cli.options import DEFAULT_BLUEPRINT, library_option, mistakes_told
+from msbot.config import Blueprint, Library, open_blueprint
 
 
 @click.command("check")
@@ -21,18 +20,15 @@ def command(blueprint: Path, folders: tuple[Path, ...], *, as_json: bool) -> Non
 
     Every problem is shown with file, line and key; status 2 when there are any. Hints are not mistakes.
     """
-    if not as_json:
+    with mistakes_told(as_json=as_json, hints=[]):
         robot, library = open_blueprint(blueprint, *folders)
-        for hint in hints(robot, library):
-            click.echo(f"hint: {hint}")
-        click.echo(f"{blueprint} is in order: {_counted(robot)}.")
+    told = hints(robot, library)
+    if as_json:
+        click.echo(json.dumps({"problems": [], "hints": told}))
         return
-    try:
-        robot, library = open_blueprint(blueprint, *folders)
-    except FoundProblems as found:
-        click.echo(json.dumps({"problems": problems_json(found), "hints": []}))
-        sys.exit(2)
-    click.echo(json.dumps({"problems": [], "hints": hints(robot, library)}))
+    for hint in told:
+        click.echo(f"hint: {hint}")
+    click.echo(f"{blueprint} is in order: {_counted(robot)}.")
 
 
 def hints(blueprint: Blueprint, library: Library) -> list[str]:

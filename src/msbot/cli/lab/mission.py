@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.change.robot_access import perform, say
-from msbot.cli.options import answer_options, json_option, robot_options
+from msbot.cli.options import answer_options, json_option, mistakes_told, robot_options
 from msbot.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -47,9 +47,10 @@ def check(file: Path, *, as_json: bool) -> None:
     """Check a mission FILE: every mistake with its line and what would be right; exit status 2 if there is one."""
     from msbot.lab.missions.mission_file import load_mission
 
-    mission = load_mission(file)
+    with mistakes_told(as_json=as_json):
+        mission = load_mission(file)
     if as_json:
-        click.echo(json.dumps(_json(mission)))
+        click.echo(json.dumps({"problems": [], **_json(mission)}))
         return
     needs = ", ".join(mission.needs) or "none in particular"
     click.echo(f"{file} is right: faults: {len(mission.faults)}, things to do: {len(mission.tasks)}, "

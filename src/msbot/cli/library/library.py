@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import click
 
-from msbot.cli.options import answer_options, json_option, library_here, library_option
+from msbot.cli.options import answer_options, json_option, library_here, library_option, mistakes_told
 
 
 @click.group("library")
@@ -70,15 +69,9 @@ def check(paths: tuple[Path, ...], *, as_json: bool) -> None:
     Every mistake is told with file, line and key (exit status 2). What is right but could be better is told as a hint.
     """
     from msbot.cli.library.view import hints
-    from msbot.config import FoundProblems, problems_json
 
-    try:
+    with mistakes_told(as_json=as_json, hints=[]):
         library = library_here(paths)
-    except FoundProblems as found:
-        if not as_json:
-            raise
-        click.echo(json.dumps({"problems": problems_json(found), "hints": []}))
-        sys.exit(2)
     own = [part_type for part_type in library if not part_type.source.startswith("msbot library")]
     told = [f"{part_type.source}: {hint}" for part_type in own or library for hint in hints(part_type)]
     if as_json:

@@ -1,4 +1,4 @@
-"""Questions about messages and frames: made by chance, seeded; graded. Pure."""
+"""Questions about messages and frames, made up or of a real bus: drawn by chance, seeded; graded. Pure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from random import Random
 from typing import Final
 
-from msbot.link.can.protocol import CanIds, Frame, format_frame, frame_bits, wire_bits
+from msbot.link.can.protocol import CanIds, Frame, format_frame, frame_bits, node_of, wire_bits
+from msbot.runtime.sentence import Sentence, said
 from msbot.xrce import FoundField, read_fields
 from msbot.xrce.messages import (
     SESSION_DEFAULT,
@@ -37,10 +38,10 @@ class Question:
 
     shown: str
     """The octets or the frame."""
-    text: str
+    text: Sentence
     answer: str
     """What is right, as a person would write it."""
-    why: str
+    why: Sentence
     """How one finds it."""
 
     def is_right(self, given: str) -> bool:
@@ -54,6 +55,18 @@ def questions(seed: int) -> Iterator[Question]:
     kinds: tuple[Callable[[Random], Question], ...] = (_which, _field, _field, _stream, _node, _length, _stuffed)
     while True:
         yield random.choice(kinds)(random)
+
+
+def frame_question(frame: Frame, random: Random) -> Question | None:
+    """A question about a frame of a real bus; None: nothing is asked about frames like this (CAN FD, remote, error)."""
+    if frame.fd or frame.remote or frame.error or frame.extended:
+        return None
+    kinds: list[Callable[[Frame, Random], Question]] = [_length_of]
+    if node_of(frame, CanIds()) is not None:
+        kinds.append(_node_of)
+    if len(frame.data) > 1:
+        kinds.append(_stuffed_of)
+    return random.choice(kinds)(frame, random)
 
 
 def _message(random: Random) -> tuple[bytes, Submessage]:
@@ -87,8 +100,9 @@ def _which(random: Random) -> Question:
     found = _found(packet, "submessage_id")
     kind = found.words.split()[-1]
     return Question(
-        _shown(packet), "Which submessage is it?", kind,
-        f"octet {found.start} is {found.octets.hex()}: that is {kind}; the message's header has 4 octets before it",
+        _shown(packet), said("Which submessage is it?"), kind,
+        said("octet {number} is {octets}: that is {kind}; the message's header has 4 octets before it",
+             number=found.start, octets=found.octets.hex(), kind=kind),
     )  # fmt: skip
 
 
@@ -97,11 +111,16 @@ def _field(random: Random) -> Question:
     fields, _fault = read_fields(packet)
     chosen = random.choice([one for one in fields if one.value is not None and one.part != "header"
                             and one.name not in ("submessage_id", "flags")])  # fmt: skip
-    last = chosen.start + len(chosen.octets) - 1
-    where = f"octet {chosen.start}" if last == chosen.start else f"octets {chosen.start} to {last}"
+    first, last = chosen.start, chosen.start + len(chosen.octets) - 1
+    octets, words = chosen.octets.hex(" "), chosen.words
+    where = (
+        said("octet {first}, {octets}: {words}", first=first, octets=octets, words=words)
+        if last == first
+        else said("octets {first} to {last}, {octets}: {words}", first=first, last=last, octets=octets, words=words)
+    )
     return Question(
-        _shown(packet), f"What is the {chosen.name} of {chosen.part}? (a number)", str(chosen.value),
-        f"{where}, {chosen.octets.hex(' ')}: {chosen.words}",
+        _shown(packet), said("What is the {field} of {submessage}? (a number)", field=chosen.name,
+                             submessage=chosen.part), str(chosen.value), where,
     )  # fmt: skip
 
 
@@ -111,46 +130,66 @@ def _stream(random: Random) -> Question:
     assert found.value is not None
     kind = "none" if found.value == 0 else "reliable" if found.value >= STREAM_RELIABLE else "best effort"
     return Question(
-        _shown(packet), "On which kind of stream is it sent: none, best effort, reliable?", kind,
-        f"octet {found.start} is {found.octets.hex()}: 00 is none, 01 to 7f are best effort, 80 to ff reliable",
+        _shown(packet), said("On which kind of stream is it sent: none, best effort, reliable?"), kind,
+        said("octet {number} is {octets}: 00 is none, 01 to 7f are best effort, 80 to ff reliable",
+             number=found.start, octets=found.octets.hex()),
     )  # fmt: skip
 
 
-def _frame(random: Random) -> tuple[Frame, int, bool]:
+def _frame(random: Random) -> Frame:
     node, up = random.randrange(1, MOST_NODES + 1), random.random() < 0.5
     ids = CanIds()
     data = bytes((0xC0 | random.randrange(64),)) + random.randbytes(random.randrange(1, 8))
-    return Frame((ids.up if up else ids.down) + node, data), node, up
+    return Frame((ids.up if up else ids.down) + node, data)
 
 
 def _node(random: Random) -> Question:
-    frame, node, up = _frame(random)
-    base = CanIds().up if up else CanIds().down
+    return _node_of(_frame(random), random)
+
+
+def _node_of(frame: Frame, _: Random) -> Question:
+    ids = CanIds()
+    found = node_of(frame, ids)
+    assert found is not None, "only frames of nodes are asked about"
+    node, up = found
+    base = ids.up if up else ids.down
+    why = (said("the identifier 0x{identifier:03X} less 0x{base:03X}: from node {node}",
+                identifier=frame.can_id, base=base, node=node) if up else
+           said("the identifier 0x{identifier:03X} less 0x{base:03X}: to node {node}",
+                identifier=frame.can_id, base=base, node=node))  # fmt: skip
     return Question(
-        format_frame(frame), "Which node sends it, or is meant? (a number)", str(node),
-        f"the identifier 0x{frame.can_id:03X} less 0x{base:03X}: {'from' if up else 'to'} node {node}",
+        format_frame(frame), said("Which node sends it, or is meant? (a number)"), str(node), why
     )  # fmt: skip
 
 
 def _length(random: Random) -> Question:
-    frame, _, _ = _frame(random)
+    return _length_of(_frame(random), random)
+
+
+def _length_of(frame: Frame, _: Random) -> Question:
     bits = frame_bits(frame).nominal_bits
-    stuffed = sum(bit.stuff for bit in wire_bits(frame))
+    stuff_bits = sum(bit.stuff for bit in wire_bits(frame))
     return Question(
-        format_frame(frame), "How many bits is it on the wire, with stuff bits and the pause of 3 after it? "
-        f"(it has {stuffed} stuff bits)", str(bits),
-        f"47 bits and 8 for each of its {len(frame.data)} octets, and {stuffed} stuff bits: {bits}",
+        format_frame(frame),
+        said("How many bits is it on the wire, with stuff bits (there are {count}) and the pause of 3 after it?",
+             count=stuff_bits),
+        str(bits),
+        said("47 bits and 8 for each of its octets of data ({octets}), and stuff bits ({count}): {bits}",
+             octets=len(frame.data), count=stuff_bits, bits=bits),
     )  # fmt: skip
 
 
 def _stuffed(random: Random) -> Question:
-    frame, _, _ = _frame(random)
+    return _stuffed_of(_frame(random), random)
+
+
+def _stuffed_of(frame: Frame, _: Random) -> Question:
     run = "".join(str(bit.level) for bit in wire_bits(frame) if bit.field == "DATA" and not bit.stuff)[:16]
     shown = stuffed(run)
     return Question(
-        run, "How many stuff bits does a controller put into this run of bits, if it begins here?",
+        run, said("How many stuff bits does a controller put into this run of bits, if it begins here?"),
         str(shown.count("(")),
-        f"{shown}: after five equal bits the opposite one, which counts for the next five",
+        said("{run}: after five equal bits the opposite one, which counts for the next five", run=shown),
     )  # fmt: skip
 
 

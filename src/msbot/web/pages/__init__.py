@@ -21,6 +21,7 @@ from msbot.web.pages import (
     projector,
     pupil_program,
     pupils,
+    quiz,
     robot,
     settings,
     timeline,
@@ -32,7 +33,7 @@ from msbot.web.service import Service
 def register_pages(service: Service) -> None:
     """Make the pages of one robot known to NiceGUI; to be called once in a process."""
     for page in (
-        robot, arrivals, settings, bus, wires, program, arena, plots, timeline, learn, library, journal, missions,
+        robot, arrivals, settings, bus, wires, program, arena, plots, timeline, learn, quiz, library, journal, missions,
         faults, doctor, classroom, pupils, pupil_program, projector, admin, api_docs, help,
     ):  # fmt: skip
         page.register(service)

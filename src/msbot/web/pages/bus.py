@@ -80,6 +80,7 @@ class _Table:
                     ui.button(page.say(title), icon="download", on_click=partial(_download, page, name, lines)).props(
                         "flat"
                     )
+                ui.link(page.say("Quiz: take octets and frames apart"), "/learn/quiz")
             with ui.element("div").classes("ms-split"):
                 with ui.element("div").classes("scroll").props("tabindex=0"):
                     self._table = (

@@ -223,7 +223,9 @@ class _Shelf:
         self._page = page
         self._seen: object = None
         with panel() as self._panel:
-            heading(page.say("Lessons"))
+            with ui.element("div").classes("row spread"):
+                heading(page.say("Lessons"))
+                ui.link(page.say("Quiz: take octets and frames apart"), "/learn/quiz")
             self._list = ui.column().classes("w-full").style("gap:0")
         page.every_look(self._show)
 
