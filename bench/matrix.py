@@ -7,7 +7,8 @@ adapter pulled out, foreign traffic, equal ids, more than nine clients, messages
 a round is right if every part concerned is active and hears samples within 3 s, counted from the moment when that is
 possible: the master serves, the part's program runs, the adapter is there. `--write` puts the table into
 docs/explain/reliability.md. Exit status 1 unless all rounds are right. `--bus can:vcan0` uses a bus of the kernel, and
-`replug` then puts the interface down and up. Linux.
+`replug` then puts the interface down and up. Linux; where other
+masters run, in a network of its own (`unshare -n`, `ip link set lo up`): a STOP for all of a computer reaches it, too.
 """
 
 from __future__ import annotations
@@ -359,7 +360,10 @@ ROWS: dict[str, Callable[[int, str], Awaitable[Row]]] = {
 
 
 async def measure(options: argparse.Namespace) -> list[Row]:
-    """All rows that are wanted."""
+    """All rows that are wanted; SIGTERM ends it in good order."""
+    this = asyncio.current_task()
+    assert this is not None
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, this.cancel)
     rows = []
     for name in options.only.split(",") if options.only else ROWS:
         print(f"{name}: {(ROWS[name].__doc__ or '').strip()}", flush=True)

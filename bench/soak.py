@@ -8,7 +8,8 @@ of them. Chance (`--seed`) kills, freezes, cuts and restarts them, locks, delete
 what people do. `bench/soaking/oracle.py`, `states.py`, `journal.py` and `flatness.py` say what is a violation; each is
 printed with seed, time and the last acts. Exit status 1 when there was one. `--calm-master` leaves the master alone, so
 that its memory can be seen over the whole time. `--table` prints what several runs have kept; `--write` puts that into
-docs/explain/reliability.md. Linux.
+docs/explain/reliability.md. Linux; where other
+masters run, in a network of its own (`unshare -n`, `ip link set lo up`): a STOP for all of a computer reaches it, too.
 """
 
 from __future__ import annotations

@@ -223,7 +223,8 @@ class Acts:
 
     async def lock_database(self, _name: str) -> None:
         def hold(seconds: float) -> None:
-            with contextlib.closing(sqlite3.connect(self.robot.database, isolation_level=None, timeout=2.0)) as other:
+            address = f"file:{self.robot.database}?mode=rw"  # where there is none, none is made
+            with contextlib.closing(sqlite3.connect(address, uri=True, isolation_level=None, timeout=2.0)) as other:
                 other.execute("BEGIN IMMEDIATE")
                 time.sleep(seconds)
                 other.execute("ROLLBACK")
