@@ -114,7 +114,7 @@ class ArenaSight:
         from msbot.sim.arena.surroundings import surroundings
 
         pose, speed = robot.pose, robot.body.velocity.length
-        areas = self._world.arena.plan.areas
+        areas = reversed(self._world.arena.plan.areas)  # the last one lies on top
         place = next((area.name for area in areas if area.name and _is_in((pose.x, pose.y), area.corners)), "")
         x, y = (round(one, 1 if roughly else 2) for one in (pose.x, pose.y))
         turned = math.degrees(pose.angle) % 360

@@ -178,7 +178,7 @@ class _ArenaPage:
     def _value(self, value: float | bool) -> str:
         if isinstance(value, bool):
             return self._page.say("yes") if value else self._page.say("no")
-        return self._page.number(value, ".3g")
+        return self._page.number(round(value, 4) + 0.0, ".3g")  # 0 and not -5.55e-17
 
     # What a person does.
 

@@ -1,0 +1,35 @@
+"""A world in words, for who does not see its picture."""
+
+from __future__ import annotations
+
+from msbot.sim.arena.arena import Arena
+from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.world_reader import open_world
+from msbot.web.arena_sight import ArenaSight
+
+
+def seen(world: str) -> tuple[ArenaSight, Arena]:
+    arena = Arena(open_world(world))
+    return ArenaSight(LivingArena(arena)), arena
+
+
+def test_robots_are_told_with_the_place_on_top_and_what_is_near() -> None:
+    sight, arena = seen("sumo")
+    assert sight.words() == [
+        "robot is at 0.7, 1 m, looks 0° from east, stands, ring",
+        "rival is at 1.3, 1 m, looks 180° from east, stands, ring",
+    ]
+    arena.put("robot", (1.3, 0.72), 90.0)
+    assert sight.words()[0].endswith(", ring, the robot rival 20 cm ahead")
+    arena.put("robot", (0.1, 1.0), 180.0)
+    assert sight.words()[0] == "robot is at 0.1, 1 m, looks 180° from east, stands, a wall 10 cm ahead"
+
+
+def test_what_is_read_out_stays_the_same_while_little_changes() -> None:
+    sight, arena = seen("sorting")
+    before = sight.told()
+    assert before[0].startswith("robot is at 1, 0.2 m, looks north, stands, a wall 20 cm behind it, the box green 2 ")
+    arena.put("robot", (1.002, 0.249), 94.0)
+    assert sight.told() == before
+    arena.put("robot", (1.01, 0.249), 140.0)
+    assert "looks north-west" in sight.told()[0]
