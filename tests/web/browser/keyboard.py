@@ -57,7 +57,7 @@ def tab_to(page: Page, target: Locator) -> None:
     """Press Tab until something has the focus."""
     target.wait_for(state="visible")
     for _ in range(MOST_TABS):
-        _press_tab(page)
+        page.keyboard.press("Tab")
         # Pages are drawn anew while they are used: each time it is the one that is there now.
         if target.evaluate("one => one === document.activeElement || one.contains(document.activeElement)"):
             return

@@ -71,9 +71,12 @@ def _control(page: Page, slot: str, control: ControlLine) -> None:
         ui.label(f"{title}{unit}")
         value = float(control.value) if isinstance(control.value, int | float) else control.least
         step = max((control.most - control.least) / 200, 1e-6)
-        ui.slider(
+        slider = ui.slider(
             min=control.least, max=control.most, step=step, value=value, on_change=lambda event: changed(event.value)
-        ).props("label debounce=100").props["aria-label"] = title
+        ).props("label debounce=100")
+        slider.props["aria-label"] = title
+        # It stays where it was put: an answer that comes late would take the next key presses back.
+        slider.LOOPBACK = slider.props["loopback"] = False
     elif control.kind == "number":
         ui.number(f"{title}{unit}", value=float(control.value or 0), on_change=lambda event: changed(event.value))
     elif control.kind == "choice":
