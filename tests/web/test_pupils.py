@@ -10,12 +10,14 @@ import pytest
 from msbot.config import GROUP_ROBOT_TOML, blueprint_toml, for_groups, groups_by_slots, load_library, parse_blueprint
 from msbot.errors import ConfigError, MsbotError
 from msbot.operations.rights import Role
-from msbot.registry import ProgramRecord
+from msbot.registry import ProgramRecord, ProgramSource
 from msbot.web.access.accounts import NotAllowed
 from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.programs.program_shelf import NoShelf
 from msbot.web.pupils import GroupNow, PupilDesk, read_list
 from tests.web.rig import Rig, refusal, show
+
+BLOCKS = '{"msbot":1,"blocks":{"blocks":[]}}'
 
 
 class Screen:
@@ -42,16 +44,16 @@ class Shelf(NoShelf):
     """Programs in memory."""
 
     def __init__(self) -> None:
-        self.kept: dict[str, str] = {}
+        self.kept: dict[str, ProgramSource] = {}
 
     async def of(self, owner: str) -> Sequence[ProgramRecord]:
         return [ProgramRecord(owner, name, "", 0) for name in self.kept]
 
-    async def text(self, owner: str, name: str, number: int | None = None) -> str:  # type: ignore[override]
+    async def source(self, owner: str, name: str, number: int | None = None) -> ProgramSource:  # type: ignore[override]
         return self.kept[name]
 
-    async def keep(self, owner: str, name: str, text: str) -> int:  # type: ignore[override]
-        self.kept[name] = text
+    async def keep(self, owner: str, name: str, source: ProgramSource) -> int:  # type: ignore[override]
+        self.kept[name] = source
         return 1
 
 
@@ -140,7 +142,7 @@ def test_a_program_is_looked_at_taken_over_and_steered(tmp_path: Path) -> None:
         desk = PupilDesk(rig.accounts, service.operations, service.pupils.passes, shelf, service.learning)
         programs = ProgramDeeds(shelf, rig.accounts, desk.check_writing)
         assert "no program yet" in str(await refusal(lambda: desk.program(teacher, name)))
-        await programs.keep(pupil, "x.py", "x = 0")
+        await programs.keep(pupil, "x.py", ProgramSource("x = 0", BLOCKS))
         assert await desk.program(teacher, name) == ("x.py", "x = 0", False)
         screen = Screen()
         closed = desk.opened(name, screen)
@@ -149,8 +151,8 @@ def test_a_program_is_looked_at_taken_over_and_steered(tmp_path: Path) -> None:
         await rig.act(teacher, "take_over", pupil=name)
         await desk.write(teacher, name, "x = 2")
         assert screen.text == "x = 2"
-        assert await programs.text(pupil, "x.py") == "x = 2"
-        assert "taken over" in str(await refusal(lambda: programs.keep(pupil, "x.py", "x = 3")))
+        assert await programs.source(pupil, "x.py") == ProgramSource("x = 2", BLOCKS)  # text leaves blocks as they are
+        assert "taken over" in str(await refusal(lambda: programs.keep(pupil, "x.py", ProgramSource("x = 3"))))
         assert "taken over" in str(await refusal(lambda: programs.remove(pupil, "x.py")))
         desk.steer(teacher, name, run=True)
         desk.steer(teacher, name, run=False)
@@ -159,7 +161,7 @@ def test_a_program_is_looked_at_taken_over_and_steered(tmp_path: Path) -> None:
         with pytest.raises(MsbotError, match="no page Program open"):
             desk.steer(teacher, name, run=True)
         await rig.act(teacher, "hand_back", pupil=name)
-        await programs.keep(pupil, "x.py", "x = 3")
+        await programs.keep(pupil, "x.py", ProgramSource("x = 3"))
 
     show(tmp_path, scene)
 
