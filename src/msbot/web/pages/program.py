@@ -15,8 +15,6 @@ from nicegui.events import GenericEventArguments
 
 from msbot.errors import MsbotError
 from msbot.operations.rights import Right
-from msbot.part import JoinState
-from msbot.part.join.refusal import STANDBY, Refusal
 from msbot.registry import ProgramSource
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
@@ -25,6 +23,7 @@ from msbot.web.pages.arrivals import adopt
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import show_dialog
 from msbot.web.pages.program_blocks import ProgramBlocks
+from msbot.web.pages.program_words import program_words
 from msbot.web.pages.share_program import ShareDialog
 from msbot.web.pages.under_teacher import UnderTeacher
 from msbot.web.programs.browser_files import examples
@@ -110,7 +109,7 @@ class _Desk:
             ui.html(
                 Markup(
                     render(
-                        "program", say=say, words=json.dumps(_words(self._page)), may_adopt=self._page.may(Right.DESIGN)
+                        "program", say=say, words=json.dumps(program_words(say)), may_adopt=self._page.may(Right.DESIGN)
                     )
                 ),
                 sanitize=False,
@@ -357,65 +356,6 @@ class _Desk:
         except MsbotError as error:
             ui.notify(self._page.say(str(error)), type="negative", multi_line=True, timeout=10_000)
             return None
-
-
-def _words(page: Page) -> dict[str, object]:
-    """What the script says, in the person's language; the states as the part calls them."""
-    say = page.say
-    titles = {
-        JoinState.LOOKING: say("looking for the robot"), JoinState.RECOGNISING: say("recognising the robot"),
-        JoinState.CLAIMING: say("registering"), JoinState.CONFIGURING: say("being configured"),
-        JoinState.ACTIVE: say("active"), JoinState.REFUSED: say("refused"), JoinState.LOST: say("lost"),
-        JoinState.WRONG_ROBOT: say("wrong robot"), JoinState.ENDED: say("ended"),
-    }  # fmt: skip
-    states = {state.value: words for state, words in titles.items()}
-    states |= {STANDBY: say(STANDBY)}
-    states |= {"not running": say("not running"), "starting": say("starting"), "busy": say("busy")}
-    return {
-        "states": states,
-        "no_slot": Refusal.NO_SLOT.words,
-        "slot": say("In slot {slot}"),
-        "unwired": say("not wired in this robot"),
-        "stopped": say("STOP holds: messages do not reach the program"),
-        "adopt": say("Under Arrivals a teacher can let {number} in."),
-        "describes": say("It tells the robot what it is: a teacher can adopt it."),
-        "line": say("line {number}"),
-        "block": say("the block"),
-        "left": say("… and {number} more lines, too many at once"),
-        "tooFast": say(
-            "{number} messages were not sent: the program sends more than the robot takes. Send less often."
-        ),
-        "stuck": say(
-            "A function of the program does not end: the part cannot beat meanwhile. Press Stop, and end the loop in it."
-        ),
-        "stuckFor": say("For {seconds} s in one function."),
-        "killed": say("The program did not answer and was ended."),
-        "noFiles": say("The robot's computer does not answer: the program cannot start."),
-        "tilt": say("Tilt:"),
-        "noTilt": say("No tilt from this device (yet)."),
-        "boardNoPort": say("No port was chosen."),
-        "boardAsks": say("Asking the board …"),
-        "boardWrites": say("{done} of {all} kB are written"),
-        "boardRuns": say(
-            "{name} runs on the board now, and whenever it starts; {count} files were written. The console shows what "
-            "it says."
-        ),
-        "board_busy": say("The port cannot be opened: does another program use it? ({detail})"),
-        "board_silent": say(
-            "The board does not answer, not even to Ctrl-C: press its RESET button and try again, or put MicroPython "
-            "on it."
-        ),
-        "board_garbage": say("What is at this port does not answer as MicroPython does: {detail}"),
-        "board_unplugged": say("The board was unplugged. Plug it in and write again: it goes on from there."),
-        "board_other": say("The board runs {detail}: it needs MicroPython 1.22 or newer."),
-        "board_old": say("The board has MicroPython {detail}: it needs 1.22 or newer."),
-        "board_noSpace": say("The board has no space: {detail} kB more are needed. Nothing was written."),
-        "board_full": say("The board has no space left: {detail}"),
-        "board_failed": say("The board says: {detail}"),
-        "board_noWay": say("The board does not know its way to the master yet: write it into the field above."),
-        "board_noFiles": say("The robot's computer does not answer: nothing was written."),
-        "tiltNeedsTls": say("Browsers tell the tilt only on pages with https: start the robot with --certificate."),
-    }
 
 
 def _lines_of(args: Any) -> list[int]:  # noqa: ANN401 - anything can come from a browser
