@@ -90,7 +90,7 @@ def _put_on_a_board(page: Page) -> None:
 
 def _describing_part(page: Page) -> None:
     page.get_by_role("button", name="More").click()
-    page.get_by_text("New program").click()
+    page.get_by_text("New program", exact=True).click()
     page.locator(".ms-prog-choice").filter(has_text="program").wait_for()
     page.get_by_role("button", name="Run").click()
     page.locator("#ms-prog-adopt a").wait_for()

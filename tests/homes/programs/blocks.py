@@ -41,7 +41,7 @@ def when_in(message):
 
 
 def when_in_blocks():
-    print('heard “ä\\" ' + in_.message)
+    print("heard “ä\\\" " + in_.message)
     part.publish("word", Text(text=str(in_.index) + ""))
 
 

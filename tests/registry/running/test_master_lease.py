@@ -11,7 +11,7 @@ from pathlib import Path
 from time import monotonic
 
 import pytest
-from sqlalchemy import Engine, text
+from sqlalchemy import Connection, Engine, text
 from sqlalchemy.exc import DBAPIError
 
 from msbot.config import Blueprint, Library
@@ -171,3 +171,24 @@ def test_a_frozen_holder_keeps_nobody_from_taking_over(
 def test_a_file_cannot_be_shared(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"robot.db is a file: give both the same --db postgresql://user@host/name"):
         master_lease.check_shareable(str(tmp_path / "robot.db"))
+
+
+def test_a_transaction_that_the_server_ended_for_standing_still_is_begun_again(
+    opened: Callable[[], Registry], sweeper: Engine
+) -> None:
+    storage, times = opened().storage, 0
+
+    def write(connection: Connection) -> int:
+        nonlocal times
+        times += 1
+        if times == 1:
+            connection.execute(text("SET LOCAL idle_in_transaction_session_timeout = 20"))
+            pid = connection.execute(text("SELECT pg_backend_pid()")).scalar_one()
+            with sweeper.connect() as other:  # until the server has ended it
+                while other.execute(
+                    text("SELECT count(*) FROM pg_stat_activity WHERE pid = :pid"), {"pid": pid}
+                ).scalar():
+                    pass
+        return int(connection.execute(text("SELECT 7")).scalar_one())
+
+    assert (storage.write(write), times) == (7, 2)

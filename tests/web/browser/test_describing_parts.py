@@ -115,7 +115,7 @@ def test_one_program_one_click_and_the_lamp_obeys(
 ) -> None:
     page = visit("/program")
     press(page, "More")
-    page.get_by_text("New program").click()
+    page.get_by_text("New program", exact=True).click()
     expect(page.locator(".ms-prog-choice")).to_contain_text("program1.py")
     write(page, MINE)
     began = time.monotonic()

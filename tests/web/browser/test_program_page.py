@@ -242,7 +242,7 @@ print("has tried")
 def test_a_program_is_kept_by_version_and_shared(open_desk: Callable[..., Page], lesson: Site) -> None:
     page = open_desk()
     press(page, "More")
-    page.get_by_text("New program").click()
+    page.get_by_text("New program", exact=True).click()
     expect(page.locator(".ms-prog-choice")).to_contain_text("program1.py")
     write(page, "print('first')\n")
     press(page, "Keep")

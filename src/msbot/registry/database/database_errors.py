@@ -68,6 +68,11 @@ def is_about_the_database(error: BaseException) -> bool:
     return False
 
 
+def was_ended_for_standing_still(error: DBAPIError) -> bool:
+    """Whether PostgreSQL ended a transaction in which nothing was done for too long; nothing of it is stored."""
+    return getattr(error.orig, "sqlstate", None) == "25P03"  # idle_in_transaction_session_timeout (PostgreSQL App. A)
+
+
 @contextmanager
 def told_as_registry_error(database: str) -> Iterator[None]:
     """Turn every error of the database into a `RegistryError` that names the database and the remedy."""

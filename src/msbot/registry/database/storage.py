@@ -9,9 +9,10 @@ from time import monotonic
 from typing import ParamSpec, TypeVar
 
 from sqlalchemy import Connection, Engine
+from sqlalchemy.exc import DBAPIError
 
 from msbot.errors import RegistryError
-from msbot.registry.database.database_errors import told_as_registry_error
+from msbot.registry.database.database_errors import told_as_registry_error, was_ended_for_standing_still
 from msbot.registry.database.database_file import DatabaseFile
 from msbot.registry.database.engine import WAIT_S, WRITE, Address
 from msbot.registry.database.writer import Writer
@@ -28,6 +29,8 @@ LIMIT_S = 2.5
 """How long a read for a page or command may take; NiceGUI gives up on a page that is not built within 3 s."""
 CATCH_UP_S = 0.5
 """How long a reader waits until earlier notes are stored."""
+STOOD_STILL = 3
+"""How often a transaction is begun again that the server ended because this process did nothing in it for a second."""
 READERS = 4
 """How many readers are served at the same time."""
 MOST_WAITING = 64
@@ -160,14 +163,22 @@ class Storage:
         return self.writer.submit(change, wait_s=self.patience_s).wait(self.limit_s)
 
     def write(self, write: Callable[[Connection], _T]) -> _T:
-        """Write in one transaction, at once; only before a robot runs.
+        """Write in one transaction, at once; only before a robot runs. It may be called more than once.
 
         Raises:
             RegistryError: it cannot be written; nothing has changed.
         """
         engine = self.engine.execution_options(**{WRITE: True, WAIT_S: self.busy_timeout_s})
-        with told_as_registry_error(self.words), engine.connect() as connection, connection.begin():
-            return write(connection)
+        with told_as_registry_error(self.words):
+            for _ in range(STOOD_STILL):
+                try:
+                    with engine.connect() as connection, connection.begin():
+                        return write(connection)
+                except DBAPIError as error:
+                    if not was_ended_for_standing_still(error):
+                        raise
+            with engine.connect() as connection, connection.begin():
+                return write(connection)
 
     async def in_time(self, ask: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> _T:
         """Call something that reads or changes the database, without blocking the event loop.

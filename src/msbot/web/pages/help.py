@@ -70,9 +70,9 @@ HELP = {
         "explain/plug_and_play",
     ),
     "/program": PageHelp(
-        "Write a program in Python, or press Blocks and put it together, and press Run: it runs in this browser, and its "
-        "part joins the robot as any other. Lines with a mistake are marked, and the console shows what the program prints. Begin with an example, and "
-        "change it. In the text, Tab moves a line in; Escape and then Tab leaves it.",
+        "Write a program in Python, or press Blocks and put it together, and press Run: it runs in this browser, and "
+        "its part joins the robot as any other. Lines with a mistake are marked, and the console shows what the program "
+        "prints. Begin with an example, and change it; in the text, Tab moves a line in, Escape and then Tab leaves it.",
         "howto/program_in_the_browser",
     ),
     "/plots": PageHelp(
