@@ -18,7 +18,7 @@ from msbot.operations.rights import Role
 from msbot.registry import open_registry
 from msbot.registry.database_identity import database_identity
 from msbot.school.access import AccessBook, FarAccess
-from msbot.school.class_robots import database_mark
+from msbot.school.class_robots import Read, database_mark, directly
 from msbot.school.rollout import RollOut
 from msbot.school.rollout_book import RolledOut, RollOutBook
 from msbot.school.rollout_run import RobotChange, RobotJob, StepState
@@ -36,7 +36,7 @@ NAME = "MSBOT_MASTER"
 class Room:
     """A database with the robots X1 and X2, neither of which runs, and an access to X9, which is away."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, read: Read | None = directly) -> None:
         self.folder = folder
         self.address = str(folder / "robot.db")
         self.library = load_library()
@@ -63,7 +63,13 @@ class Room:
             no_records(lambda: pytest.fail("not asked")), parse=parse, database=identity, address=self.address
         )
         self.doing = ClassRollOuts(
-            records, self.accounts, lambda: self.library, time.monotonic, accesses=accesses, book=self.book
+            records,
+            self.accounts,
+            lambda: self.library,
+            time.monotonic,
+            accesses=accesses,
+            book=self.book,
+            read=read,
         )
         self.admin, self.teacher, self.student = (
             self.accounts.sessions.begin(role.word, role) for role in (Role.ADMINISTRATOR, Role.TEACHER, Role.STUDENT)
@@ -97,11 +103,7 @@ def play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[
 
     def run(scene: Callable[[Room], Awaitable[None]]) -> None:
         async def whole() -> None:
-            room = Room(tmp_path)
-            try:
-                await scene(room)
-            finally:
-                room.doing.close()
+            await scene(Room(tmp_path))
 
         asyncio.run(whole())
 
@@ -146,6 +148,20 @@ def test_the_blueprint_of_one_robot_is_given_to_the_others(play: Play) -> None:
         assert [plan.robot.serial_number for plan in plans] == ["X2"], "not to itself"
         await doing.begin(teacher, pattern, plans)
         await room.over()
+        assert room.extra() == [True, True]
+
+    play(scene)
+
+
+def test_another_process_opens_the_database(play: Play) -> None:
+    async def scene(here: Room) -> None:
+        room = Room(here.folder, read=None)
+        pattern = await room.doing.pattern(room.teacher, "more.toml", EXTRA)
+        try:
+            await room.doing.begin(room.teacher, pattern, await room.doing.plan(room.teacher, pattern, room.ours))
+            assert await room.over() == [StepState.CHANGED] * 2
+        finally:
+            room.doing.close()
         assert room.extra() == [True, True]
 
     play(scene)

@@ -76,11 +76,12 @@ class ClassRollOuts:
         clock: seconds.
         accesses: to robots elsewhere.
         book: remembers what was done.
+        read: calls what opens databases; None: in a process of its own.
     """
 
     def __init__(
         self, records: Records, accounts: Accounts, library: Callable[[], Library], clock: Callable[[], float],
-        *, accesses: AccessBook | None = None, book: RollOutBook | None = None,
+        *, accesses: AccessBook | None = None, book: RollOutBook | None = None, read: Read | None = None,
     ) -> None:  # fmt: skip
         self._records = records
         self._accounts = accounts
@@ -90,6 +91,7 @@ class ClassRollOuts:
         self._book = book or RollOutBook()
         self._looking = DaemonThreads(AT_ONCE, "msbot roll-out look")
         self._threads = DaemonThreads(AT_ONCE, "msbot roll-out")
+        self._read = read
         self._databases = KeptWorker(WorkLimits())
         self._comparing = 0
         self._is_beginning = False
@@ -269,6 +271,8 @@ class ClassRollOuts:
 
     def _reader(self) -> Read:
         """Has another process open databases, for threads of ours."""
+        if self._read is not None:
+            return self._read
         loop = asyncio.get_running_loop()
 
         def read(function: Callable[_P, _R], /, *args: _P.args, **kwargs: _P.kwargs) -> _R:
