@@ -19,7 +19,7 @@ import pytest
 from msbot.cli.school.joining import _agreed_certificate
 from msbot.errors import ConfigError
 from msbot.school.access import FarAccess
-from msbot.school.far_masters import Asking, FarLine, FarTrouble, ask_one, read_status, say_stop
+from msbot.school.far_masters import Asking, FarLine, FarRefusal, FarTrouble, ask_one, read_status, say_stop
 from tests.certificate import Certificate
 
 SHORT_S = 0.3
@@ -123,6 +123,19 @@ def test_each_kind_of_trouble_is_one_sentence_with_the_address(
     assert words in str(caught.value)
     assert "msbot_secret" not in str(caught.value)
     assert time.monotonic() - began < 20 * SHORT_S, "bounded, on a busy computer, too"
+
+
+@pytest.mark.parametrize(
+    ("status", "is_refusal"),
+    [("400 Bad Request", True), ("403 Forbidden", True), ("409 Conflict", False), ("500 Server Error", False)],
+)
+def test_only_an_answer_before_anything_is_done_says_that_nothing_has_changed(
+    stack: ExitStack, status: str, is_refusal: bool
+) -> None:
+    there = somebody(stack, once(answer(status, {"error": "no"})))
+    with pytest.raises(FarTrouble) as caught:
+        ask_one(there.access, lambda line: line.mapping("PUT", "/api/blueprint", {}), SHORT_S)
+    assert isinstance(caught.value, FarRefusal) is is_refusal
 
 
 def test_one_that_hangs_holds_up_no_other_one(stack: ExitStack) -> None:

@@ -3,11 +3,11 @@ that there is an access to."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ParamSpec, Protocol, TypeVar
 
 from msbot.agent import MASTER, RunningProcess, running_processes
 from msbot.registry.database_identity import database_identity
@@ -16,6 +16,9 @@ from msbot.school.far_masters import LOOK_S, Asking, FarTrouble, read_status
 
 if TYPE_CHECKING:
     from msbot.registry import Registry, RobotRecord
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +61,13 @@ class ClassRobot:
     def words(self) -> str:
         """The robot, told from others of its name."""
         return f"{self.name} {self.serial_number}"
+
+    @property
+    def database_mark(self) -> str:
+        """A mark of its database: robots with the same mark share one; empty: it has none, or it is not known."""
+        if self.far is not None:
+            return self.far.text("database")
+        return database_mark(database_identity(self.database)) if self.database else ""
 
     @property
     def page(self) -> str:
@@ -105,6 +115,22 @@ class ClassRobot:
         return int(found) if found.isdecimal() else 0
 
 
+class Read(Protocol):
+    """Calls a function that opens a database file, where that does no harm.
+
+    A process that has a database file open must not open and close it once more: closing it ends the locks by which
+    SQLite keeps the file whole. A master has another process do it.
+    """
+
+    def __call__(self, function: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> _T:
+        """What the function returns, or raises."""
+
+
+def directly(function: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> _T:
+    """As it is, in a program that has no database open."""
+    return function(*args, **kwargs)
+
+
 @contextmanager
 def open_database(database: str) -> Iterator[Registry]:
     """A database of robots that is there.
@@ -131,8 +157,9 @@ def database_mark(identity: str) -> str:
 
 
 def class_robots(
-    database: str | None, accesses: Sequence[FarAccess], words: Sequence[str] = (), *, path: str = ""
-) -> list[ClassRobot]:
+    database: str | None, accesses: Sequence[FarAccess], words: Sequence[str] = (), *, path: str = "",
+    read: Read = directly,
+) -> list[ClassRobot]:  # fmt: skip
     """All robots of the class that fit the words: of the masters here, of a database, and of the accesses.
 
     Args:
@@ -140,6 +167,7 @@ def class_robots(
         accesses: to masters on other computers; all are asked at once, for 3 s at most.
         words: all of them are found in what is said of a robot.
         path: the way to a database that the user has named: it may have a password, what a master says has none.
+        read: calls what reads the database.
 
     Raises:
         RegistryError: the database cannot be used.
@@ -152,7 +180,7 @@ def class_robots(
         if key not in found:  # else it is one of this computer: the way over the network is not needed
             found[key] = far
     if database is not None:
-        for stored in _stored(database, found):
+        for stored in read(_stored, database, frozenset(found)):
             found[_key(stored.name, stored.serial_number, database_identity(database))] = stored
     return sorted(
         (robot for robot in found.values() if robot.fits(words)), key=lambda robot: (robot.name, robot.serial_number)
@@ -192,14 +220,17 @@ def _local(path: str) -> Iterator[ClassRobot]:
         )  # fmt: skip
 
 
-def _stored(path: str, found: Mapping[tuple[str, str, str], ClassRobot]) -> Iterator[ClassRobot]:
+def _stored(path: str, known: frozenset[tuple[str, str, str]]) -> list[ClassRobot]:
+    """The robots of a database that are not known otherwise."""
     from msbot.config import blueprint_mark  # running robots have told theirs
 
     identity = database_identity(path)
     with open_database(path) as registry:
-        for record in registry.robots.all():
-            if _key(record.name, record.serial_number, identity) not in found:
-                yield ClassRobot(
-                    record.name, record.serial_number, record.version, path, None, registry.runs.is_run(record),
-                    blueprint_mark(registry.robots.blueprint(record)),
-                )  # fmt: skip
+        return [
+            ClassRobot(
+                record.name, record.serial_number, record.version, path, None, registry.runs.is_run(record),
+                blueprint_mark(registry.robots.blueprint(record)),
+            )
+            for record in registry.robots.all()
+            if _key(record.name, record.serial_number, identity) not in known
+        ]  # fmt: skip

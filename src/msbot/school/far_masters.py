@@ -36,10 +36,16 @@ AGAIN_S: Final = 0.05
 
 _R = TypeVar("_R")
 Answer = dict[str, Any]
+_NOTHING_CHANGED: Final = (400, 403, 404, 413, 422)
+"""Statuses by which the API refuses before anything is done."""
 
 
 class FarTrouble(ConfigError):
     """A master elsewhere cannot be reached, or refuses; the text says which and why."""
+
+
+class FarRefusal(FarTrouble):
+    """It has answered, and does not do it: nothing has changed there."""
 
 
 class FarLine:
@@ -59,7 +65,21 @@ class FarLine:
         """Call the API; returns what is answered.
 
         Raises:
-            FarTrouble: nobody answers, it is no master, or it refuses.
+            FarTrouble: nobody answers, or it is no master.
+            FarRefusal: it refuses.
+        """
+        content = self.octets(method, path, body)
+        try:
+            return json.loads(content)
+        except ValueError:
+            raise _no_page(self._access.address) from None
+
+    def octets(self, method: str, path: str, body: Mapping[str, object] | None = None) -> bytes:
+        """The same, for calls that answer with something else.
+
+        Raises:
+            FarTrouble: nobody answers, or it is no master.
+            FarRefusal: it refuses.
         """
         where = self._access.address
         left = self._until - time.monotonic()
@@ -71,7 +91,6 @@ class FarLine:
             connection.request(method, path, None if body is None else json.dumps(body).encode(), headers)
             with connection.getresponse() as answer:
                 content = answer.read(MOST_OCTETS + 1)
-            found = json.loads(content) if len(content) <= MOST_OCTETS else None
         except ssl.SSLCertVerificationError as error:
             words = said(
                 "{address}: its certificate is not the one that is trusted here ({error}); if that is right, "
@@ -88,18 +107,19 @@ class FarLine:
             ) from None
         except (http.client.HTTPException, ValueError):
             raise _no_page(where) from None
+        if len(content) > MOST_OCTETS:
+            raise _no_page(where)
         if answer.status == http.client.UNAUTHORIZED:
             words = said(
                 "{address}: it does not know the API token (any more): `msbot class join {address}` with another one",
                 address=where,
             )
-            raise FarTrouble(words)
+            raise FarRefusal(words)
         if answer.status != http.client.OK:
-            why = found.get("error") if isinstance(found, dict) else None
-            raise FarTrouble(
-                said("{address}: {error}", address=where, error=str(why or f"{answer.status} {answer.reason}"))
-            )
-        return found
+            words = said("{address}: {error}", address=where, error=_why(content) or f"{answer.status} {answer.reason}")
+            # A database that was too slow (409) may store it later, and nobody knows of a server's own fault (5xx).
+            raise FarRefusal(words) if answer.status in _NOTHING_CHANGED else FarTrouble(words)
+        return content
 
     def mapping(self, method: str, path: str, body: Mapping[str, object] | None = None) -> Answer:
         """The same, for calls that answer with an object."""
@@ -225,6 +245,15 @@ def say_stop(reason: str) -> Work[Answer]:
             time.sleep(AGAIN_S)
 
     return work
+
+
+def _why(content: bytes) -> str:
+    """The reason that an answer with an error gives; empty: none."""
+    try:
+        found = json.loads(content)
+    except ValueError:
+        return ""
+    return str(found.get("error") or "") if isinstance(found, dict) else ""
 
 
 def _too_late(address: str) -> FarTrouble:

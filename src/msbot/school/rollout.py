@@ -1,31 +1,32 @@
 """Puts one blueprint into force in many robots, each of which keeps its own profile; and takes that back.
 
-What was done is written down robot by robot, so that it can be taken back even if the roll-out was interrupted.
+What was done is remembered robot by robot (`rollout_book`); who does it, in which order, is `rollout_run`.
 """
 
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
+from msbot.agent import RunningProcess
 from msbot.config import Blueprint, Library, RobotProfile, blueprint_toml, differences
 from msbot.errors import ConfigError, MsbotError
 from msbot.registry.database_identity import database_identity
-from msbot.runtime.user_folders import state_folder
-from msbot.school.class_robots import ClassRobot, FarRobot, find_record, open_database
-from msbot.school.far_masters import CHANGE_S, Answer, FarLine, ask_one
+from msbot.runtime.sentence import said
+from msbot.school.class_robots import ClassRobot, FarRobot, Read, directly, find_record, open_database
+from msbot.school.far_masters import CHANGE_S, LOOK_S, Answer, FarLine, FarRefusal, FarTrouble, ask_one
+from msbot.school.rollout_book import RolledOut, RollOutBook
+from msbot.school.rollout_run import NoAnswer, RobotChange, RobotJob
 
-MOST_ROLLOUTS = 20
-"""Roll-outs that are remembered; the oldest is forgotten first."""
+if TYPE_CHECKING:
+    from msbot.registry import Registry, RobotRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,31 +42,48 @@ class RollOutPlan:
     """Why it cannot be changed from here."""
 
 
-@dataclass(frozen=True, slots=True)
-class RolledOut:
-    """A change that a roll-out has made."""
+def blueprint_of(robot: ClassRobot, read: Read = directly) -> str:
+    """The blueprint in force in a robot, with what people have changed by hand, as the text of `robot.toml`.
 
-    robot: str
-    serial_number: str
-    database: str
-    """Without a password; of a robot elsewhere, the address of its page."""
-    edit: int
+    Raises:
+        ConfigError: it cannot be read from here.
+        RegistryError: its database cannot be used.
+    """
+    if robot.far is not None:
+        try:
+            return ask_one(robot.far.access, lambda line: line.octets("GET", "/api/blueprint"), LOOK_S).decode()
+        except UnicodeDecodeError as error:
+            raise ConfigError(said("{robot}: what it gives is no blueprint", robot=robot.words)) from error
+    if not robot.database:
+        raise ConfigError(said("{robot} runs without a database: it has no blueprint to give", robot=robot.words))
+    return blueprint_toml(read(_stored_blueprint, robot.database, robot.name, robot.serial_number, by_hand=True))
 
 
-def plan_for(robot: ClassRobot, blueprint: Blueprint) -> RollOutPlan:
+def _stored_blueprint(database: str, name: str, serial_number: str, *, by_hand: bool) -> Blueprint:
+    with open_database(database) as registry:
+        return registry.robots.blueprint(_record(registry, name, serial_number), by_hand=by_hand)
+
+
+def _record(registry: Registry, name: str, serial_number: str) -> RobotRecord:
+    record = find_record(registry, name, serial_number)
+    if record is None:
+        words = said("{robot} is not in its database any more", robot=f"{name} {serial_number}")
+        raise ConfigError(words)
+    return record
+
+
+def plan_for(robot: ClassRobot, blueprint: Blueprint, read: Read = directly) -> RollOutPlan:
     """Compare a robot with a blueprint of which everything but the profile is meant for it, too."""
     if robot.runs_elsewhere:
         return RollOutPlan(
-            robot, None, obstacle="its master runs on another computer: `msbot class join` its page first"
+            robot, None, obstacle=said("its master runs on another computer: `msbot class join` its page first")
         )
+    if robot.far is None and not robot.database:
+        return RollOutPlan(robot, None, obstacle=said("it runs without a database, so it cannot be changed from here"))
     try:
         if robot.far is not None:
             return _far_plan(robot, robot.far, blueprint)
-        with open_database(robot.database) as registry:
-            record = find_record(registry, robot.name, robot.serial_number)
-            if record is None:
-                return RollOutPlan(robot, None, obstacle=f"it is not in its database {robot.database} any more")
-            present = registry.robots.blueprint(record, by_hand=False)
+        present = read(_stored_blueprint, robot.database, robot.name, robot.serial_number, by_hand=False)
     except MsbotError as error:
         return RollOutPlan(robot, None, obstacle=str(error))
     wanted = replace(blueprint, robot=present.robot)
@@ -82,7 +100,10 @@ def _far_plan(robot: ClassRobot, far: FarRobot, blueprint: Blueprint) -> RollOut
         return RollOutPlan(robot, None, obstacle=far.trouble)
     if (robot.name, robot.serial_number) != (far.access.robot, far.access.serial_number):
         known = f"{far.access.robot} {far.access.serial_number}"
-        obstacle = f"another robot answers there than {known}: `msbot class join {robot.page}` if that is right"
+        obstacle = said(
+            "another robot answers there than {known}: `msbot class join {page}` if that is right",
+            known=known, page=robot.page,
+        )  # fmt: skip
         return RollOutPlan(robot, None, obstacle=obstacle)
     names = ("robot", "version", "serial_number", "released", "manufacturer")
     wanted = replace(blueprint, robot=RobotProfile(*(far.text(name) for name in names)))
@@ -99,60 +120,93 @@ def _ask(far: FarRobot, method: str, path: str, body: dict[str, object]) -> Answ
     return ask_one(far.access, work, CHANGE_S)
 
 
+def _change(far: FarRobot, method: str, path: str, body: dict[str, object]) -> Answer:
+    """The same, of a question that changes the robot.
+
+    Raises:
+        FarRefusal: it has not changed.
+        NoAnswer: whether it has changed is not known.
+    """
+    try:
+        return _ask(far, method, path, body)
+    except FarRefusal:
+        raise
+    except FarTrouble as trouble:
+        raise NoAnswer(str(trouble)) from trouble
+
+
+def _ask_here(master: RunningProcess, request: Mapping[str, object]) -> Answer:
+    try:
+        return master.ask(request, patience_s=CHANGE_S)
+    except ConfigError as error:
+        raise NoAnswer(str(error)) from error
+
+
 class RollOut:
     """One roll-out.
 
     Args:
-        source: the blueprint's file, beside which its part library is found.
+        blueprint: where the blueprint is from, for people.
+        folder: where the folders of part types that it names are looked for.
         library: the part types that it was checked against.
         folders: further folders of part types, as `--library` names them.
         who: who does it.
+        book: remembers what was done.
+        read: calls what opens a database.
     """
 
-    def __init__(self, source: Path, library: Library, folders: Sequence[Path], who: str) -> None:
-        self._source = source.resolve()
+    def __init__(
+        self, blueprint: str, folder: Path, library: Library, folders: Sequence[Path], who: str, *,
+        book: RollOutBook | None = None, read: Read = directly,
+    ) -> None:  # fmt: skip
+        self._folder = folder
         self._who = who
         self._library = library
         self._folders = [str(folder.resolve()) for folder in folders]
-        self._written = RollOutBook().begin(str(self._source))
+        self._book = book or RollOutBook()
+        self._read = read
+        self._at = self._book.begin(blueprint)
 
-    def put_in_force(self, plan: RollOutPlan) -> str:
-        """Change one robot; returns what was done, in words.
+    def job(self, plan: RollOutPlan) -> RobotJob:
+        """What is to be done at that robot."""
+        return RobotJob(plan.robot.words, partial(self._put_in_force, plan))
+
+    def _put_in_force(self, plan: RollOutPlan) -> RobotChange:
+        """Change one robot.
 
         Raises:
-            ConfigError: its master refuses it, or does not answer.
+            NoAnswer: its master does not answer.
+            ConfigError: it refuses.
             RegistryError: it cannot be stored; nothing has changed.
         """
         assert plan.wanted is not None
         robot = plan.robot
         if robot.far is not None:
-            words, edit = _done(_ask(robot.far, "PUT", "/api/blueprint", {"toml": blueprint_toml(plan.wanted)}))
+            done = _done(_change(robot.far, "PUT", "/api/blueprint", {"toml": blueprint_toml(plan.wanted)}))
         elif robot.master is not None:
             with self._as_file(plan.wanted) as path:
                 request = {"do": "apply", "args": {"path": str(path), "folders": self._folders}, "who": self._who}
-                words, edit = _done(robot.master.ask(request, patience_s=CHANGE_S))
+                done = _done(_ask_here(robot.master, request))
         else:
-            words, edit = self._in_database(robot, plan.wanted)
-        if edit is not None:
-            self._written(RolledOut(robot.name, robot.serial_number, database_identity(robot.database), edit))
-        return words
-
-    def _in_database(self, robot: ClassRobot, wanted: Blueprint) -> tuple[str, int | None]:
-        with open_database(robot.database) as registry:
-            record = find_record(registry, robot.name, robot.serial_number)
-            if record is None:
-                raise ConfigError(f"{robot.words} is not in {robot.database} any more")
-            registry.runs.begin(record)  # so that no master starts in between
-            _, edit = registry.robots.change_blueprint(wanted, self._library, self._who)
-        return ("nothing to change", None) if edit is None else (edit.words, edit.id)
+            done = self._read(_change_stored, robot.database, plan.wanted, self._library, self._who)
+        if done.edit is None:
+            return done
+        try:
+            self._book.note(
+                self._at, RolledOut(robot.name, robot.serial_number, database_identity(robot.database), done.edit)
+            )
+        except ConfigError as error:  # it is changed all the same
+            words = said("{words}; but it is not remembered for undo: {error}", words=done.words, error=str(error))
+            return RobotChange(words, done.edit)
+        return done
 
     @contextmanager
     def _as_file(self, wanted: Blueprint) -> Iterator[Path]:
         """The blueprint for one robot as a file beside the original, so that relative folders mean the same."""
         try:
-            number, name = tempfile.mkstemp(".toml", f".{self._source.stem}-", self._source.parent)
+            number, name = tempfile.mkstemp(".toml", ".rollout-", self._folder)
         except OSError as error:
-            raise ConfigError(f"cannot write beside {self._source}: {error.strerror}") from error
+            raise ConfigError(f"cannot write in {self._folder}: {error.strerror}") from error
         path = Path(name)
         try:
             with os.fdopen(number, "w", encoding="utf-8") as file:
@@ -162,64 +216,36 @@ class RollOut:
             path.unlink(missing_ok=True)
 
 
-class RollOutBook:
-    """The roll-outs of this user on this computer."""
+def _change_stored(database: str, wanted: Blueprint, library: Library, who: str) -> RobotChange:
+    """Change a robot that does not run."""
+    with open_database(database) as registry:
+        registry.runs.begin(_record(registry, wanted.robot.name, wanted.robot.serial_number))  # no master starts now
+        _, edit = registry.robots.change_blueprint(wanted, library, who)
+    return RobotChange(said("nothing to change"), None) if edit is None else RobotChange(edit.words, edit.id)
 
-    def __init__(self, folder: Path | None = None) -> None:
-        self._path = (folder or state_folder()) / "rollouts.json"
 
-    def begin(self, source: str) -> Callable[[RolledOut], None]:
-        """Begin a roll-out; what this returns is called with each change."""
-        entry: dict[str, Any] = {"at": time.time(), "blueprint": source, "done": []}
-        entries = [*self._read(), entry][-MOST_ROLLOUTS:]
-        return partial(self._add, entries, entry)
+def undo_job(
+    at: float, change: RolledOut, robots: Sequence[ClassRobot], who: str, book: RollOutBook, *, read: Read = directly
+) -> RobotJob:
+    """What is to be done to take one change of that roll-out back; then it is remembered no more."""
 
-    def last(self) -> tuple[str, float, list[RolledOut]] | None:
-        """Blueprint, time (seconds since 1970) and changes of the latest roll-out that was not taken back."""
-        for entry in reversed(self._read()):
-            if entry["done"]:
-                return str(entry["blueprint"]), float(entry["at"]), [RolledOut(**one) for one in entry["done"]]
-        return None
-
-    def taken_back(self, changes: Sequence[RolledOut]) -> None:
-        """These changes of the latest roll-out are no more."""
-        entries = self._read()
-        for entry in reversed(entries):
-            if entry["done"]:
-                entry["done"] = [one for one in entry["done"] if RolledOut(**one) not in changes]
-                break
-        self._write(entries)
-
-    def _add(self, entries: list[dict[str, Any]], entry: dict[str, Any], done: RolledOut) -> None:
-        entry["done"].append(asdict(done))
-        self._write(entries)
-
-    def _read(self) -> list[dict[str, Any]]:
+    def do() -> RobotChange:
+        back = take_back(change, robots, who, read)
         try:
-            entries = json.loads(self._path.read_text(encoding="utf-8"))
-            for entry in entries:
-                float(entry["at"]), str(entry["blueprint"]), [RolledOut(**one) for one in entry["done"]]
-        except FileNotFoundError:
-            return []
-        except (OSError, ValueError, TypeError, KeyError) as error:
-            raise ConfigError(f"cannot read which roll-outs there were, {self._path}: {error}; move it away") from error
-        assert isinstance(entries, list)
-        return entries
+            book.taken_back(at, [change])
+        except ConfigError as error:  # it is taken back all the same
+            words = said("{words}; but it is still remembered: {error}", words=back.words, error=str(error))
+            return RobotChange(words, back.edit)
+        return back
 
-    def _write(self, entries: list[dict[str, Any]]) -> None:
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            new = self._path.with_suffix(".new")
-            new.write_text(json.dumps(entries), encoding="utf-8")
-            new.replace(self._path)
-        except OSError as error:
-            raise ConfigError(f"cannot write down what was changed, {self._path}: {error.strerror}") from error
+    return RobotJob(f"{change.robot} {change.serial_number}", do)
 
 
-def take_back(done: RolledOut, robots: Sequence[ClassRobot], who: str) -> str:
-    """Undo one change of a roll-out; returns what was done, in words.
+def take_back(done: RolledOut, robots: Sequence[ClassRobot], who: str, read: Read = directly) -> RobotChange:
+    """Undo one change of a roll-out.
 
     Raises:
+        NoAnswer: its master does not answer.
         ConfigError: it was changed again since, or the robot cannot be changed from here.
         RegistryError: it cannot be stored; nothing has changed.
     """
@@ -229,24 +255,28 @@ def take_back(done: RolledOut, robots: Sequence[ClassRobot], who: str) -> str:
         (one for one in robots if (one.name, one.serial_number, database_identity(one.database)) == key), None
     )  # fmt: skip
     if robot is not None and robot.far is not None:
-        answer = _ask(robot.far, "POST", "/api/undo", {"edit": done.edit})
+        answer = _change(robot.far, "POST", "/api/undo", {"edit": done.edit})
     elif robot is not None and robot.master is not None:
-        answer = robot.master.ask(request, patience_s=CHANGE_S)
+        answer = _ask_here(robot.master, request)
     elif done.database.startswith(("http://", "https://")):
         raise ConfigError(f"there is no access to {done.database} any more, or another robot answers there")
     else:
-        from msbot.operations.dispatch import perform, stored_operations  # running robots need no SQLAlchemy here
-
-        with open_database(done.database if robot is None else robot.database) as registry:
-            record = find_record(registry, done.robot, done.serial_number)
-            if record is None:
-                raise ConfigError(f"{done.robot} {done.serial_number} is not in {done.database} any more")
-            answer = asyncio.run(perform(stored_operations(registry, record), request))
-    return _done(answer)[0]
+        database = done.database if robot is None else robot.database
+        answer = read(_undo_stored, database, done.robot, done.serial_number, request)
+    return _done(answer)
 
 
-def _done(answer: Answer) -> tuple[str, int | None]:
-    """The outcome in words, and the number of the edit.
+def _undo_stored(database: str, name: str, serial_number: str, request: dict[str, object]) -> Answer:
+    """Undo a change of a robot that does not run."""
+    from msbot.operations.dispatch import perform, stored_operations  # running robots need no SQLAlchemy here
+
+    with open_database(database) as registry:
+        record = _record(registry, name, serial_number)
+        return asyncio.run(perform(stored_operations(registry, record), request))
+
+
+def _done(answer: Answer) -> RobotChange:
+    """What was done, as the master says.
 
     Raises:
         ConfigError: the master has refused.
@@ -254,4 +284,4 @@ def _done(answer: Answer) -> tuple[str, int | None]:
     if "error" in answer:
         raise ConfigError(str(answer["error"]))
     number = answer.get("edit")
-    return str(answer.get("words", "")), number if isinstance(number, int) else None
+    return RobotChange(str(answer.get("words", "")), number if isinstance(number, int) else None)

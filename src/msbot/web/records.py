@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import BinaryIO, NoReturn
 
-from msbot.config import Library, blueprint_mark, blueprint_toml, compare_text, parse_blueprint
+from msbot.config import Blueprint, Library, blueprint_mark, blueprint_toml, compare_text, parse_blueprint
 from msbot.errors import RegistryError
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.outcome import Outcome
@@ -84,6 +84,8 @@ class Records:
     """The present blueprint as TOML."""
     diff: Callable[[str], Awaitable[list[str]]]
     """What another blueprint would change; raises ConfigError when it is wrong."""
+    parse: Callable[[str], Awaitable[Blueprint]]
+    """Reads a blueprint's text and checks it; raises ConfigError when it is wrong."""
     apply: Callable[[str, str], Awaitable[Outcome]]
     """(TOML, who) -> what was changed."""
     backup: Callable[[], Awaitable[Backup]]
@@ -94,6 +96,8 @@ class Records:
     trouble: Callable[[], str]
     database: str = ""
     """Which database it is, see `database_identity`; empty: none."""
+    address: str = ""
+    """The database as it was opened, maybe with a password; empty: none."""
 
 
 class RegistryUsers:
@@ -149,9 +153,11 @@ def registry_records(
         present = await registry.storage.in_time(registry.robots.blueprint, robot, by_hand=False)
         return [str(difference) for difference in await workshop.run(compare_text, toml, library(), present)]
 
+    async def parse(toml: str) -> Blueprint:
+        return await workshop.run(parse_blueprint, toml, library())
+
     async def apply(toml: str, who: str) -> Outcome:
-        wanted = await workshop.run(parse_blueprint, toml, library())
-        return await operations.applying.put_in_force(wanted, who=who)
+        return await operations.applying.put_in_force(await parse(toml), who=who)
 
     async def backup() -> Backup:
         file = await asyncio.get_running_loop().run_in_executor(aside, _backup, address)
@@ -183,12 +189,14 @@ def registry_records(
         robots=robot_tiles(registry, robot),
         export=export,
         diff=diff,
+        parse=parse,
         apply=apply,
         backup=backup,
         restore=restore,
         people_edits=people_edits,
         trouble=lambda: registry.storage.health.trouble or "",
         database=database_identity(address),
+        address=address,
     )
 
 
@@ -216,6 +224,7 @@ def no_records(robot: Callable[[], Robot]) -> Records:
         robots=tile,
         export=refuse,
         diff=refuse,
+        parse=refuse,
         apply=refuse,
         backup=refuse,
         restore=refuse,

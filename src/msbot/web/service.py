@@ -91,8 +91,9 @@ class Service:
         self._doctor = doctor
         self._figures = figures
         self.whole_class = WholeClass(
-            operations, records, robot, accounts, clock=clock, neighbours=neighbours or LocalMasters(), far=far
-        )
+            operations, records, robot, accounts, clock=clock, neighbours=neighbours or LocalMasters(),
+            library=lambda: views.library, far=far,
+        )  # fmt: skip
         """All robots of the class."""
         self.past = RecordedPast(
             lambda: str(operations.recording.recording().answer.get("folder") or ""), lambda: views.library,

@@ -7,6 +7,7 @@ import asyncio
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
+from msbot.config import Library
 from msbot.errors import ConfigError
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Right
@@ -17,6 +18,7 @@ from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
 from msbot.web.api.class_models import RobotStatus, RobotTile
 from msbot.web.api.models import Robot
+from msbot.web.class_rollouts import ClassRollOuts
 from msbot.web.far_robots import FarRobots, FarStop
 from msbot.web.local_masters import LocalMaster, LocalMasters, StopForAll
 from msbot.web.records import Records
@@ -37,12 +39,14 @@ class WholeClass:
         accounts: who may do what.
         clock: the robot's clock.
         neighbours: the masters of this computer.
+        library: gives the part types that a blueprint for many is checked against.
         far: the masters elsewhere.
     """
 
     def __init__(
         self, operations: RunningOperations, records: Records, robot: Callable[[], Robot], accounts: Accounts, *,
-        clock: Callable[[], float], neighbours: LocalMasters, far: FarRobots | None = None,
+        clock: Callable[[], float], neighbours: LocalMasters, library: Callable[[], Library],
+        far: FarRobots | None = None,
     ) -> None:  # fmt: skip
         self._operations = operations
         self._records = records
@@ -51,6 +55,8 @@ class WholeClass:
         self._clock = clock
         self._neighbours = neighbours
         self._far = far or FarRobots(clock)
+        self.rollouts = ClassRollOuts(records, accounts, library, clock)
+        """One blueprint for many."""
         self._looking_around = asyncio.Lock()
         self._seen: tuple[float, list[RobotTile]] | None = None
         self.trouble = ""
@@ -76,7 +82,7 @@ class WholeClass:
         async with self._looking_around:
             if self._seen is None or self._clock() - self._seen[0] >= CLASS_S:
                 found = await self._neighbours.look()
-                tiles = with_neighbours(await self._records.robots(), found, self._records.database)
+                tiles = with_neighbours(await self._stored(), found, self._records.database)
                 try:
                     far, self.trouble = await self._far.look(), ""
                 except ConfigError as error:
@@ -84,6 +90,11 @@ class WholeClass:
                 tiles = with_far(tiles, far, self._records.database)
                 self._seen = (self._clock(), tiles)
             return self._seen[1]
+
+    async def _stored(self) -> list[RobotTile]:
+        database = self._records.database
+        mark = database_mark(database) if database else ""
+        return [tile.model_copy(update={"database": mark}) for tile in await self._records.robots()]
 
     async def stop_all(self, session: Session) -> StopForAll:
         """STOP to every robot whose master runs on this computer, or elsewhere with an access; all at once.
@@ -93,6 +104,7 @@ class WholeClass:
             ConfigError: the file with the accesses cannot be used; the robots of this computer were told.
         """
         self._accounts.require(session, Right.STOP)
+        self.rollouts.hold_back(said("STOP was said to all robots"))
         reason = said("{session} said STOP to all robots of the class", session=session.name)
         here, far = await asyncio.gather(
             self._neighbours.stop_all(session.name, reason), self._far.stop_all(reason), return_exceptions=True
@@ -141,7 +153,7 @@ def with_far(tiles: Sequence[RobotTile], far: Iterable[ClassRobot], database: st
         told = {
             "running": one.answers, "address": one.page, "active": one.active, "slots": one.slots, "elsewhere": True,
             "stopped": one.far.status.get("stopped") is True, "reachable": one.answers, "version": one.version,
-            "blueprint": one.blueprint, "msbot": one.msbot, "trouble": one.far.trouble,
+            "blueprint": one.blueprint, "msbot": one.msbot, "trouble": one.far.trouble, "database": one.database_mark,
         }  # fmt: skip
         number = known.get((one.name, one.serial_number)) if mark and one.far.text("database") == mark else None
         if number is None:
@@ -173,6 +185,7 @@ def with_neighbours(tiles: Sequence[RobotTile], found: Iterable[LocalMaster], da
         tile = known.get(key) or RobotTile(
             name=one.robot, serial_number=one.serial_number, running=True, here=False, owner="", slots=one.slots,
             active=one.active, last_event="", last_event_age_s=None,
+            database=database_mark(one.database) if one.database else "",
         )  # fmt: skip
         known[key] = tile.model_copy(
             update={"running": True, "address": one.page, "active": one.active, "slots": one.slots,

@@ -1,4 +1,5 @@
-"""A class: two masters, each with a database of its own, and an access that leads nowhere, on one page; one STOP."""
+"""A class: two masters, each with a database of its own, and an access that leads nowhere, on one page; one STOP; one
+blueprint for many."""
 
 from __future__ import annotations
 
@@ -7,10 +8,13 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, expect
 
+from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
+from msbot.registry import open_registry
 from msbot.school.access import AccessBook, FarAccess
 from tests.e2e.processes import run, running
+from tests.operations.stage import put_database
 from tests.web.browser.accessible import hurdles
-from tests.web.browser.conftest import free_port, link_in, new_page
+from tests.web.browser.conftest import free_port, go, link_in, new_page
 
 
 def test_one_page_shows_both_robots_and_one_stop_reaches_them(browser: Browser, tmp_path: Path) -> None:
@@ -48,4 +52,61 @@ def test_one_page_shows_both_robots_and_one_stop_reaches_them(browser: Browser, 
         for robot in ("ROVER", "MSBOT_MASTER"):
             status = json.loads(run("stop", "--status", "--json", "--robot", robot, cwd=tmp_path).stdout)
             assert status["stopped"] is True, robot
+        page.context.close()
+
+
+def test_one_blueprint_goes_to_many_robots_and_back(browser: Browser, tmp_path: Path) -> None:
+    """The robot that runs, and one that does not, get what a third one has."""
+    library = load_library()
+    serial = next(line for line in SAMPLE_ROBOT_TOML.splitlines() if line.startswith("serial_number"))
+    more = '\n[[slot]]\nname = "extra"\npart = "RELAY-1"\n'
+    put_database(tmp_path / "robot.db")
+    with open_registry(str(tmp_path / "robot.db")) as registry:
+        for number, added in (("X2", more), ("X3", "")):
+            text = SAMPLE_ROBOT_TOML.replace(serial, f'serial_number = "{number}"') + added
+            registry.robots.apply_blueprint(parse_blueprint(text, library), library)
+
+    def has_extra() -> list[bool]:
+        with open_registry(str(tmp_path / "robot.db"), read_only=True) as registry:
+            return ["extra" in registry.robots.slot_names(record) for record in registry.robots.all()]
+
+    state = {"XDG_STATE_HOME": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path)}
+    words = ("demo", "--robot", "thesis", "--port", "0", "--db", "robot.db")
+    with running(*words, cwd=tmp_path, env=state) as process:
+        page = new_page(browser)
+        link = link_in(process)
+        there = link.partition("/enter")[0] + "/class"
+        page.goto(link)
+        go(page, there)
+        expect(page.locator("a.slot, div.slot").filter(has_text="MSBOT_MASTER")).to_have_count(3)
+        page.get_by_role("button", name="One blueprint for many").click()
+        page.get_by_role("button", name="Show what would change").click()
+        expect(page.get_by_text("Choose a blueprint first")).to_be_visible()
+        page.get_by_label("Blueprint of the robot").click()
+        page.get_by_role("option", name="MSBOT_MASTER X2").click()
+        expect(page.get_by_text("Blueprint: MSBOT_MASTER X2")).to_be_visible()
+        expect(page.get_by_role("button", name="Begin")).to_be_disabled()
+        page.get_by_role("button", name="Show what would change").click()
+        plan = page.locator("ul.ms-rollout > li")
+        expect(plan).to_have_count(2)
+        for position in (0, 1):
+            expect(plan.nth(position)).to_contain_text("+ slot extra: part RELAY-1")
+        assert [one for one in hurdles(page, dark=False) if "notification" not in one] == []
+        page.get_by_role("button", name="Begin").click()
+        page.get_by_role("button", name="Yes").click()
+        expect(page.get_by_text("MSBOT_MASTER X2, rolled out: 2 of 2 robots; 0 to go, 0 not")).to_be_visible()
+        expect(page.locator("ol.ms-rollout > li").filter(has_text="changed, edit")).to_have_count(2)
+        assert has_extra() == [True] * 3
+        page.close()
+        page = page.context.new_page()
+        page.set_viewport_size({"width": 390, "height": 844})
+        go(page, there)
+        page.get_by_role("button", name="One blueprint for many").click()
+        expect(page.locator("ol.ms-rollout > li").filter(has_text="changed, edit")).to_have_count(2)
+        assert hurdles(page, dark=True) == []
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        page.get_by_role("button", name="Take it back").click()
+        page.get_by_role("button", name="Yes").click()
+        expect(page.get_by_text("MSBOT_MASTER X2, taken back: 2 of 2 robots; 0 to go, 0 not")).to_be_visible()
+        assert sorted(has_extra()) == [False, False, True]
         page.context.close()

@@ -21,7 +21,7 @@ from msbot.cli.options import (
 )
 from msbot.cli.school.finding import find
 from msbot.cli.school.joining import join, leave
-from msbot.errors import ConfigError, MsbotError
+from msbot.errors import ConfigError
 from msbot.runtime.own_version import own_version
 from msbot.runtime.stop_datagram import IS_THERE, ask_masters
 from msbot.school.access import AccessBook, FarAccess
@@ -238,6 +238,7 @@ def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...],
     from msbot.cli.blueprint.apply import agreed
     from msbot.config import open_blueprint
     from msbot.school.rollout import RollOut, plan_for
+    from msbot.school.rollout_run import RollOutRun, StepState
 
     wanted, library = open_blueprint(blueprint, *folders)
     robots = robots_of_class(db, words)
@@ -252,14 +253,15 @@ def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...],
     failed = sum(bool(plan.obstacle) for plan in plans)
     if to_change and not yes and not agreed():
         raise click.Abort
-    roll = RollOut(blueprint, library, folders, user_name())
-    for number, plan in enumerate(to_change, 1):
-        try:
-            done = roll.put_in_force(plan)
-        except MsbotError as error:
-            failed += 1
-            done = f"NOT changed, as far as is known: {error}"
-        click.echo(f"[{number}/{len(to_change)}] {plan.robot.words}: {done}")
+    source = blueprint.resolve()
+    roll = RollOut(str(source), source.parent, library, folders, user_name())
+    run = RollOutRun(str(source), [roll.job(plan) for plan in to_change])
+    for number, plan in enumerate(to_change):
+        step = run.do(number)
+        is_done = step.state is StepState.CHANGED
+        failed += not is_done
+        done = step.words if is_done else f"NOT changed, as far as is known: {step.words}"
+        click.echo(f"[{number + 1}/{len(to_change)}] {plan.robot.words}: {done}")
     if failed:
         raise ConfigError(f"{failed} of {len(plans)} robots were not changed; `msbot class undo` takes the others back")
     if to_change:
@@ -270,22 +272,23 @@ def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...],
 @db_option
 def undo(db: str | None) -> None:
     """Take back the latest roll-out, robot by robot; what was changed again since stays, and is named."""
-    from msbot.school.rollout import RollOutBook, take_back
+    from msbot.school.rollout import undo_job
+    from msbot.school.rollout_book import RollOutBook
+    from msbot.school.rollout_run import RollOutRun, StepState
 
     book = RollOutBook()
     last = book.last()
     if last is None:
         raise ConfigError("there is no roll-out that could be taken back")
-    source, at, changes = last
-    click.echo(f"{source}, rolled out on {datetime.fromtimestamp(at):%Y-%m-%d %H:%M}:")
-    robots, back = robots_of_class(db), []
-    for number, change in enumerate(changes, 1):
-        try:
-            words = take_back(change, robots, user_name())
-            back.append(change)
-        except MsbotError as error:
-            words = f"NOT taken back: {error}"
-        click.echo(f"[{number}/{len(changes)}] {change.robot} {change.serial_number}: {words}")
-    book.taken_back(back)
-    if len(back) < len(changes):
-        raise ConfigError(f"{len(changes) - len(back)} of {len(changes)} robots were not taken back")
+    click.echo(f"{last.blueprint}, rolled out on {datetime.fromtimestamp(last.at):%Y-%m-%d %H:%M}:")
+    robots, count, left = robots_of_class(db), len(last.done), 0
+    jobs = [undo_job(last.at, change, robots, user_name(), book) for change in last.done]
+    run = RollOutRun(last.blueprint, jobs, is_undo=True)
+    for number in range(count):
+        step = run.do(number)
+        is_done = step.state is StepState.CHANGED
+        left += not is_done
+        words = step.words if is_done else f"NOT taken back: {step.words}"
+        click.echo(f"[{number + 1}/{count}] {step.robot}: {words}")
+    if left:
+        raise ConfigError(f"{left} of {count} robots were not taken back")

@@ -65,3 +65,5 @@ class RobotTile(Model):
     """Whether there is an access to its master on another computer."""
     trouble: Said = ""
     """Why a master elsewhere does not answer."""
+    database: str = ""
+    """A mark of its database, which tells robots of the same name apart; empty: it has none, or it is not known."""

@@ -9,8 +9,10 @@ from fastapi import Request
 from nicegui import ui
 
 from msbot.errors import MsbotError
+from msbot.operations.rights import Right
 from msbot.web.api.class_models import RobotTile
 from msbot.web.html import Markup, render
+from msbot.web.pages.class_rollout import RollOutPanel
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
@@ -45,8 +47,12 @@ def _tiles(page: Page, hostname: str) -> None:
     ).classes("soft")
     trouble = ui.label("").classes("ms-banner warn")
     nobody = ui.label(page.say("No robot fits. Try part of its name, or clear the search."))
+    above = ui.column().classes("w-full")
     grid = ui.element("div").classes("grid")
     shown = _Shown(page, grid, hostname)
+    if page.may(Right.DESIGN):
+        with above:
+            RollOutPanel(page, lambda: shown.fitting)
 
     async def show() -> None:
         try:
@@ -79,6 +85,8 @@ class _Shown:
         self._elements: list[ui.html] = []
         self._tiles: list[RobotTile] = []
         self._source: object = None
+        self.fitting: list[RobotTile] = []
+        """Those that the search shows."""
 
     def update(self, tiles: list[RobotTile], words: list[str]) -> list[RobotTile]:
         """Show these robots as far as all words are found in what is said of them; returns those."""
@@ -102,6 +110,7 @@ class _Shown:
                 element.set_visibility(fits)
             if fits:
                 fitting.append(tile)
+        self.fitting = fitting
         return fitting
 
 

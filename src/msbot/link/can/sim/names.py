@@ -12,14 +12,12 @@ import json
 import os
 import re
 import secrets
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
 from msbot.errors import ConfigError, LinkDown
+from msbot.runtime.folder_lock import alone_in
 from msbot.runtime.user_folders import check_owner, is_running, running_folder
 
 DEFAULT_NAME: Final = "classroom"
@@ -99,7 +97,9 @@ def withdraw(bus: NamedBus, folder: Path | None = None) -> None:
     path = _path(bus.name, folder)
     if _read(path) != bus:
         return
-    with _alone(folder):
+    # Without a lock (Windows), `is_running` cannot tell either, so that only a refused connection and the process that
+    # has served the bus remove its file.
+    with alone_in(folder):
         # Two processes may see the same dead bus: the slower one must not remove what was written after the faster one.
         if _read(path) == bus:
             path.unlink(missing_ok=True)
@@ -166,24 +166,6 @@ def list_buses(folder: Path | None = None) -> list[NamedBus]:
     names = sorted(path.name.removeprefix(PREFIX).removesuffix(".json") for path in folder.glob(f"{PREFIX}*.json"))
     found = (find_bus(name, folder) for name in names if _NAME.fullmatch(name))
     return [bus for bus in found if bus is not None]
-
-
-@contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Keep this user's other processes from removing a file meanwhile; it takes microseconds."""
-    if sys.platform == "win32":
-        # No lock of a folder there; `is_running` cannot tell there either, so that only a refused connection and the
-        # process that has served the bus remove its file.
-        yield
-        return
-    import fcntl
-
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
 
 
 def _link(draft: Path, path: Path, name: str) -> None:

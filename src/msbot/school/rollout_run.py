@@ -1,0 +1,120 @@
+"""A roll-out while it goes on, or its undo: what is done at each robot, and how far each one is.
+
+Whoever runs it calls `do` for each robot, one after the other or in threads; others may look at it meanwhile. One
+robot that cannot be changed holds up no other one.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from msbot.errors import ConfigError, MsbotError
+from msbot.runtime.sentence import said
+
+
+class NoAnswer(ConfigError):
+    """A master was asked to change something and has not answered: whether it has is not known."""
+
+
+class StepState(Enum):
+    """How far one robot is."""
+
+    WAITING = "waiting"
+    WORKING = "being changed"
+    CHANGED = "changed"
+    REFUSED = "refused"
+    SILENT = "no answer"
+    LEFT = "not begun"
+
+
+@dataclass(frozen=True, slots=True)
+class RobotStep:
+    """One robot of a roll-out."""
+
+    robot: str
+    state: StepState = StepState.WAITING
+    words: str = ""
+    """What was done, or why not."""
+    edit: int | None = None
+    """Number of the change in its database."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotChange:
+    """What was done to one robot."""
+
+    words: str
+    edit: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class RobotJob:
+    """What is to be done at one robot."""
+
+    robot: str
+    do: Callable[[], RobotChange]
+    """Raises NoAnswer when nobody knows whether it is done, and another MsbotError when it is not."""
+
+
+class RollOutRun:
+    """See the module's docstring.
+
+    Args:
+        blueprint: where the blueprint is from.
+        jobs: in the order in which they are begun.
+        is_undo: whether a roll-out is taken back.
+    """
+
+    def __init__(self, blueprint: str, jobs: Sequence[RobotJob], *, is_undo: bool = False) -> None:
+        self.blueprint = blueprint
+        self.is_undo = is_undo
+        self.began_at = time.time()
+        """Seconds since 1970."""
+        self._jobs = jobs
+        self._lock = threading.Lock()
+        self._steps = [RobotStep(job.robot) for job in jobs]
+        self._halted = ""
+
+    @property
+    def steps(self) -> tuple[RobotStep, ...]:
+        """How far each robot is."""
+        with self._lock:
+            return tuple(self._steps)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more is done."""
+        return all(step.state not in (StepState.WAITING, StepState.WORKING) for step in self.steps)
+
+    def halt(self, why: str) -> None:
+        """Begin with no further robot; those that are being changed are."""
+        with self._lock:
+            self._halted = why
+            self._steps = [
+                replace(step, state=StepState.LEFT, words=why) if step.state is StepState.WAITING else step
+                for step in self._steps
+            ]
+
+    def do(self, number: int) -> RobotStep:
+        """Do what is to be done at that robot, which takes a while; returns how it went."""
+        with self._lock:
+            step = self._steps[number]
+            if step.state is not StepState.WAITING:
+                return step
+            self._steps[number] = replace(step, state=StepState.WORKING)
+        after = replace(step, state=StepState.SILENT, words=said("this failed in a way that MsBOT does not know"))
+        try:
+            change = self._jobs[number].do()
+            after = replace(step, state=StepState.CHANGED, words=change.words, edit=change.edit)
+        except NoAnswer as error:
+            after = replace(step, state=StepState.SILENT, words=str(error))
+        except MsbotError as error:
+            after = replace(step, state=StepState.REFUSED, words=str(error))
+        finally:  # a mistake of ours is told to whoever runs it, and nobody waits for this robot for ever
+            with self._lock:
+                self._steps[number] = after
+        return after

@@ -1,0 +1,108 @@
+"""How far each robot of a roll-out is, and that one that fails holds up no other one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
+from msbot.errors import ConfigError
+from msbot.registry import open_registry
+from msbot.school.class_robots import ClassRobot, class_robots
+from msbot.school.rollout import RollOut, plan_for, undo_job
+from msbot.school.rollout_book import RollOutBook
+from msbot.school.rollout_run import NoAnswer, RobotChange, RobotJob, RollOutRun, StepState
+from tests.operations.stage import put_database
+
+
+def raising(error: Exception) -> Callable[[], RobotChange]:
+    def do() -> RobotChange:
+        raise error
+
+    return do
+
+
+def test_each_robot_says_for_itself_how_it_went() -> None:
+    seen: list[StepState] = []
+
+    def change() -> RobotChange:
+        seen.append(run.steps[0].state)
+        return RobotChange("done", 7)
+
+    run = RollOutRun(
+        "robot.toml",
+        [
+            RobotJob("A 1", change),
+            RobotJob("B 1", raising(ConfigError("no such part"))),
+            RobotJob("C 1", raising(NoAnswer("no answer in time"))),
+            RobotJob("D 1", raising(ZeroDivisionError())),
+            RobotJob("E 1", change),
+        ],
+    )
+    assert {step.state for step in run.steps} == {StepState.WAITING}
+    for number in range(3):
+        run.do(number)
+    with pytest.raises(ZeroDivisionError):
+        run.do(3)
+    assert not run.is_over
+    run.halt("STOP")
+    assert run.do(4).words == "STOP", "not begun any more"
+    assert run.is_over
+    assert seen == [StepState.WORKING]
+    told = [(step.state, step.words, step.edit) for step in run.steps]
+    assert told[:3] == [
+        (StepState.CHANGED, "done", 7), (StepState.REFUSED, "no such part", None),
+        (StepState.SILENT, "no answer in time", None),
+    ]  # fmt: skip
+    assert [state for state, _, _ in told[3:]] == [StepState.SILENT, StepState.LEFT]
+    run.do(0)
+    assert seen == [StepState.WORKING], "nothing is done twice"
+
+
+def test_stored_robots_are_changed_and_changed_back_and_one_changed_since_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # no master of this user is seen
+    database, library, book = str(tmp_path / "robot.db"), load_library(), RollOutBook(tmp_path)
+    put_database(tmp_path / "robot.db")
+    serial = next(line for line in SAMPLE_ROBOT_TOML.splitlines() if line.startswith("serial_number"))
+    with open_registry(database) as registry:
+        for number in (1, 2):
+            text = SAMPLE_ROBOT_TOML.replace(serial, f'serial_number = "X{number}"')
+            registry.robots.apply_blueprint(parse_blueprint(text, library), library)
+    wanted = parse_blueprint(SAMPLE_ROBOT_TOML + '\n[[slot]]\nname = "extra"\npart = "RELAY-1"\n', library)
+
+    def slots() -> list[bool]:
+        with open_registry(database, read_only=True) as registry:
+            return ["extra" in registry.robots.slot_names(record) for record in registry.robots.all()]
+
+    robots = class_robots(database, ())
+    plans = [plan_for(robot, wanted) for robot in robots]
+    assert [plan.changes for plan in plans] == [("+ slot extra: part RELAY-1",)] * 2
+    roll = RollOut("robot.toml", tmp_path, library, (), "ann", book=book)
+    run = RollOutRun("robot.toml", [roll.job(plan) for plan in plans])
+    assert [run.do(number).state for number in (0, 1)] == [StepState.CHANGED] * 2
+    assert slots() == [True, True]
+    last = book.last()
+    assert last is not None
+    assert [one.edit for one in last.done] == [step.edit for step in run.steps]
+
+    with open_registry(database) as registry:  # somebody goes on with the first one
+        (first, _) = registry.robots.all()
+        present = registry.robots.blueprint(first)
+        changed = parse_blueprint(SAMPLE_ROBOT_TOML.replace(serial, 'serial_number = "X1"'), library)
+        assert changed != present
+        registry.robots.change_blueprint(changed, library, "bob")
+    back = RollOutRun("robot.toml", [undo_job(last.at, one, robots, "ann", book) for one in last.done], is_undo=True)
+    assert [back.do(number).state for number in (0, 1)] == [StepState.REFUSED, StepState.CHANGED]
+    assert slots() == [False, False]
+    last = book.last()
+    assert last is not None
+    assert [one.serial_number for one in last.done] == ["X1"], "what was not taken back is still remembered"
+
+
+def test_a_robot_without_a_database_says_so() -> None:
+    plan = plan_for(ClassRobot("R", "1", "", "", None), parse_blueprint(SAMPLE_ROBOT_TOML, load_library()))
+    assert plan.obstacle == "it runs without a database, so it cannot be changed from here"
