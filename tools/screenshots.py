@@ -21,6 +21,7 @@ from itertools import product
 from pathlib import Path
 from threading import Thread
 
+import httpx
 from playwright.sync_api import Browser, Page, sync_playwright
 
 WIDTHS = {"desk": (1280, 860), "phone": (390, 844)}
@@ -39,6 +40,9 @@ KEPT = (
 )  # fmt: skip
 """The pictures in the documentation."""
 
+CLASS = "class"
+TEACHER = {"name": "Ms Novak", "password": "only for pictures"}
+
 
 @dataclass(frozen=True, slots=True)
 class Shot:
@@ -50,17 +54,60 @@ class Shot:
     """What is done on the page before the picture is taken."""
     signed_in: bool = True
     world: str = ""
-    """The world that the demo is in; "" = the rover, in none."""
+    """The world that the demo is in; "" = the rover, in none; CLASS = the robot of a class, and no demo."""
+
+
+PUPILS_PROGRAM = """from msbot import Distance, Level, Part
+
+part = Part("PILOT")
+
+
+@part.on("distance", Distance)
+def when_distance(distance):
+    power = 40 if distance.metres > 0.3 else -20
+    part.publish("left", Level(percent=power))
+    part.publish("right", Level(percent=power))
+
+
+part.run()
+"""
 
 
 def _a_class(page: Page) -> None:
-    """Pupils in groups: the accounts are made once, and are there for the pictures that follow."""
+    """Pupils in groups, two with a program that runs, one who asks: made once, and there for all pictures."""
     if page.get_by_text("Ada", exact=True).count():
         return
-    page.get_by_role("textbox", name="Names").fill("Ada; Red\nBen; Red\nCleo; Blue\nDora; Blue")
+    page.get_by_role("button", name="Make the groups by the slots' names").click()
+    page.get_by_role("button", name="Simulate all empty slots").click()
+    page.get_by_role("textbox", name="Names").fill("Ada; Red\nBen; Red\nCleo; Green\nDora; Green\nEmil; Blue")
     page.get_by_role("button", name="Let them in").click()
+    tickets = page.locator(".ticket")
+    tickets.first.wait_for()
+    passwords = {name: tickets.filter(has_text=name).locator("b.mono").inner_text() for name in ("Ada", "Cleo", "Emil")}
     page.get_by_role("button", name="Close").click()
-    page.get_by_text("Ada", exact=True).first.wait_for()
+    base = re.sub(r"/pupils.*", "", page.url)
+    assert page.context.browser is not None
+    for name, password in passwords.items():
+        desk = page.context.browser.new_context().new_page()
+        _sign_in(desk, f"{base}/login?next=/program", name, password)
+        desk.locator(".cm-line", has_text="import").first.wait_for()
+        if name == "Cleo":
+            desk.get_by_role("button", name="Put your hand up").click()
+            continue
+        desk.locator(".cm-content").click()
+        desk.keyboard.press("Control+a")
+        desk.keyboard.insert_text(PUPILS_PROGRAM)
+        desk.get_by_role("button", name="Run", exact=True).click()
+        desk.locator("#ms-prog-state[data-state=active]").wait_for()
+    page.get_by_text("program in program_Blue").wait_for()
+    page.locator(".q-notification").first.wait_for(state="hidden")
+
+
+def _sign_in(page: Page, address: str, name: str, password: str) -> None:
+    page.goto(address)
+    page.fill("[name=name]", name)
+    page.fill("[name=password]", password)
+    page.click("button[type=submit]")
 
 
 def _take_apart(page: Page) -> None:
@@ -173,8 +220,8 @@ SHOTS = (
     Shot("journal", "/journal"),
     Shot("changes", "/journal", _second_tab),
     Shot("class", "/class"),
-    Shot("pupils", "/pupils", _a_class),
-    Shot("projector", "/projector"),
+    Shot("pupils", "/pupils", _a_class, world=CLASS),
+    Shot("projector", "/projector", world=CLASS),
     Shot("doctor", "/doctor"),
     Shot("admin", "/admin"),
     Shot("api", "/api-docs"),
@@ -183,15 +230,25 @@ SHOTS = (
 
 @contextmanager
 def demo(folder: str, world: str) -> Iterator[str]:
-    """A running demo; gives the link that signs one in."""
-    wishes = ["--world", world] if world else ["--robot", "rover", "--spare", "--script", SCRIPT]
-    command = [sys.executable, "-m", "msbot", "demo", "--seed", "1", "--port", "0", *wishes]
+    """A running demo, or the robot of a class; gives the link that signs one in, or leads to where one does."""
+    msbot = [sys.executable, "-m", "msbot"]
+    if world == CLASS:
+        subprocess.run([*msbot, "pupils", "robot", "class.toml", "--groups", "Red,Green,Blue"], cwd=folder, check=True)
+        command = [*msbot, "master", "class.toml", "--port", "0", "--link", "udp:127.0.0.1:0"]
+    else:
+        wishes = ["--world", world] if world else ["--robot", "rover", "--spare", "--script", SCRIPT]
+        command = [*msbot, "demo", "--seed", "1", "--port", "0", *wishes]
     process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
     try:
         assert process.stdout is not None
         link = next(found[0] for line in process.stdout if (found := re.search(r"https?://\S+", line)))
         # The rest is read and thrown away: a demo whose pipe is full stands still.
         Thread(target=deque, args=(process.stdout, 0), daemon=True).start()
+        if world == CLASS:
+            base, _, token = link.partition("/setup?token=")
+            form = {"token": token, **TEACHER, "again": TEACHER["password"]}
+            assert httpx.post(f"{base}/setup", data=form).status_code == 303
+            link = f"{base}/login"
         yield link
     finally:
         process.terminate()
@@ -210,11 +267,14 @@ def take(browser: Browser, link: str, shots: list[Shot], form: tuple[str, str], 
     )
     context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
-    base = re.sub(r"/enter\?.*", "", link)
+    base = re.sub(r"/(enter\?.*|login)", "", link)
     context.add_cookies([{"name": "msbot_tour", "value": "seen", "url": base}])
     for shot in sorted(shots, key=lambda shot: shot.signed_in):
         if shot.signed_in and not any(one["name"].startswith("msbot_session") for one in context.cookies()):
-            page.goto(link)
+            if link.endswith("/login"):
+                _sign_in(page, link, **TEACHER)
+            else:
+                page.goto(link)
         page.goto(base + shot.path)
         page.wait_for_timeout(SETTLE_MS)
         if shot.prepare is not None:

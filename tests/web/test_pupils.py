@@ -17,18 +17,19 @@ from msbot.web.programs.program_shelf import NoShelf
 from msbot.web.pupils import GroupNow, PupilDesk, read_list
 from tests.web.rig import Rig, refusal, show
 
-BLOCKS = '{"msbot":1,"blocks":{"blocks":[]}}'
+BLOCKS = '{"msbot":1,"view":"blocks","workspace":{}}'
+AS_TEXT = BLOCKS.replace('"view":"blocks"', '"view":"python"')
 
 
 class Screen:
     """A page Program that a test looks at."""
 
     def __init__(self) -> None:
-        self.text = "x = 1"
+        self.name, self.text = "x.py", "x = 1"
         self.done: list[str] = []
 
-    def program(self) -> tuple[str, str]:
-        return "x.py", self.text
+    def program(self) -> tuple[str, ProgramSource]:
+        return self.name, ProgramSource(self.text, BLOCKS)
 
     def show(self, text: str) -> None:
         self.text = text
@@ -127,7 +128,8 @@ def test_only_teachers_have_a_class(tmp_path: Path) -> None:
             lambda: desk.add(student, "Ada", 1, who), lambda: desk.tickets(student, 1),
             lambda: desk.class_ticket(student, 30), lambda: desk.make_groups(student, who),
             lambda: desk.now(student, "en", {}), lambda: desk.groups_now(student, {}, frozenset()),
-            lambda: desk.program(student, "Ada"), lambda: desk.write(student, "Ada", "x"),
+            lambda: desk.program(student, "Ada"), lambda: desk.write(student, "Ada", "x.py", "x"),
+            lambda: desk.show(student, "Ada", "x.py", "x"), lambda: desk.keep_as_it_is(student, "Ada"),
             lambda: desk.steer(student, "Ada", run=True),
         ):  # fmt: skip
             assert isinstance(await refusal(deed), NotAllowed)
@@ -143,21 +145,36 @@ def test_a_program_is_looked_at_taken_over_and_steered(tmp_path: Path) -> None:
         programs = ProgramDeeds(shelf, rig.accounts, desk.check_writing)
         assert "no program yet" in str(await refusal(lambda: desk.program(teacher, name)))
         await programs.keep(pupil, "x.py", ProgramSource("x = 0", BLOCKS))
-        assert await desk.program(teacher, name) == ("x.py", "x = 0", False)
+        assert await desk.program(teacher, name) == ("x.py", ProgramSource("x = 0", BLOCKS), False)
         screen = Screen()
         closed = desk.opened(name, screen)
-        assert await desk.program(teacher, name) == ("x.py", "x = 1", True)
-        assert "take over" in str(await refusal(lambda: desk.write(teacher, name, "x = 2")))
+        assert await desk.program(teacher, name) == ("x.py", ProgramSource("x = 1", BLOCKS), True)
+        for deed in (
+            lambda: desk.write(teacher, name, "x.py", "x = 2"), lambda: desk.show(teacher, name, "x.py", "x = 2"),
+            lambda: desk.keep_as_it_is(teacher, name),
+        ):  # fmt: skip
+            assert "take over" in str(await refusal(deed))
         await rig.act(teacher, "take_over", pupil=name)
-        await desk.write(teacher, name, "x = 2")
+        await desk.keep_as_it_is(teacher, name)
+        assert shelf.kept["x.py"] == ProgramSource("x = 1", BLOCKS)  # what the pupil had is there as before
+        desk.show(teacher, name, "x.py", "x = ")
+        assert (screen.text, shelf.kept["x.py"].text) == ("x = ", "x = 1")
+        await desk.write(teacher, name, "x.py", "x = 2")
         assert screen.text == "x = 2"
-        assert await programs.source(pupil, "x.py") == ProgramSource("x = 2", BLOCKS)  # text leaves blocks as they are
+        assert shelf.kept["x.py"] == ProgramSource("x = 2", AS_TEXT)  # else the blocks would write over it
+        screen.name = "y.py"
+        assert "has y.py open now, not x.py" in str(await refusal(lambda: desk.write(teacher, name, "x.py", "x = 3")))
+        assert "at most 64 kB" in str(await refusal(lambda: desk.show(teacher, name, "y.py", "x" * 70_000)))
+        assert (screen.text, shelf.kept["x.py"].text) == ("x = 2", "x = 2")
         assert "taken over" in str(await refusal(lambda: programs.keep(pupil, "x.py", ProgramSource("x = 3"))))
         assert "taken over" in str(await refusal(lambda: programs.remove(pupil, "x.py")))
         desk.steer(teacher, name, run=True)
         desk.steer(teacher, name, run=False)
         assert screen.done == ["run", "stop"]
         closed()
+        shelf.kept["x.py"] = ProgramSource("x = 2", BLOCKS)
+        await desk.write(teacher, name, "x.py", "x = 4")  # the pupil's page is closed
+        assert shelf.kept["x.py"] == ProgramSource("x = 4", AS_TEXT)
         with pytest.raises(MsbotError, match="no page Program open"):
             desk.steer(teacher, name, run=True)
         await rig.act(teacher, "hand_back", pupil=name)

@@ -20,6 +20,7 @@ from msbot.web.access.passes import Passes
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
 from msbot.web.learning import Learning
+from msbot.web.programs.block_view import PYTHON, with_view
 from msbot.web.programs.program_shelf import ProgramShelf, check_program
 
 MOST_SCREENS = 500
@@ -29,8 +30,8 @@ MOST_SCREENS = 500
 class Screen(Protocol):
     """A page Program that a pupil has open."""
 
-    def program(self) -> tuple[str, str]:
-        """Name and text of the program, as it is being typed."""
+    def program(self) -> tuple[str, ProgramSource]:
+        """Name and source of the program, as it is being typed."""
 
     def show(self, text: str) -> None:
         """Put another text in its place."""
@@ -197,7 +198,7 @@ class PupilDesk:
         found = groups_by_slots([slot.name for slot in self._operations.blueprint.slots])
         if not found:
             raise ConfigError(
-                said("the slots tell no groups: `msbot pupils robot` makes a robot with fan_Red, fan_Blue and so on")
+                said("the slots tell no groups: `msbot pupils robot` makes a robot with eyes_Red, eyes_Blue and so on")
             )
         pupils = {one.name: one.pupils for one in self._control.groups}
         for group, slots in found.items():
@@ -277,8 +278,8 @@ class PupilDesk:
         if not screens:
             self._screens.pop(pupil, None)
 
-    async def program(self, session: Session, pupil: str) -> tuple[str, str, bool]:
-        """Name and text of a pupil's program, and whether the pupil has it open: else it is the one kept last.
+    async def program(self, session: Session, pupil: str) -> tuple[str, ProgramSource, bool]:
+        """Name and source of a pupil's program, and whether the pupil has it open: else it is the one kept last.
 
         Raises:
             NotThere: the pupil has none.
@@ -289,30 +290,65 @@ class PupilDesk:
         kept = await self._shelf.of(pupil)
         if not kept:
             raise NotThere(said("{pupil} has no program yet", pupil=pupil))
-        return kept[0].name, (await self._shelf.source(pupil, kept[0].name)).text, False
+        return kept[0].name, await self._shelf.source(pupil, kept[0].name), False
+
+    async def keep_as_it_is(self, session: Session, pupil: str) -> Done:
+        """Keep what a pupil has written, before the teacher who has taken over writes: it is an earlier version then.
+
+        Raises:
+            ConfigError: it was not taken over by this teacher, or cannot be kept.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        self._need_taken(session, pupil)
+        name, source, is_open = await self.program(session, pupil)
+        if is_open:
+            check_program(name, source)
+            await self._shelf.keep(pupil, name, source)
+        return Done(words="")
+
+    def show(self, session: Session, pupil: str, name: str, text: str) -> None:
+        """Show a pupil what the teacher writes who has taken over; `write` keeps it, too.
+
+        Raises:
+            ConfigError: it was not taken over by this teacher, is too long, or the pupil has another program open.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        self._need_taken(session, pupil)
+        check_program(name, ProgramSource(text))
+        if (screen := self._screen_with(pupil, name)) is not None:
+            screen.show(text)
+
+    async def write(self, session: Session, pupil: str, name: str, text: str) -> Done:
+        """Put another text in place of a pupil's program that was taken over, and keep it for the pupil.
+
+        A program of blocks is shown as text from then on; the blocks are kept as they were.
+
+        Raises:
+            ConfigError: as `show`.
+        """
+        self.show(session, pupil, name, text)
+        screen = self._screen_with(pupil, name)
+        blocks = await self._blocks_of(pupil, name) if screen is None else screen.program()[1].blocks
+        source = ProgramSource(text, with_view(blocks, PYTHON))
+        check_program(name, source)
+        number = await self._shelf.keep(pupil, name, source)
+        return Done(words=said("{name} of {pupil} is kept, version {number}", name=name, pupil=pupil, number=number))
 
     async def _blocks_of(self, pupil: str, name: str) -> str:
-        """The blocks that are kept with a program; a text that somebody else writes does not change them."""
+        """The blocks that are kept with a program."""
         try:
             return (await self._shelf.source(pupil, name)).blocks
         except NotThere:
             return ""
 
-    async def write(self, session: Session, pupil: str, text: str) -> Done:
-        """Put another text in place of a pupil's program that was taken over; it is kept for the pupil, too.
-
-        Raises:
-            ConfigError: it was not taken over by this teacher, or it is too long.
-        """
-        self._accounts.require(session, Right.ARRANGE)
-        self._need_taken(session, pupil)
-        name, _, _ = await self.program(session, pupil)
-        source = ProgramSource(text, await self._blocks_of(pupil, name))
-        check_program(name, source)
-        for screen in self._screens.get(pupil, [])[-1:]:
-            screen.show(text)
-        number = await self._shelf.keep(pupil, name, source)
-        return Done(words=said("{name} of {pupil} is kept, version {number}", name=name, pupil=pupil, number=number))
+    def _screen_with(self, pupil: str, name: str) -> Screen | None:
+        """Where a pupil has this program open; None: the pupil has none open."""
+        screens = self._screens.get(pupil)
+        if not screens:
+            return None
+        if (other := screens[-1].program()[0]) != name:
+            raise ConfigError(said("{pupil} has {other} open now, not {name}", pupil=pupil, other=other, name=name))
+        return screens[-1]
 
     def steer(self, session: Session, pupil: str, *, run: bool) -> None:
         """Run a pupil's program in the pupil's browser, or end it.

@@ -97,6 +97,7 @@ FILLED = {
     "/timeline": "svg.wide rect", "/library": "a.slot", "/library/SG90": "table", "/journal": "tbody tr",
     "/faults": "button", "/missions": "button", "/learn": ".panel .row",
     "/learn/quiz?seed=7": "pre", "/class": "a.slot", "/admin": "table",
+    "/pupils": ".panel", "/projector": ".wall-groups li",
     "/doctor": "table", "/?slot=fan": "[role=dialog] input", "/?slot=knob": "[role=dialog] input",
 }  # fmt: skip
 """What is there as soon as a page has something to show."""

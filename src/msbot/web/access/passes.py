@@ -13,11 +13,12 @@ import hmac
 from collections.abc import Callable
 
 from msbot.errors import ConfigError
-from msbot.operations.rights import Role
+from msbot.operations.rights import Right, Role
 from msbot.runtime.sentence import said
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.attempts import SignInRefused
-from msbot.web.access.guest_tickets import GuestTickets
+from msbot.web.access.guest_tickets import GuestTickets, Ticket
+from msbot.web.access.guests import DEMO
 from msbot.web.access.sessions import Session
 from msbot.web.access.users import User
 
@@ -86,6 +87,19 @@ class Passes:
         user = self._user(self.find(word))
         assert user is not None
         return self._accounts.sessions.begin(user.name, user.role)
+
+    def find_class(self, word: str) -> Ticket:
+        """A class ticket by which pupils can come in now; looking does not use it.
+
+        Raises:
+            SignInRefused: it is used up or too old, or who made it may not let anybody in any more.
+        """
+        ticket = self.class_tickets.find(word)
+        role = self._accounts.role_of(ticket.maker)
+        is_demo = ticket.maker == DEMO and self._accounts.has_entry_link
+        if not is_demo and (role is None or role < Right.ARRANGE.least):
+            raise SignInRefused(said("{name} may not let a class in any more", name=ticket.maker))
+        return ticket
 
     def _user(self, name: str) -> User | None:
         return next((user for user in self._accounts.users() if user.name == name), None)

@@ -59,7 +59,7 @@ def add_ticket_forms(
     @router.get("/come")
     async def show_class_ticket(request: Request, ticket: str = "") -> Response:
         try:
-            maker = passes.class_tickets.find(ticket).maker
+            maker = passes.find_class(ticket).maker
         except SignInRefused as error:
             return refused(request, error)
         return page(request, "come_in", "Come in", ticket=ticket, maker=maker)
@@ -70,7 +70,8 @@ def add_ticket_forms(
         ticket, name = form.get("ticket", ""), form.get("name", "").strip()
         try:
             # One place is taken before the password is hashed, so that not more come in than the ticket has places.
-            maker = passes.class_tickets.use(ticket).maker
+            maker = passes.find_class(ticket).maker
+            passes.class_tickets.use(ticket)
         except SignInRefused as error:
             return refused(request, error)
         try:

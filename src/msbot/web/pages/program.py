@@ -11,6 +11,7 @@ from typing import Any
 
 from fastapi import Request
 from nicegui import ui
+from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.events import GenericEventArguments
 
 from msbot.errors import MsbotError
@@ -96,9 +97,8 @@ class _Desk:
             stop = ui.button(say("Stop"), icon="stop").props("outline").classes("ms-prog-stop")
             stop.on("click", js_handler="() => msbotProgram.stop()")
             self._blocks.lay_out_switch()
-        if not self._is_guest:
-            with bar:
-                self._lay_out_keeping()
+        with bar:
+            keeping = () if self._is_guest else self._lay_out_keeping()
         with ui.element("div").classes("ms-prog ms-prog-guest" if self._is_guest else "ms-prog"):
             with ui.element("div").classes("ms-prog-left"):
                 self._blocks.lay_out_place()
@@ -118,21 +118,21 @@ class _Desk:
         ui.on("ms_program_adopt", self._adopt)
         ui.run_javascript(f"msbotProgram.label({self._editor.id}, {json.dumps(say('Program text'))})")
         self._blocks.lay_out_editor(self._editor)
-        held = (run, stop, self._blocks.switch)
-        UnderTeacher(self._page, self._editor, held, lambda: self._name, self._blocks.put_text)
+        held = (run, stop, self._blocks.switch, self._choice, *keeping)
+        UnderTeacher(self._page, self._blocks, held, lambda: (self._name, self._source))
         ui.timer(0.5, self._follow_look)
         assert self._page.client is not None
         self._page.client.on_disconnect(self._left)
         await self._list()
         await self._open_first(name, shared)
 
-    def _lay_out_keeping(self) -> None:
-        """What belongs to a person's own programs."""
+    def _lay_out_keeping(self) -> tuple[DisableableElement, ...]:
+        """What belongs to a person's own programs; returns its buttons."""
         say = self._page.say
         board = ui.button(say("Put on a board"), icon="usb", on_click=self._keep_if_changed).props("flat")
         board.on("click", js_handler="() => msbotProgram.showBoard()")
-        ui.button(say("Keep"), icon="save", on_click=self._keep_now).props("flat")
-        with ui.button(icon="more_vert").props(f'flat dense aria-label="{say("More")}"'), ui.menu():
+        keep = ui.button(say("Keep"), icon="save", on_click=self._keep_now).props("flat")
+        with ui.button(icon="more_vert").props(f'flat dense aria-label="{say("More")}"') as more, ui.menu():
             ui.menu_item(say("New program"), self._new)
             ui.menu_item(say("New program of blocks"), self._new_blocks)
             ui.menu_item(say("Keep as …"), self._keep_as)
@@ -140,6 +140,7 @@ class _Desk:
             ui.menu_item(say("Share, or open on a phone"), self._share)
             ui.menu_item(say("A phone as a part"), self._phone)
             ui.menu_item(say("Remove"), self._remove)
+        return board, keep, more
 
     async def _open_first(self, name: str, shared: str) -> None:
         page = self._page

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Awaitable, Callable
-from typing import Literal, TypeAlias
 
 from nicegui import ui
 from nicegui.events import GenericEventArguments, ValueChangeEventArguments
@@ -17,12 +16,10 @@ from msbot.registry import ProgramSource
 from msbot.web.html import Markup, render
 from msbot.web.pages.layout import Page
 from msbot.web.pages.page_elements import show_dialog
+from msbot.web.programs.block_view import BLOCKS, PYTHON, View, view_of, with_view
 from msbot.web.programs.program_shelf import MAX_BLOCKS
 from msbot.web.programs.robot_words import RobotWords, robot_words
 
-View: TypeAlias = Literal["blocks", "python"]
-BLOCKS: View = "blocks"
-PYTHON: View = "python"
 SCRIPT_LANGUAGES = ("en", "de")
 """Languages of which Blockly's own words are carried (`static/blockly`)."""
 _ANSWER_S = 30.0
@@ -106,6 +103,12 @@ class ProgramBlocks:
             self._show_python()
         self._editor.value = text
 
+    def lock(self, *, is_locked: bool) -> None:
+        """Let nothing be typed or moved, and hear nothing of it, or let it again."""
+        self._editor.set_enabled(not is_locked)
+        self._set_writable()
+        ui.run_javascript(f"document.querySelector('.ms-blocks-box').toggleAttribute('inert', {json.dumps(is_locked)})")
+
     # The switch.
 
     async def _switched(self, event: ValueChangeEventArguments[View]) -> None:
@@ -155,13 +158,12 @@ class ProgramBlocks:
         name, self._view = self._name, BLOCKS
         self._tell_robot()
         error = await self._ask(f"msbotBlocks.show({json.dumps(name)}, {json.dumps(self.doc)})")
-        if name != self._name:
+        if name != self._name or self._view is not BLOCKS:  # another one, or a teacher has written into it meanwhile
             return
         if error is None or error:
             self._refused(str(error or ""))
             return
-        # Not disable(): then what the blocks write into it would not be heard either.
-        self._editor.props("disable")
+        self._set_writable()
         self._editor.set_line_wrapping(True)  # it is narrow beside the blocks
         self._note.text = self._page.say("This Python is made of the blocks, while you move them.")
         self._set_switch()
@@ -169,7 +171,7 @@ class ProgramBlocks:
     def _show_python(self) -> None:
         self._view = PYTHON
         ui.run_javascript("msbotBlocks.hide()")
-        self._editor.props(remove="disable")
+        self._set_writable()
         self._editor.set_line_wrapping(False)
         self._note.text = (
             self._page.say(
@@ -179,6 +181,13 @@ class ProgramBlocks:
             else ""
         )
         self._set_switch()
+
+    def _set_writable(self) -> None:
+        """Text is typed where it is not made of blocks, and nobody else has the program."""
+        if self._view is PYTHON and self._editor.enabled:
+            self._editor.props(remove="disable")
+        else:  # not disable() for blocks: then what they write into it would not be heard either
+            self._editor.props("disable")
 
     def _refused(self, error: str) -> None:
         """The blocks cannot be shown; the text is there, and so are they."""
@@ -229,25 +238,6 @@ class ProgramBlocks:
     def _robot(self) -> RobotWords:
         service = self._page.service
         return robot_words(service.robot().slots, service.views.ports(), service.views.library, self._page.say)
-
-
-def view_of(doc: str) -> View:
-    """How a program was shown when it was kept."""
-    return BLOCKS if _read(doc).get("view") == BLOCKS else PYTHON
-
-
-def with_view(doc: str, view: View) -> str:
-    """The same blocks, of a program that is shown so; what is no blocks stays as it is."""
-    found = _read(doc)
-    return json.dumps(found | {"view": view}, ensure_ascii=False, separators=(",", ":")) if found else doc
-
-
-def _read(doc: str) -> dict[str, object]:
-    try:
-        found = json.loads(doc) if doc else {}
-    except (ValueError, RecursionError):
-        return {}
-    return found if isinstance(found, dict) else {}
 
 
 def block_words(say: Callable[[str], str]) -> dict[str, str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from fastapi import Request
 from nicegui import ui
 
@@ -33,8 +31,12 @@ class _Desk:
     def __init__(self, page: Page, pupil: str) -> None:
         self._page = page
         self._pupil = pupil
-        self._seen = ""
-        self._trouble = ""
+        self._name = ""
+        """Of the program."""
+        self._seen: str | None = None
+        """Its text, as it was read or shown to the pupil last; None: not yet."""
+        self._kept = ""
+        """Its text, as the pupil has it or as it was kept for the pupil last."""
         say = page.say
         ui.link(say("Back to the pupils"), "/pupils")
         with ui.element("div").classes("row spread w-full"):
@@ -43,14 +45,11 @@ class _Desk:
                 self._take = ui.button(say("Take over"), icon="front_hand", on_click=self._take_over)
                 self._run = ui.button(say("Run"), icon="play_arrow", on_click=self._start).props("color=positive")
                 self._hold = ui.button(say("Stop"), icon="stop", on_click=self._end).props("outline")
-                self._back = ui.button(
-                    say("Hand back"), icon="undo", on_click=partial(page.act, "hand_back", pupil=pupil)
-                ).props("outline")
+                self._back = ui.button(say("Hand back"), icon="undo", on_click=self._hand_back).props("outline")
         self._state = ui.label("").classes("soft").props("role=status")
         self._editor = ui.codemirror("", language="Python", theme="githubLight").classes("ms-prog-editor w-full")
         self._editor.set_enabled(False)
         page.every_look(self._look)
-        assert page.client is not None
 
     @property
     def _is_mine(self) -> bool:
@@ -65,7 +64,9 @@ class _Desk:
         if self._editor.enabled is not mine:
             self._editor.set_enabled(mine)
         try:
-            name, text, is_open = await page.service.pupils.program(page.session, self._pupil)
+            name, source, is_open = await page.service.pupils.program(page.session, self._pupil)
+            if mine and self._seen is not None:
+                self._show()
         except MsbotError as error:
             self._state.set_text(say(str(error)))
             return
@@ -77,20 +78,40 @@ class _Desk:
         elif taken is not None:
             words = say("taken over by {by}", by=taken.by)
         self._state.set_text(words)
-        if not mine and text != self._seen:
-            self._editor.value = self._seen = text
+        if not mine or self._seen is None:
+            self._name = name
+            if source.text != self._seen:
+                self._editor.value = self._seen = self._kept = source.text
+
+    def _show(self) -> None:
+        """Let the pupil see what is written here."""
+        text = str(self._editor.value or "")
+        if text != self._seen:
+            self._page.service.pupils.show(self._page.session, self._pupil, self._name, text)
+            self._seen = text
 
     async def _take_over(self) -> None:
+        page = self._page
         await self._look()
-        await self._page.act("take_over", pupil=self._pupil)
+        if await page.act("take_over", pupil=self._pupil) is not None:
+            await page.do(lambda session: page.service.pupils.keep_as_it_is(session, self._pupil), quiet=True)
+
+    async def _hand_back(self) -> None:
+        await self._write()
+        await self._page.act("hand_back", pupil=self._pupil)
 
     async def _write(self) -> bool:
-        """Give the pupil what is written here."""
-        text = str(self._editor.value or "")
-        done = await self._page.do(
-            lambda session: self._page.service.pupils.write(session, self._pupil, text), quiet=True
+        """Keep for the pupil what is written here, if that is something else."""
+        page, text = self._page, str(self._editor.value or "")
+        if text == self._kept:
+            return True
+        done = await page.do(
+            lambda session: page.service.pupils.write(session, self._pupil, self._name, text), quiet=True
         )
-        return done is not None
+        if done is None:
+            return False
+        self._seen = self._kept = text
+        return True
 
     async def _start(self) -> None:
         if (

@@ -44,7 +44,11 @@ def register(service: Service) -> None:
 def _controls(page: Page) -> None:
     say = page.say
     with ui.element("div").classes("row w-full"):
-        reason = ui.input(say("Why, for the pupils' pages")).props("outlined dense maxlength=200")
+        reason = (
+            ui.input(say("Why, for the pupils' pages"))
+            .props("outlined dense maxlength=200")
+            .style("width:min(20rem,100%)")
+        )
 
         async def freeze() -> None:
             await page.act("freeze", reason=str(reason.value or ""))

@@ -6,11 +6,12 @@ import json
 from collections.abc import Callable, Sequence
 
 from nicegui import ui
-from nicegui.elements.codemirror import CodeMirror
 from nicegui.elements.mixins.disableable_element import DisableableElement
 
 from msbot.operations.rights import Right
+from msbot.registry import ProgramSource
 from msbot.web.pages.layout import Page
+from msbot.web.pages.program_blocks import ProgramBlocks
 
 
 class UnderTeacher:
@@ -18,35 +19,33 @@ class UnderTeacher:
 
     Args:
         page: the page.
-        editor: what is typed into.
+        blocks: its text and blocks; the program is text as soon as the teacher has written something else.
         buttons: what the pupil cannot press while a teacher has the program.
-        name: of the program that is open.
-        put_in: puts another text in the editor; the program is text from then on, also where it was blocks.
+        program: name and source of the program that is open, as it is now.
     """
 
     def __init__(
-        self, page: Page, editor: CodeMirror, buttons: Sequence[DisableableElement], name: Callable[[], str],
-        put_in: Callable[[str], None],
+        self, page: Page, blocks: ProgramBlocks, buttons: Sequence[DisableableElement],
+        program: Callable[[], tuple[str, ProgramSource]],
     ) -> None:  # fmt: skip
         self._page = page
-        self._editor = editor
+        self._blocks = blocks
         self._buttons = buttons
-        self._name = name
-        self._put_in = put_in
+        self._program = program
         self._shown: tuple[str, bool] = ("", False)
         if page.may(Right.ARRANGE) or page.client is None:
             return
         page.client.on_delete(page.service.pupils.opened(page.session.name, self))
         page.every_look(self._follow)
 
-    def program(self) -> tuple[str, str]:
+    def program(self) -> tuple[str, ProgramSource]:
         """See `Screen`."""
-        return self._name(), str(self._editor.value or "")
+        return self._program()
 
     def show(self, text: str) -> None:
         """See `Screen`."""
         with self._page.here():
-            self._put_in(text)
+            self._blocks.put_text(text)
 
     def run(self) -> None:
         """See `Screen`."""
@@ -67,8 +66,7 @@ class UnderTeacher:
         if (held, is_taken) == self._shown:
             return
         self._shown = held, is_taken
-        self._editor.set_enabled(not is_taken)
+        self._blocks.lock(is_locked=is_taken)
         for button in self._buttons:
             button.set_enabled(not is_taken)
-        ui.run_javascript(f"document.querySelector('.ms-blocks-box')?.toggleAttribute('inert', {json.dumps(is_taken)})")
         ui.run_javascript(f"msbotProgram.hold({json.dumps(self._page.say(held) if held else '')})")

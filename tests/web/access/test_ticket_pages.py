@@ -1,0 +1,179 @@
+"""What a pupil sees who scans a ticket, over a real HTTP application; in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import html
+import re
+from collections.abc import AsyncIterator
+from urllib.parse import quote
+
+import httpx
+import pytest
+from fastapi import FastAPI
+
+from msbot.operations.rights import Role
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.attempts import FREE_TRIES
+from msbot.web.access.guard import AccessGuard
+from msbot.web.access.passes import CLASS_TICKET_S, Passes
+from msbot.web.access.sign_in_pages import make_forms
+from msbot.web.access.users import MemoryUsers
+from tests.web.access.test_accounts import Clock, PlainHasher, user
+from tests.web.access.test_sign_in_pages import COOKIE, COOKIES, HOME
+
+DAY = 86_400.0
+NOT_VALID = "this ticket is not valid (any more): ask your teacher for a new one"
+USED_UP = "this code is used up or too old: have a new one shown to you"
+WRONG = ["", "guess", "..", "YQ.1.x", "\udcff\0\n", "<b>&", "ä" * 300, "x" * 9_000]
+"""Words that no ticket has."""
+
+
+class Office:
+    """Accounts and tickets, with two clocks that the test turns."""
+
+    def __init__(self) -> None:
+        self.clock, self.wall = Clock(), 1e9
+        people = [user("tom", Role.TEACHER), user("Ada <b>", Role.STUDENT)]
+        self.accounts = Accounts(MemoryUsers(user("root"), *people), clock=self.clock, hasher=PlainHasher())
+        self.passes = Passes(self.accounts, self.clock, lambda: self.wall)
+
+    def class_word(self, places: int) -> str:
+        return self.passes.class_tickets.make("tom", "/program", places)[0]
+
+
+@pytest.fixture
+def office() -> Office:
+    return Office()
+
+
+@pytest.fixture
+async def pupil(office: Office) -> AsyncIterator[httpx.AsyncClient]:
+    """The browser of a pupil."""
+    app = FastAPI()
+    app.include_router(make_forms(office.accounts, "Robby", COOKIES, office.passes))
+    transport = httpx.ASGITransport(
+        AccessGuard(app, office.accounts, ("127.0.0.1",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b"{}")
+    )
+    async with httpx.AsyncClient(transport=transport, base_url=HOME) as client:
+        yield client
+
+
+def sentence(answer: httpx.Response) -> str:
+    """The one sentence that a page says is wrong."""
+    (found,) = re.findall(r'<p (?=[^>]*role="alert")[^>]*class="error"[^>]*>([^<]*)</p>', answer.text)
+    return html.unescape(found)
+
+
+def field(word: str) -> str:
+    """A word as a form or an address carries it, also where it is no text."""
+    return quote(word, errors="surrogateescape")
+
+
+async def post(pupil: httpx.AsyncClient, path: str, **fields: str) -> httpx.Response:
+    body = "&".join(f"{name}={field(value)}" for name, value in fields.items())
+    return await pupil.post(path, content=body, headers={"content-type": "application/x-www-form-urlencoded"})
+
+
+async def test_a_ticket_signs_in_by_its_button_only(office: Office, pupil: httpx.AsyncClient) -> None:
+    word = office.passes.make("Ada <b>", 7)
+    for _ in range(2):  # a camera shows what is behind the link
+        page = await pupil.get(f"/pass?word={word}")
+        assert page.status_code == 200
+        assert "Sign in as Ada &lt;b&gt;" in page.text
+        assert "set-cookie" not in page.headers
+    foreign = await pupil.post("/pass", data={"word": word}, headers={"origin": "http://evil.example"})
+    assert foreign.status_code == 403
+    for _ in range(2):  # on any device, as often as wanted
+        pupil.cookies.clear()
+        done = await pupil.post("/pass", data={"word": word})
+        assert (done.status_code, done.headers["location"]) == (303, "/program")
+        session = office.accounts.session(pupil.cookies[COOKIE])
+        assert session is not None
+        assert (session.name, session.role) == ("Ada <b>", Role.STUDENT)
+
+
+@pytest.mark.parametrize("word", WRONG)
+async def test_a_word_of_no_ticket_is_refused_in_one_sentence(
+    office: Office, pupil: httpx.AsyncClient, word: str
+) -> None:
+    for path, name, words in (("/pass", "word", NOT_VALID), ("/come", "ticket", USED_UP)):
+        looked = await pupil.get(f"{path}?{name}={field(word)}")
+        sent = await post(pupil, path, **{name: word, "name": "Dora"})
+        for answer in (looked, sent, await post(pupil, path)):
+            assert (answer.status_code, sentence(answer)) == (403, words)
+            assert "set-cookie" not in answer.headers
+            assert len(answer.text) < 10_000  # what was sent does not come back
+    assert office.accounts.role_of("Dora") is None
+
+
+async def test_a_ticket_whose_time_is_over_says_so_in_the_pupils_language(
+    office: Office, pupil: httpx.AsyncClient
+) -> None:
+    own, of_class = office.passes.make("Ada <b>", 1), office.class_word(30)
+    office.wall += DAY
+    office.clock.now += CLASS_TICKET_S
+    german = {"accept-language": "de"}
+    assert sentence(await pupil.get(f"/pass?word={own}", headers=german)).startswith("dieser Zettel gilt nicht (mehr)")
+    assert sentence(await pupil.post("/pass", data={"word": own})) == NOT_VALID
+    assert sentence(await pupil.get(f"/come?ticket={of_class}")) == USED_UP
+    assert sentence(await pupil.post("/come", data={"ticket": of_class, "name": "Dora"})) == USED_UP
+    assert office.accounts.role_of("Dora") is None
+
+
+async def test_whoever_scans_the_ticket_of_the_class_types_a_name(office: Office, pupil: httpx.AsyncClient) -> None:
+    word = office.class_word(2)
+    assert "tom lets this class in" in (await pupil.get(f"/come?ticket={word}")).text
+    for name, words in (("tom", "already"), ("", "name"), (" \t", "name"), ("x" * 65, "64"), ("a\nb", "name")):
+        again = await post(pupil, "/come", ticket=word, name=name)
+        assert again.status_code == 400
+        assert words in sentence(again)
+        assert word in again.text  # the form is there again, with its ticket
+    assert office.passes.class_tickets.find(word).left == 2, "a name that will not do costs no place"
+    done = await pupil.post("/come", data={"ticket": word, "name": " Dora "})
+    assert (done.status_code, done.headers["location"]) == (303, "/program")
+    session = office.accounts.session(pupil.cookies[COOKIE])
+    assert session is not None
+    assert (session.name, session.role) == ("Dora", Role.STUDENT)
+
+
+async def test_a_class_ticket_lets_no_more_in_than_it_has_places_also_at_once(
+    office: Office, pupil: httpx.AsyncClient
+) -> None:
+    word = office.class_word(3)
+    answers = await asyncio.gather(
+        *(pupil.post("/come", data={"ticket": word, "name": f"pupil {number}"}) for number in range(10))
+    )
+    assert sorted(answer.status_code for answer in answers) == [303] * 3 + [403] * 7
+    assert {sentence(answer) for answer in answers if answer.status_code == 403} == {USED_UP}
+    assert sum(one.role is Role.STUDENT for one in office.accounts.users()) == 1 + 3
+
+
+async def test_the_same_name_twice_at_once_is_one_pupil(office: Office, pupil: httpx.AsyncClient) -> None:
+    word = office.class_word(3)
+    answers = await asyncio.gather(*(pupil.post("/come", data={"ticket": word, "name": "Dora"}) for _ in range(3)))
+    assert sorted(answer.status_code for answer in answers) == [303, 400, 400]
+    assert office.passes.class_tickets.find(word).left == 2
+
+
+async def test_a_teacher_who_is_none_any_more_lets_nobody_in(office: Office, pupil: httpx.AsyncClient) -> None:
+    word = office.class_word(3)
+    await office.accounts.change_role("tom", "student", who="root")
+    for answer in (await pupil.get(f"/come?ticket={word}"), await post(pupil, "/come", ticket=word, name="Dora")):
+        assert (answer.status_code, sentence(answer)) == (403, "tom may not let a class in any more")
+    assert office.accounts.role_of("Dora") is None
+
+
+async def test_guesses_at_tickets_keep_nobody_from_signing_in(office: Office, pupil: httpx.AsyncClient) -> None:
+    """A class shares an address: whoever guesses words of 128 random bits has no chance, and locks nobody out."""
+    word = office.passes.make("Ada <b>", 1)
+    for _ in range(3 * FREE_TRIES):
+        assert (await pupil.post("/pass", data={"word": word[:-1]})).status_code == 403
+    assert (await pupil.post("/pass", data={"word": word})).status_code == 303
+    assert (await pupil.post("/login", data={"name": "tom", "password": "correct horse"})).status_code == 303
+
+
+async def test_without_an_account_the_class_is_closed(pupil: httpx.AsyncClient) -> None:
+    for path in ("/pupils", "/projector", "/pupil?name=Ada"):
+        answer = await pupil.get(path)
+        assert (answer.status_code, answer.headers["location"]) == (303, f"/login?next={quote(path)}")

@@ -1,0 +1,207 @@
+"""A class in real browsers: a pupil comes in, is frozen, taken over and handed back; the wall has no names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.e2e.processes import run, running
+from tests.web.browser.accessible import hurdles
+from tests.web.browser.conftest import Site, go, new_page
+from tests.web.browser.test_demo_pages import FITS
+
+PROGRAM = """from msbot import Distance, Level, Part
+part = Part("PILOT")
+@part.on("distance", Distance)
+def look(distance):
+    part.publish("left", Level(percent=40))
+part.run()
+"""
+TEXT = "getElement(document.querySelector('.ms-prog-editor').id.slice(1)).editor.state.doc.toString()"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """A robot for two groups."""
+    folder: Path = tmp_path_factory.mktemp("class")
+    assert run("pupils", "robot", "class.toml", "--groups", "Red,Blue", cwd=folder).returncode == 0
+    with running("master", "class.toml", "--port", "0", "--link", "udp:127.0.0.1:0", cwd=folder) as process:
+        yield Site(process)
+
+
+@pytest.fixture(scope="module")
+def teacher(browser: Browser, site: Site) -> Page:
+    """Who has set it up, and made the groups; their page Pupils."""
+    page = new_page(browser)
+    page.goto(site.link)
+    page.fill("[name=name]", "Novak")
+    for field in ("password", "again"):
+        page.fill(f"[name={field}]", "long enough")
+    page.click("button[type=submit]")
+    page.wait_for_url(f"{site.base}/")
+    go(page, f"{site.base}/pupils")
+    page.get_by_role("button", name="Make the groups by the slots' names").click()
+    expect(page.get_by_text("slots: program_Blue")).to_be_visible()
+    page.get_by_role("button", name="Simulate all empty slots").click()
+    expect(page.get_by_text("8 slots are simulated")).to_be_visible()
+    return page
+
+
+@pytest.fixture(scope="module")
+def pupil(browser: Browser, site: Site, teacher: Page) -> Page:
+    """Ada, on a list that was pasted, who has signed in by what is on her ticket; her page Program, on a phone."""
+    teacher.get_by_role("textbox", name="Names").fill("Ada; Red\nBen; Blue")
+    teacher.get_by_role("button", name="Let them in").click()
+    ticket = teacher.locator(".ticket", has_text="Ada")
+    expect(ticket.locator("svg")).to_be_visible()
+    password = ticket.locator("b.mono").inner_text()
+    teacher.get_by_role("button", name="Close").click()
+    page = new_page(browser, width=390, height=844)
+    page.goto(f"{site.base}/login?next=/program")
+    page.fill("[name=name]", "Ada")
+    page.fill("[name=password]", password)
+    page.click("button[type=submit]")
+    page.locator(".cm-line", has_text="import").first.wait_for()
+    return page
+
+
+def can_write(page: Page, *, yes: bool = True) -> None:
+    """Whether somebody can type into the program."""
+    expect(page.locator(".cm-content")).to_have_attribute("contenteditable", "true" if yes else "false")
+
+
+def readable(page: Page, *, phone: bool = False) -> None:
+    """Everybody can use a page, light and dark, and no part of it stands out; as wide as a phone, too, if so wanted."""
+    page.mouse.move(0, 0)  # a button under it has another background
+    for dark in (False, True):
+        assert hurdles(page, dark=dark) == []
+    if phone:
+        page.set_viewport_size({"width": 390, "height": 844})
+        page.wait_for_function(FITS)
+        assert hurdles(page, dark=False) == []
+        page.set_viewport_size({"width": 1280, "height": 900})
+    page.wait_for_function(FITS)
+
+
+def test_a_program_runs_is_frozen_taken_over_and_handed_back(site: Site, teacher: Page, pupil: Page) -> None:
+    pupil.locator(".cm-content").click()
+    pupil.keyboard.press("Control+a")
+    pupil.keyboard.insert_text(PROGRAM)
+    pupil.get_by_role("button", name="Run", exact=True).click()
+    reason, left = pupil.locator("#ms-prog-reason"), pupil.locator("#ms-prog-ports tr", has_text="left →")
+    expect(reason).to_contain_text("program_Red")
+    expect(left).to_contain_text("40")
+
+    pupil.get_by_role("button", name="Put your hand up").click()
+    expect(teacher.locator(".ms-pupil").first).to_contain_text("Ada")
+    expect(teacher.locator(".ms-pupil .ms-hand-up")).to_be_visible()
+    expect(teacher.locator(".ms-pupil").first).to_contain_text("program in program_Red")
+    teacher.get_by_label("Why, for the pupils' pages").fill("look at me")
+    teacher.get_by_role("button", name="Freeze all").click()
+    strip, is_held, goes_on = pupil.locator(".ms-class-strip"), re.compile(r"\([1-9]"), re.compile(r"\(0\.")
+    expect(strip).to_contain_text("frozen by Novak: look at me")
+    expect(reason).to_contain_text("look at me")
+    expect(left.locator(".ms-last")).to_contain_text(is_held)  # seconds since it published
+    readable(teacher, phone=True)
+    teacher.get_by_role("button", name="Let the class go on").first.click()
+    expect(strip).to_have_count(0)
+    expect(left.locator(".ms-last")).to_contain_text(goes_on)
+
+    go(teacher, f"{site.base}/pupil?name=Ada")
+    expect(teacher.locator(".cm-content")).to_contain_text("percent=40")
+    teacher.get_by_role("button", name="Take over").click()
+    expect(strip).to_contain_text("Novak has taken over")
+    for name in ("Run", "Keep", "More"):
+        expect(pupil.get_by_role("button", name=name, exact=True)).to_be_disabled()
+    can_write(teacher)
+    readable(teacher)
+    teacher.locator(".cm-content").click()
+    teacher.keyboard.press("Control+Home")
+    teacher.keyboard.insert_text("# shown by Novak\n")
+    expect(pupil.locator(".cm-content")).to_contain_text("shown by Novak")  # as it is written
+    can_write(pupil, yes=False)
+    teacher.get_by_role("button", name="Run", exact=True).click()
+    expect(strip).to_contain_text("runs your program now")
+    expect(left.locator(".ms-last")).to_contain_text(goes_on)
+    go(teacher, teacher.url)  # loaded again: the program is there, not an empty one that would be kept
+    expect(teacher.locator(".cm-content")).to_contain_text("percent=40")
+    teacher.get_by_role("button", name="Hand back").click()
+    expect(strip).to_have_count(0)
+    expect(pupil.get_by_role("button", name="Run", exact=True)).to_be_enabled()
+    can_write(pupil)
+    assert pupil.evaluate(TEXT) == "# shown by Novak\n" + PROGRAM
+    pupil.get_by_role("button", name="Stop", exact=True).click()
+
+
+def test_what_a_teacher_writes_into_blocks_makes_them_text_and_the_blocks_are_kept(
+    site: Site, teacher: Page, pupil: Page
+) -> None:
+    pupil.get_by_role("button", name="Blocks", exact=True).click()
+    pupil.wait_for_function("msbotBlocks.isShown()")
+    pupil.wait_for_function(f"{TEXT}.includes('PILOT')")
+    made = pupil.evaluate(TEXT)
+    go(teacher, f"{site.base}/pupil?name=Ada")
+    expect(teacher.locator(".cm-content")).to_contain_text("PILOT")
+    teacher.get_by_role("button", name="Take over").click()
+    box = pupil.locator(".ms-blocks-box")
+    expect(box).to_have_attribute("inert", "")
+    teacher.get_by_role("button", name="Hand back").click()  # nothing written: they are blocks as before
+    expect(box).not_to_have_attribute("inert", "")
+    assert pupil.evaluate("msbotBlocks.isShown()")
+    can_write(pupil, yes=False)
+
+    teacher.get_by_role("button", name="Take over").click()
+    can_write(teacher)
+    teacher.locator(".cm-content").click()
+    teacher.keyboard.press("Control+End")
+    teacher.keyboard.insert_text("# by Novak")
+    expect(pupil.locator(".cm-content")).to_contain_text("by Novak")
+    assert not pupil.evaluate("msbotBlocks.isShown()")
+    can_write(pupil, yes=False)
+    teacher.get_by_role("button", name="Hand back").click()  # without a run: it stays all the same
+    can_write(pupil)
+    go(pupil, pupil.url)  # as it was kept
+    expect(pupil.locator(".cm-content")).to_contain_text("by Novak")
+    assert pupil.evaluate(TEXT) == made + "# by Novak"
+    pupil.get_by_role("button", name="Blocks", exact=True).click()
+    pupil.get_by_role("button", name="Back to the blocks").click()
+    pupil.wait_for_function("msbotBlocks.isShown()")
+    pupil.wait_for_function(f"(text) => {TEXT} === text", arg=made)
+
+
+def test_the_wall_has_no_names_and_only_teachers_have_a_wall(site: Site, teacher: Page, pupil: Page) -> None:
+    wall = teacher.context.new_page()
+    go(wall, f"{site.base}/projector")
+    red = wall.locator(".wall-groups li", has_text="Red")
+    expect(red).to_contain_text("parts 4/5")
+    expect(red.locator(".wall-hand")).to_have_count(0)  # a hand is down when its program is taken over
+    assert "Ada" not in wall.inner_text("body")
+    readable(wall, phone=True)
+    wall.get_by_role("switch", name="With names").click()
+    expect(red).to_contain_text("Ada")
+    wall.close()
+    for path in ("/pupils", "/projector", "/pupil?name=Ben"):
+        go(pupil, site.base + path)
+        expect(pupil.get_by_text("Only a teacher sees this page.")).to_be_visible()
+        assert "Ben" not in pupil.content()
+
+
+def test_who_scans_the_ticket_of_the_class_makes_an_account(browser: Browser, site: Site, teacher: Page) -> None:
+    go(teacher, f"{site.base}/pupils")
+    teacher.get_by_role("button", name="Show a class ticket").click()
+    link = teacher.locator(".mono", has_text="/come?").inner_text()
+    newcomer = new_page(browser, width=390, height=844)
+    newcomer.goto(link)
+    readable(newcomer)
+    newcomer.fill("[name=name]", "Novak")
+    newcomer.click("button[type=submit]")
+    expect(newcomer.locator(".error")).to_contain_text("already")
+    newcomer.fill("[name=name]", "Dora")
+    newcomer.click("button[type=submit]")
+    newcomer.wait_for_url("**/program*")
+    expect(teacher.get_by_text("1 of 30 are in")).to_be_visible()
+    newcomer.context.close()
