@@ -24,6 +24,8 @@ FOREIGN_FORMATS = (".asc", ".blf", ".trc", ".csv", ".db", ".mf4")
 """Endings of log files that python-can reads and writes for us."""
 TEXT_FORMAT = ".txt"
 """Ending of files with the output of python-can's printer; they can only be written."""
+FRAME_FORMATS = (OWN_FORMAT, *FOREIGN_FORMATS, TEXT_FORMAT)
+"""All endings that a log of frames can be written with."""
 
 
 class FrameLog:
@@ -138,8 +140,8 @@ class FrameWriter:
             if path.suffix.lower() == OWN_FORMAT:
                 self._stream = path.open("w", encoding="utf-8")
                 return
-            if path.suffix.lower() not in (*FOREIGN_FORMATS, TEXT_FORMAT):
-                known = ", ".join((OWN_FORMAT, *FOREIGN_FORMATS, TEXT_FORMAT))
+            if path.suffix.lower() not in FRAME_FORMATS:
+                known = ", ".join(FRAME_FORMATS)
                 raise ConfigError(f"cannot write {path}: its ending names no format; there are {known}")
             try:
                 import can

@@ -5,8 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -71,27 +70,27 @@ def show(
 
     CAN frames, and samples whose meaning the recording does not tell, only if their topic is named.
     """
-    from msbot.lab.recordings.reading import Decoder
+    from msbot.lab.recordings.reading import Decoder, RecordingReader
     from msbot.lab.recordings.telling import frame_of, line_of
     from msbot.link.can.protocol import LogLine, format_log_line
 
-    decoder = Decoder()
+    decoder, reader = Decoder(), RecordingReader(file)
     wish = _Wish(topics, slots, from_s, to_s)
-    with _reading(file) as reader:
-        for at_s, message in _chosen(reader, wish):
-            frame = frame_of(message)
-            if not wish.topics and (frame is not None or decoder.fields(message) is None):
-                continue
-            line = format_log_line(LogLine(None, "", frame)).strip() if frame else line_of(message, decoder) or ""
-            if as_json:
-                fields = decoder.fields(message)
-                known = json.dumps(
-                    {"at_ns": message.at_ns, "at_s": at_s, "topic": message.topic, "slot": message.slot,
-                     "words": line, "fields": fields}, default=_octets,
-                )  # fmt: skip
-                click.echo(known)
-            else:
-                click.echo(f"{at_s:10.3f}  {message.topic}  {_printable(line)}")
+    for at_s, message in _chosen(reader, wish):
+        frame = frame_of(message)
+        if not wish.topics and (frame is not None or decoder.fields(message) is None):
+            continue
+        line = format_log_line(LogLine(None, "", frame)).strip() if frame else line_of(message, decoder) or ""
+        if as_json:
+            fields = decoder.fields(message)
+            known = json.dumps(
+                {"at_ns": message.at_ns, "at_s": at_s, "topic": message.topic, "slot": message.slot,
+                 "words": line, "fields": fields}, default=_octets,
+            )  # fmt: skip
+            click.echo(known)
+        else:
+            click.echo(f"{at_s:10.3f}  {message.topic}  {_printable(line)}")
+    _tell_damages(_damage_of(reader))
 
 
 @command.command("filter")
@@ -115,8 +114,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
         wanted=wish.has,
     )
     click.echo(f"{target}: {cut.messages} messages")
-    for damage in cut.damages:
-        click.echo(f"msbot: {damage}", err=True)
+    _tell_damages(cut.damages)
 
 
 @command.command("diff")
@@ -125,16 +123,18 @@ def filter_(  # noqa: PLR0917 - what the command was given
 def diff(before: Path, after: Path) -> None:
     """Say what happened to parts and what people did in one recording and not in the other, and compare the topics.
 
-    Times are not compared. Exit status 1: they differ.
+    Times are not compared. Exit status 1: they differ, or one is damaged.
     """
     from msbot.lab.recordings.comparing import differences
+    from msbot.lab.recordings.reading import RecordingReader
 
-    with _reading(before) as first, _reading(after) as second:
-        lines = differences(first.messages(), second.messages())
+    first, second = RecordingReader(before), RecordingReader(after)
+    lines = differences(first.messages(), second.messages())
     for line in lines:
         click.echo(_printable(line))
     if not lines:
         click.echo("The same happened in both.")
+    _tell_damages((*_damage_of(first), *_damage_of(second)))
     sys.exit(1 if lines else 0)
 
 
@@ -146,33 +146,45 @@ def export(  # noqa: PLR0917 - what the command was given
     file: Path, target: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None
 ) -> None:
     """Write the values of FILE as a table (.csv, .parquet), or its CAN frames (.log of candump, .asc, .blf ...)."""
+    from msbot.cli.bus.frame_log import FRAME_FORMATS
+    from msbot.lab.recordings.new_file import whole_or_none
+    from msbot.lab.recordings.reading import RecordingReader
+
     if target.exists():
         raise ConfigError(f"{target} is there already: give the file another name")
-    wish = _Wish(topics, slots, from_s, to_s)
-    match target.suffix.lower():
-        case ".csv":
-            words = f"{_export_table(file, target, wish)} values"
-        case ".parquet":
-            words = f"{_export_parquet(file, target, wish)} values"
-        case _:
-            words = f"{_export_frames(file, target, wish)} frames"
+    wish, form = _Wish(topics, slots, from_s, to_s), target.suffix.lower()
+    if form not in {".csv", ".parquet", *FRAME_FORMATS}:
+        frames = ", ".join(one for one in FRAME_FORMATS if one != ".csv")
+        raise ConfigError(
+            f"cannot write {target}: its ending names no format; there are .csv and .parquet for values, "
+            f"and for CAN frames {frames}"
+        )
+    reader = RecordingReader(file)
+    with whole_or_none(target):
+        match form:
+            case ".csv":
+                words = f"{_export_table(reader, target, wish)} values"
+            case ".parquet":
+                words = f"{_export_parquet(reader, target, wish)} values"
+            case _:
+                words = f"{_export_frames(reader, target, wish)} frames"
     click.echo(f"{target}: {words}")
+    _tell_damages(_damage_of(reader))
 
 
-def _export_parquet(file: Path, target: Path, wish: _Wish) -> int:
+def _export_parquet(reader: RecordingReader, target: Path, wish: _Wish) -> int:
     from msbot.lab.recordings.parquet import write_parquet
 
-    with _reading(file) as reader:
-        return write_parquet(_chosen(reader, wish), target)
+    return write_parquet(_chosen(reader, wish), target)
 
 
-def _export_table(file: Path, target: Path, wish: _Wish) -> int:
+def _export_table(reader: RecordingReader, target: Path, wish: _Wish) -> int:
     from msbot.lab.recordings.reading import Decoder
     from msbot.lab.recordings.telling import rows_of
 
     decoder, count = Decoder(), 0
     try:
-        with _reading(file) as reader, target.open("w", newline="", encoding="utf-8") as stream:
+        with target.open("w", newline="", encoding="utf-8") as stream:
             table = csv.writer(stream)
             table.writerow(["time_s", "topic", "slot", "field", "value"])
             for at_s, message in _chosen(reader, wish):
@@ -184,15 +196,15 @@ def _export_table(file: Path, target: Path, wish: _Wish) -> int:
     return count
 
 
-def _export_frames(file: Path, target: Path, wish: _Wish) -> int:
+def _export_frames(reader: RecordingReader, target: Path, wish: _Wish) -> int:
     from msbot.cli.bus.frame_log import FrameWriter
     from msbot.lab.recordings.reading import FRAMES
     from msbot.lab.recordings.telling import frame_of
     from msbot.link.can.protocol import LogLine
 
     count = 0
-    with _reading(file) as reader:
-        writer = FrameWriter(target)
+    writer = FrameWriter(target)
+    try:
         try:
             for _, message in _chosen(reader, wish):
                 frame = frame_of(message)
@@ -202,18 +214,21 @@ def _export_frames(file: Path, target: Path, wish: _Wish) -> int:
                     count += 1
         finally:
             writer.close()
+    except OSError as error:
+        raise ConfigError(f"cannot write {target}: {error.strerror or error}") from None
     return count
 
 
-@contextmanager
-def _reading(file: Path) -> Iterator[RecordingReader]:
-    """A recording; after it was read, what is wrong with it is told."""
-    from msbot.lab.recordings.reading import RecordingReader
+def _damage_of(reader: RecordingReader) -> tuple[str, ...]:
+    return (f"{reader.path} is damaged: {reader.damage}",) if reader.damage else ()
 
-    reader = RecordingReader(file)
-    yield reader
-    if reader.damage:
-        click.echo(f"msbot: {file} is damaged: {reader.damage}; what came before was read", err=True)
+
+def _tell_damages(damages: Sequence[str]) -> None:
+    """Say what could not be read of recordings that were; the exit status tells it to scripts, which read no words."""
+    for damage in damages:
+        click.echo(f"msbot: {damage}; what came before was read", err=True)
+    if damages:
+        sys.exit(1)
 
 
 def _chosen(reader: RecordingReader, wish: _Wish) -> Iterator[tuple[float, RecordedMessage]]:

@@ -10,6 +10,7 @@ from mcap.records import Channel
 from mcap.writer import Writer
 
 from msbot.errors import ConfigError
+from msbot.lab.recordings.new_file import whole_or_none
 from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
 
 ChannelKey = tuple[str, str, bytes, tuple[tuple[str, str], ...]]
@@ -44,7 +45,7 @@ def write_cut(
     """
     cut = Cut()
     try:
-        with target.open("xb") as stream:
+        with whole_or_none(target), target.open("xb") as stream:
             copier = _Copier(Writer(stream), cut)
             copier.start()
             damages = []
