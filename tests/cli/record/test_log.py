@@ -82,6 +82,6 @@ def test_an_ending_that_names_no_format_is_told_all_there_are(file: Path, tmp_pa
 def test_a_full_disk_is_one_sentence(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The device stands for the new file: what is written to it meets no space."""
     monkeypatch.setattr(Path, "exists", lambda _: False)
-    monkeypatch.setattr(Path, "unlink", lambda _, missing_ok: None)  # noqa: ARG005 - the signature that is replaced
+    monkeypatch.setattr(Path, "unlink", lambda _, missing_ok: None)
     (tmp_path / "full.csv").symlink_to("/dev/full")
     assert "No space left" in refusal("export", file, tmp_path / "full.csv")

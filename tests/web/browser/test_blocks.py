@@ -26,6 +26,13 @@ IN_FLYOUT = """([type]) => {
   return [box.left + 8, box.top + Math.min(box.height, 30) / 2];
 }"""
 """Where a block of the open category can be gripped."""
+STANDS_IN_FLYOUT = f"""([type]) => new Promise((done) => {{
+  const flyout = msbotBlocks.workspace().getFlyout();
+  if (!flyout.isVisible() || !flyout.getWorkspace().getBlocksByType(type, false).length) return done(false);
+  const before = String(({IN_FLYOUT})([type]));
+  requestAnimationFrame(() => requestAnimationFrame(() => done(String(({IN_FLYOUT})([type])) === before)));
+}})"""
+"""Whether the open category has the block, and has drawn it where it stays."""
 AT_INPUT = """([id, name]) => {
   const workspace = msbotBlocks.workspace(), block = workspace.getBlockById(id);
   const here = name === "next" ? block.nextConnection : block.getInput(name).connection, shadow = here.targetBlock();
@@ -88,6 +95,7 @@ class Pupil:
         """Drag a block out of the toolbox to a place of another one; returns its id."""
         before = self.page.evaluate(IDS)
         self.page.locator(".blocklyToolboxCategory", has_text=category).first.click()
+        self.page.wait_for_function(STANDS_IN_FLYOUT, arg=[kind])
         x, y = self.page.evaluate(IN_FLYOUT, [kind])
         to_x, to_y = self.page.evaluate(AT_INPUT, [onto, place])
         mouse = self.page.mouse
@@ -96,8 +104,8 @@ class Pupil:
         mouse.move(x + 40, y + 3, steps=3)
         mouse.move(to_x + 12, to_y + 18, steps=8)
         mouse.up()
-        found: list[str] = self.page.evaluate(IDS)
-        return next(one for one in found if one not in before)
+        made = self.page.wait_for_function(f"(before) => ({IDS})().find((one) => !before.includes(one))", arg=before)
+        return str(made.json_value())
 
     def choose(self, block: str, field: str, label: str) -> None:
         """Choose in a drop-down."""
