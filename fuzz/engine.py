@@ -102,7 +102,7 @@ def run_case(target: Target, case: Case) -> tuple[set[str], Finding | None]:
             return set(target.run(case)), None
     except (Exception, Hang) as error:
         trace = "".join(traceback.format_exception(error))
-        return set(), Finding(target.name, _signature(error), trace, case)
+        return set(), Finding(target.name, signature(error), trace, case)
 
 
 def smaller(target: Target, finding: Finding, tries: int = SMALLER_TRIES) -> Finding:
@@ -165,7 +165,8 @@ def _note(target: Target, finding: Finding, report: Report, folder: Path) -> Non
         report.files.append(store(smaller(target, finding), folder, report.seed))
 
 
-def _signature(error: BaseException) -> str:
+def signature(error: BaseException) -> str:
+    """What went wrong and where, in words that are the same for the same mistake."""
     while isinstance(error, BaseExceptionGroup):
         error = error.exceptions[0]
     if error.__cause__ is not None and isinstance(error, AssertionError):

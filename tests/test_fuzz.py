@@ -30,6 +30,7 @@ EXECUTIONS = {
     "requests": 500,
     "message": 4000,
     "toml": 25,
+    "parsers": 700,
 }
 """About a second each."""
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.errors import ConfigError
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.user_folders import check_owner, is_running, running_folder
 
 _log = logging.getLogger(__name__)
@@ -96,7 +97,7 @@ def find_files(folder: Path) -> Iterator[StatusFile]:
     check_owner(folder)
     for path in sorted(folder.glob(f"{PREFIX}*.json"), key=_written_at):
         try:
-            content = json.loads(path.read_text())
+            content = read_json(path.read_text())
             file = StatusFile(path, int(content["port"]), str(content["token"]), int(content["pid"]))
         except (OSError, ValueError, KeyError, TypeError):
             continue  # being written, being removed, or not ours

@@ -13,6 +13,7 @@ from typing import Any, Final
 from msbot.agent.statistics import ClientView, ObjectView, StreamView
 from msbot.agent.status_files import DESCRIBE, FORMAT, StatusFile, find_files, status_folder
 from msbot.errors import ConfigError
+from msbot.runtime.json_reading import read_json
 
 MASTER: Final = "master"
 """What a master says that it is."""
@@ -126,7 +127,7 @@ def _ask(file: StatusFile, request: Mapping[str, object], patience_s: float = AN
     with socket.create_connection(("127.0.0.1", file.port), timeout=patience_s) as connection:
         connection.sendall(line)
         with connection.makefile("rb") as stream:
-            answer = json.loads(stream.readline() or b"null")
+            answer = read_json(stream.readline() or b"null")
     if not isinstance(answer, dict):
         raise ValueError("it gave no answer")
     return answer
@@ -140,7 +141,7 @@ def _read(file: StatusFile) -> AgentStatus:
     with socket.create_connection(("127.0.0.1", file.port), timeout=ANSWER_S) as connection:
         connection.sendall(file.token.encode() + b"\n")
         with connection.makefile("rb") as stream:
-            lines = [json.loads(line) for line in stream]
+            lines = [read_json(line) for line in stream]
     if not lines or lines[0].get("format") != FORMAT:
         raise ValueError("it is of another version, or no agent")
     if lines[-1] != {"end": len(lines) - 2}:

@@ -21,6 +21,7 @@ from msbot.agent.server import Agent
 from msbot.agent.status_files import DESCRIBE, FORMAT, leave_word, put_back, status_folder
 from msbot.errors import ConfigError
 from msbot.runtime.accept_connections import Acceptor
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.tally import Tally
 
 logger = logging.getLogger(__name__)
@@ -168,7 +169,7 @@ class StatusServer:
 
     async def _answer_to(self, request: bytes) -> Mapping[str, object]:
         try:
-            wanted = json.loads(request)
+            wanted = read_json(request)
         except ValueError:
             wanted = None
         if not isinstance(wanted, dict):

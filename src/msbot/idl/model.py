@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from msbot.errors import ConfigError
+from msbot.runtime.printable import printable
 
 Name: TypeAlias = tuple[str, ...]
 """A scoped name: `("geometry_msgs", "msg", "Twist")`."""
@@ -25,8 +26,8 @@ class SourcePlace:
     column: int
 
     def error(self, words: str) -> ConfigError:
-        """An error that names this place."""
-        return ConfigError(f"{self.file}:{self.line}:{self.column}: {words}")
+        """An error that names this place; what it quotes of the file does not control the terminal."""
+        return ConfigError(f"{self.file}:{self.line}:{self.column}: {printable(words)}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -24,6 +23,7 @@ from msbot.idl.model import (
     Type,
     Value,
 )
+from msbot.runtime.json_reading import read_json
 
 Finder = Callable[[Name, SourcePlace], None]
 """Adds a type that a file needs; raises ConfigError when it cannot be found."""
@@ -198,7 +198,7 @@ def _value(kind: Type, text: str, place: SourcePlace) -> Value | list[Value]:
                 raise place.error(f"a whole number is needed, not {text}") from None
         case Sequence(element) | Array(element):
             try:
-                values = json.loads(text.replace("'", '"').replace("True", "true").replace("False", "false"))
+                values = read_json(text.replace("'", '"').replace("True", "true").replace("False", "false"))
             except ValueError:
                 raise place.error(f"a list is written [1, 2, 3], not {text}") from None
             if not isinstance(values, list):

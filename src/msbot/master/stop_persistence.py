@@ -22,6 +22,7 @@ from threading import Condition, Thread
 
 from msbot.pnp import PartStore
 from msbot.pnp.emergency_stop import StopRecord
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.user_folders import state_folder
 
 RESERVED = 3
@@ -184,7 +185,7 @@ def _write(path: Path, record: StopRecord) -> None:
 
 def _read(path: Path) -> StopRecord | None:
     try:
-        content = json.loads(path.read_text())
+        content = read_json(path.read_text())
         return StopRecord(
             int(content["number"]), bool(content["holds"]), str(content["by"]), str(content["reason"]),
             int(content["at_ns"]),

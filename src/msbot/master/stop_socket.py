@@ -23,6 +23,7 @@ from typing import Final
 from msbot.errors import ConfigError
 from msbot.master.master import Master
 from msbot.pnp import StopStatus
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.stop_datagram import CREDENTIALS, IS_ABSTRACT, IS_THERE, is_own, new_name, withdraw
 
 MAX_REQUEST: Final = 4096
@@ -91,7 +92,7 @@ class StopSocket:
 
     def _take(self, listening: socket.socket, octets: bytes, sender: str | bytes) -> None:
         try:
-            request = json.loads(octets)
+            request = read_json(octets)
             do, who = request["do"], str(request.get("who") or "somebody")[:64]
             known = self._details()
             is_robot = request.get("robot") in (None, known.get("robot"), known.get("serial_number"))

@@ -25,6 +25,7 @@ from msbot.pnp.model import MAX_TEXT, Claim, Configuration, PartStore, Verdict, 
 from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.slot_matching import NO_UID, Match, Matcher
 from msbot.pnp.state_changes import StateChanges
+from msbot.runtime.printable import printable
 from msbot.runtime.sentence import said
 
 PENDING = Verdict()
@@ -258,9 +259,5 @@ def _verdict(record: InventoryRecord) -> Verdict:
 
 def _presentable(claim: Claim) -> Claim:
     """The claim in a form that is safe to show: nothing in it can overflow a table or control a terminal."""
-    number, name = (_printable(text[: MAX_TEXT + 1]) for text in (claim.part_number, claim.local_name))
+    number, name = (printable(text[: MAX_TEXT + 1]) for text in (claim.part_number, claim.local_name))
     return replace(claim, part_number=number, local_name=name)
-
-
-def _printable(text: str) -> str:
-    return text if text.isprintable() else "".join(char if char.isprintable() else "?" for char in text)

@@ -20,6 +20,7 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import Final
 
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.user_folders import socket_folder
 
 IS_ABSTRACT: Final = sys.platform == "linux"
@@ -122,15 +123,22 @@ def _receive(asking: socket.socket, timeout_s: float) -> tuple[str, dict[str, ob
     asking.settimeout(timeout_s)
     try:
         octets, ancillary, _, sender = asking.recvmsg(MOST_OCTETS, socket.CMSG_SPACE(CREDENTIALS.size))
-        answer = json.loads(octets)
     except TimeoutError:
         return None
+    if IS_ABSTRACT and not is_own(ancillary):
+        return None
+    answer = answer_in(octets)
+    return None if answer is None else (os.fsdecode(sender), answer)
+
+
+def answer_in(octets: bytes) -> dict[str, object] | None:
+    """The answer in a datagram; None: it makes no sense."""
+    try:
+        answer = read_json(octets)
     except ValueError as error:
         _log.debug("an answer about STOP that makes no sense: %s", error)
         return None
-    if not isinstance(answer, dict) or (IS_ABSTRACT and not is_own(ancillary)):
-        return None
-    return (sender.decode() if isinstance(sender, bytes) else sender), answer
+    return answer if isinstance(answer, dict) else None
 
 
 def new_name() -> str:

@@ -19,6 +19,7 @@ from typing import Any, Final, Generic, TypeVar
 from urllib.parse import urlsplit
 
 from msbot.errors import ConfigError
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.sentence import said
 from msbot.school.access import FarAccess
 
@@ -70,7 +71,7 @@ class FarLine:
         """
         content = self.octets(method, path, body)
         try:
-            return json.loads(content)
+            return read_json(content)
         except ValueError:
             raise _no_page(self._access.address) from None
 
@@ -250,7 +251,7 @@ def say_stop(reason: str) -> Work[Answer]:
 def _why(content: bytes) -> str:
     """The reason that an answer with an error gives; empty: none."""
     try:
-        found = json.loads(content)
+        found = read_json(content)
     except ValueError:
         return ""
     return str(found.get("error") or "") if isinstance(found, dict) else ""

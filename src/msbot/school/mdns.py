@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Final
 
 from msbot.errors import ConfigError
 from msbot.runtime.daemon_threads import DaemonThreads
+from msbot.runtime.printable import printable
 from msbot.runtime.sentence import said
 
 if TYPE_CHECKING:
@@ -207,7 +208,7 @@ def heard(texts: Mapping[bytes, bytes | None], port: int | None, addresses: list
 
     def text(name: str) -> str:
         raw = (texts.get(name.encode()) or b"").decode("utf-8", "replace")
-        return "".join(letter if letter.isprintable() else "?" for letter in raw)[:LONGEST]
+        return printable(raw)[:LONGEST]
 
     hosts = [one for one in addresses if _can_be_reached(one)]
     if port and text("robot") and hosts:

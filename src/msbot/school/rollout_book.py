@@ -16,6 +16,7 @@ from typing import Any
 
 from msbot.errors import ConfigError
 from msbot.runtime.folder_lock import alone_in
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.user_folders import state_folder
 
 MOST_ROLLOUTS = 20
@@ -116,7 +117,7 @@ class RollOutBook:
 
     def _read(self) -> list[dict[str, Any]]:
         try:
-            entries = json.loads(self._path.read_text(encoding="utf-8"))
+            entries = read_json(self._path.read_text(encoding="utf-8"))
             for entry in entries:
                 _remembered(entry)
         except FileNotFoundError:

@@ -6,7 +6,6 @@ What a recording does not tell (counters since the start, the time until the nex
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from msbot.part import Message
 from msbot.part.join.plug import Nature
 from msbot.pnp import KnownObject, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopConfirmation, StopStatus
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.sentence import from_json
 from msbot.sim import message_class
 from msbot.space import MemorySpace, Sample
@@ -337,7 +337,7 @@ def _end(value: object) -> SlotPort:
 def object_of(message: RecordedMessage) -> dict[str, object]:
     """What a JSON message says; empty if it makes no sense."""
     try:
-        found = json.loads(message.data)
+        found = read_json(message.data)
     except ValueError:
         return {}
     return found if isinstance(found, dict) else {}

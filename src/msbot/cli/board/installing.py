@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from msbot.cli.board.connection import Board, BoardFile, Facts
 from msbot.errors import ConfigError
 from msbot.runtime.board_package import FOLDER, OF_GENERIC_BOARDS, package_files
+from msbot.runtime.json_reading import read_json
 
 SETTINGS = "msbot.json"
 LINKS = ("can", "serial", "udp", "ws")
@@ -122,7 +123,7 @@ def settings_file(
     path = f"{facts.home}/{SETTINGS}"
     if SETTINGS in board.files(facts.home or "/"):
         try:
-            found = json.loads(board.read(path))
+            found = read_json(board.read(path))
         except ValueError:
             found = None
         known = found if isinstance(found, dict) else {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import struct
+import zlib
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import IO, TYPE_CHECKING, TextIO
 from msbot.errors import ConfigError
 from msbot.link.can.adapters import frame_of, message_of
 from msbot.link.can.protocol import Frame, LogLine, format_log_line, parse_log_line
+from msbot.runtime.printable import printable
 
 if TYPE_CHECKING:
     import can.io.generic
@@ -111,8 +113,11 @@ class FrameReader:
             raise ConfigError(f"cannot read {path}: {error.strerror or error}") from None
         except NotImplementedError:
             raise _needs_asammdf("reading", path) from None
-        except (ValueError, LookupError, TypeError, struct.error, sqlite3.Error, BLFParseError) as error:
-            raise ConfigError(f"{path} is no {path.suffix} file that python-can understands: {error}") from None
+        except (
+            ValueError, LookupError, TypeError, struct.error, zlib.error, sqlite3.Error, BLFParseError,
+        ) as error:  # fmt: skip
+            why = printable(str(error))
+            raise ConfigError(f"{path} is no {path.suffix} file that python-can understands: {why}") from None
 
 
 def _lines(stream: IO[str]) -> Iterator[str]:
@@ -122,7 +127,7 @@ def _lines(stream: IO[str]) -> Iterator[str]:
         while rest and not rest.endswith("\n"):
             rest = stream.readline(LONGEST_LINE)
         text = text.strip()
-        yield text if text.isprintable() else "".join(one if one.isprintable() else "?" for one in text)
+        yield printable(text)
 
 
 class FrameWriter:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from msbot.errors import ConfigError
+from msbot.runtime.printable import printable
 
 if TYPE_CHECKING:
     from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
@@ -89,7 +90,7 @@ def show(
             )  # fmt: skip
             click.echo(known)
         else:
-            click.echo(f"{at_s:10.3f}  {message.topic}  {_printable(line)}")
+            click.echo(f"{at_s:10.3f}  {message.topic}  {printable(line)}")
     _tell_damages(_damage_of(reader))
 
 
@@ -131,7 +132,7 @@ def diff(before: Path, after: Path) -> None:
     first, second = RecordingReader(before), RecordingReader(after)
     lines = differences(first.messages(), second.messages())
     for line in lines:
-        click.echo(_printable(line))
+        click.echo(printable(line))
     if not lines:
         click.echo("The same happened in both.")
     _tell_damages((*_damage_of(first), *_damage_of(second)))
@@ -241,11 +242,6 @@ def _chosen(reader: RecordingReader, wish: _Wish) -> Iterator[tuple[float, Recor
             continue
         if wish.has(message) and (wish.from_s is None or at_s >= wish.from_s):
             yield at_s, message
-
-
-def _printable(text: str) -> str:
-    """What others recorded must not control the terminal."""
-    return text if text.isprintable() else "".join(one if one.isprintable() else "?" for one in text)
 
 
 def _octets(value: object) -> str:

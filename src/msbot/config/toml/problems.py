@@ -12,6 +12,7 @@ from datetime import date, datetime, time
 from difflib import get_close_matches
 
 from msbot.errors import ConfigError
+from msbot.runtime.printable import printable
 from msbot.runtime.sentence import joined, said
 
 MOST_TOLD = 50
@@ -93,10 +94,10 @@ class Problems:
         Raises:
             ConfigError: there are too many mistakes: the rest is not read.
         """
-        shown = _harmless(sentence)
+        shown = printable(sentence)
         shown = shown if len(shown) <= LONGEST_SENTENCE else f"{shown[:LONGEST_SENTENCE]} ..."
         if excerpt:
-            shown = said("{sentence}\n    {excerpt}", sentence=shown, excerpt=_harmless(excerpt))
+            shown = said("{sentence}\n    {excerpt}", sentence=shown, excerpt=printable(excerpt))
         self.found.append(Problem(place, shown))
         if len(self.found) >= MOST_TOLD:
             self.raise_if_any()
@@ -134,14 +135,9 @@ def path_words(path: KeyPath) -> str:
         if isinstance(step, int):
             words += f"[{step}]"
         else:
-            shown = _harmless(step if len(step) <= LONGEST_STEP else f"{step[:LONGEST_STEP]}...")
+            shown = printable(step if len(step) <= LONGEST_STEP else f"{step[:LONGEST_STEP]}...")
             words += f".{shown}" if words else shown
     return words
-
-
-def _harmless(text: str) -> str:
-    """The text without characters that would control a terminal."""
-    return text if text.isprintable() else "".join(one if one.isprintable() else "?" for one in text)
 
 
 def quoted(words: Iterable[str], joint: str = ", ") -> str:

@@ -6,7 +6,6 @@ time.
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -34,6 +33,7 @@ from msbot.lab.recordings.reading import FRAMES as FRAME_TOPICS
 from msbot.lab.recordings.reading import NS, OWN, Decoder, RecordedMessage, RecordingReader
 from msbot.lab.recordings.telling import flat_fields, frame_of
 from msbot.link.can.protocol import busy_seconds
+from msbot.runtime.json_reading import read_json
 
 MOST_POINTS: Final = 2_000_000
 """Of all curves together; some 200 MB."""
@@ -313,7 +313,7 @@ def _summed(parts: Iterable[Mapping[int, float]]) -> list[Point]:
 
 def _object_of(message: RecordedMessage) -> Mapping[str, object]:
     try:
-        found = json.loads(message.data)
+        found = read_json(message.data)
     except ValueError:
         return {}
     return found if isinstance(found, dict) else {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Final
 
 from msbot.errors import RemoteProtocolError
 from msbot.runtime.sentence import JsonSentence, from_json, to_json
@@ -62,6 +63,10 @@ class Fact:
         }  # fmt: skip
 
 
+LONGEST_S: Final = 1e9
+"""No mission lasts longer; JSON may hold whole numbers that are no float."""
+
+
 def facts_from_json(notes: Iterable[object]) -> list[Fact]:
     """The notes of a recording.
 
@@ -76,7 +81,7 @@ def _fact(note: object) -> Fact:
         case {
             "at_s": int() | float() as at_s, "what": str(what), "who": str(who), "number": int(number),
             "slot": str(slot), "word": str(word), "text": text, "arguments": dict(arguments),
-        } if what in {one.value for one in What}:  # fmt: skip
+        } if what in {one.value for one in What} and abs(at_s) < LONGEST_S:  # fmt: skip
             named = {str(name): str(value) for name, value in arguments.items()}
             return Fact(float(at_s), What(what), who, number, slot, word, from_json(text), named)
     raise RemoteProtocolError(f"no note of a mission: {note!r:.200}")

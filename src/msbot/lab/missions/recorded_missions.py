@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from msbot.errors import ConfigError
 from msbot.lab.missions.played import PlayedMission, played_from_json
 from msbot.lab.recordings.reading import RecordingReader
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.sentence import said
 
 TOPIC: Final = "/msbot/mission"
@@ -26,17 +26,29 @@ def played_in(path: Path) -> list[PlayedMission]:
     for message in RecordingReader(path).messages():
         if message.topic != TOPIC:
             continue
-        note = json.loads(message.data)
+        note = _note(message.data)
+        if note is None:
+            continue  # of a damaged recording, or of another program
         began = note.pop("began_ms")
         head = note.pop("head", None)
-        if head is not None:
+        if isinstance(head, dict):
             heads[began] = head
-        if "facts" in note:  # the whole, written at the end
-            notes[began] = list(note["facts"])
-        else:
-            notes.setdefault(began, []).append(note)
+        match note.get("facts"):
+            case list(facts):  # the whole, written at the end
+                notes[began] = facts
+            case _:
+                notes.setdefault(began, []).append(note)
     if not heads:
         raise ConfigError(
             said("there is no mission in {path}: a recording has one that began while it recorded", path=str(path))
         )
     return [played_from_json({**head, "facts": notes.get(began, [])}) for began, head in sorted(heads.items())]
+
+
+def _note(data: bytes) -> dict[str, Any] | None:
+    """What a message says; None: it makes no sense."""
+    try:
+        found = read_json(data)
+    except ValueError:
+        return None
+    return found if isinstance(found, dict) and isinstance(found.get("began_ms"), int) else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from msbot.errors import ConfigError
+from msbot.runtime.json_reading import read_json
 
 LARGEST_RECORD: Final = 64 << 20
 """Octets of the largest record that is read; a chunk of ours has a quarter of a megabyte."""
@@ -186,7 +186,7 @@ class Decoder:
         """The fields of a message; None: what its octets mean is not known."""
         if message.channel.message_encoding == "json":
             try:
-                found = json.loads(message.data)
+                found = read_json(message.data)
             except ValueError:
                 return None
             return found if isinstance(found, dict) else {"value": found}

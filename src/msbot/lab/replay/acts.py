@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import Final
 from msbot.errors import ConfigError
 from msbot.lab.recordings.reading import OWN, RecordingReader
 from msbot.lab.replay.piece import NS
+from msbot.runtime.json_reading import read_json
 
 REPLAYED: Final = ("set", "reset", "bind", "unbind", "publish", "let_go", "stop", "go")
 """Operations whose arguments mean the same in another robot of the same slots. Others name edits by their numbers,
@@ -97,7 +97,7 @@ def _is_said(value: object) -> bool:
 def _act(at_ns: int, data: bytes) -> RecordedAct | None:
     """The act in a message; None: it makes no sense."""
     try:
-        value = json.loads(data)
+        value = read_json(data)
     except ValueError:
         return None
     match value:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from msbot.errors import ConfigError
 from msbot.lab.recorder.recording_file import ENCAPSULATION
 from msbot.lab.recordings.reading import OWN, RecordedMessage, RecordingReader
 from msbot.part.join.plug import TEXT_OCTETS
+from msbot.runtime.json_reading import read_json
 
 NS: Final = 1_000_000_000
 MOST_OCTETS: Final = 256 << 20
@@ -127,7 +127,7 @@ def _survey(reader: RecordingReader) -> tuple[dict[str, RecordedSlot], int]:
 def _texts(message: RecordedMessage, *names: str) -> tuple[str, ...]:
     """Some fields of a JSON message; one that is not there, or makes no sense as a name, is empty."""
     try:
-        fields = json.loads(message.data)
+        fields = read_json(message.data)
     except ValueError:
         fields = None
     found = [fields.get(name) if isinstance(fields, dict) else None for name in names]

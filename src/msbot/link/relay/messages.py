@@ -12,6 +12,7 @@ from enum import IntEnum
 from typing import Final
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.printable import printable
 
 MARK: Final = b"\x00\xffR"
 """How every message between a relay and a master begins."""
@@ -292,5 +293,4 @@ def _read_words(octets: bytes, start: int, end: int) -> str:
 
 def _words(octets: bytes) -> str:
     """A text from the network, fit to be shown: no control characters."""
-    text = octets[:MOST_WORDS].decode(errors="replace")
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
+    return printable(octets[:MOST_WORDS].decode(errors="replace"))

@@ -10,10 +10,10 @@ From the world: `{"robot": "second", "world": "Warehouse", "named": ["bumper"]}`
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 
 from msbot.config import DRIVES, SENSES
+from msbot.runtime.json_reading import read_json
 
 VERSION = 1
 LONGEST_LINE = 32 * 1024
@@ -32,8 +32,8 @@ def to_line(message: Mapping[str, object]) -> bytes:
 def from_line(line: bytes) -> dict[str, object] | None:
     """The message of a line; None: it is not one."""
     try:
-        found = json.loads(line)
-    except (ValueError, RecursionError):
+        found = read_json(line)
+    except ValueError:
         return None
     return found if isinstance(found, dict) else None
 
@@ -60,8 +60,7 @@ def values_of(value: object) -> Values:
             for name, number in said.items()
             if (name in SENSES or name in DRIVES)
             and isinstance(number, bool | int | float)
-            and math.isfinite(number)
-            and abs(number) <= 1e9
+            and abs(number) <= 1e9  # neither NaN nor infinite, nor a whole number that is too large for a float
         }
         for slot, said in value.items()
         if is_name(slot) and isinstance(said, dict)

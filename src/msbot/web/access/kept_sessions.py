@@ -18,6 +18,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from msbot.errors import ConfigError
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.user_folders import check_owner, running_folder
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import LONGEST_S, KeptSession
@@ -50,7 +51,7 @@ class SessionFile:
             check_owner(self._path.parent)
             if self._path.stat().st_size > LARGEST:
                 return
-            content = json.loads(self._path.read_text("utf-8"))
+            content = read_json(self._path.read_text("utf-8"))
             away_s = max(0.0, time.time() - float(content["at"]))
             kept = [KeptSession(**one) for one in content["sessions"]]
             device_key = bytes.fromhex(content["device_key"])

@@ -79,7 +79,7 @@ class LookingBack:
 
     async def _asked(self, event: GenericEventArguments) -> None:
         at = event.args
-        await self.go(at / 1e3 if isinstance(at, int | float) and math.isfinite(at) else None)
+        await self.go(at / 1e3 if isinstance(at, int | float) and 0 < at < 1e14 else None)
 
     async def _arrive(self, at_s: float | None) -> None:
         """What must be read before the slider knows how far back it goes."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from typing import Literal, TypeAlias
 
+from msbot.runtime.json_reading import read_json
+
 View: TypeAlias = Literal["blocks", "python"]
 BLOCKS: View = "blocks"
 PYTHON: View = "python"
@@ -23,7 +25,7 @@ def with_view(doc: str, view: View) -> str:
 
 def _read(doc: str) -> dict[str, object]:
     try:
-        found = json.loads(doc) if doc else {}
-    except (ValueError, RecursionError):
+        found = read_json(doc) if doc else {}
+    except ValueError:
         return {}
     return found if isinstance(found, dict) else {}

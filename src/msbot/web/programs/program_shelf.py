@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from typing import NoReturn, Protocol
 
 from msbot.errors import ConfigError
 from msbot.registry import ProgramRecord, ProgramSource, ProgramVersion, Registry
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.sentence import said
 
 MAX_PROGRAM = 64 * 1024
@@ -130,8 +130,8 @@ def _check_blocks(blocks: str) -> None:
             )
         )
     try:
-        is_table = isinstance(json.loads(blocks), dict)
-    except (ValueError, RecursionError):
+        is_table = isinstance(read_json(blocks), dict)
+    except ValueError:
         is_table = False
     if not is_table or "\0" in blocks or not _is_text(blocks):
         raise ConfigError(said("the blocks of a program are a JSON object, as the page makes it; these are not"))

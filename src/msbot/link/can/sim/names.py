@@ -18,6 +18,7 @@ from typing import Final
 
 from msbot.errors import ConfigError, LinkDown
 from msbot.runtime.folder_lock import alone_in
+from msbot.runtime.json_reading import read_json
 from msbot.runtime.user_folders import check_owner, is_running, running_folder
 
 DEFAULT_NAME: Final = "classroom"
@@ -182,7 +183,7 @@ def _path(name: str, folder: Path) -> Path:
 
 def _read(path: Path) -> NamedBus | None:
     try:
-        content = json.loads(path.read_text())
+        content = read_json(path.read_text())
         data_bitrate = content["data_bitrate"]
         return NamedBus(
             str(content["name"]),
