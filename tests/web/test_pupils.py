@@ -12,9 +12,10 @@ from msbot.errors import ConfigError, MsbotError
 from msbot.operations.rights import Role
 from msbot.registry import ProgramRecord, ProgramSource
 from msbot.web.access.accounts import NotAllowed
+from msbot.web.access.class_list import read_list
 from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.programs.program_shelf import NoShelf
-from msbot.web.pupils import GroupNow, PupilDesk, read_list
+from msbot.web.pupils import GroupNow, PupilDesk
 from tests.web.rig import Rig, refusal, show
 
 BLOCKS = '{"msbot":1,"view":"blocks","workspace":{}}'

@@ -14,7 +14,7 @@ from msbot.operations.rights import Asker, Right, Role
 from msbot.registry import ProgramSource
 from msbot.runtime.sentence import counted, said
 from msbot.web.access.accounts import Accounts
-from msbot.web.access.class_list import MOST_PEOPLE, Newcomer, new_password
+from msbot.web.access.class_list import Newcomer, new_password, read_list
 from msbot.web.access.guest_tickets import Ticket
 from msbot.web.access.passes import Passes
 from msbot.web.access.sessions import Session
@@ -367,29 +367,6 @@ class PupilDesk:
         taken = self._control.taken_by(pupil)
         if taken is None or taken.by != session.name:
             raise ConfigError(said("take over the program of {pupil} first", pupil=pupil))
-
-
-def read_list(text: str) -> list[tuple[str, str]]:
-    """Names and groups of a pasted list: a name on each line, the group after a semicolon or a tab.
-
-    Raises:
-        ConfigError: nobody or somebody twice is in it, or too many are.
-    """
-    found: dict[str, str] = {}
-    for number, line in enumerate(text.splitlines(), 1):
-        name, _, group = (part.strip() for part in line.replace("\t", ";").partition(";"))
-        if not name:
-            if group:
-                raise ConfigError(said("line {number}: the name is missing", number=number))
-            continue
-        if name in found:
-            raise ConfigError(said("line {number}: {name!r} is there twice", number=number, name=name))
-        found[name] = group
-    if not found:
-        raise ConfigError(said("the list is empty: write a name on each line"))
-    if len(found) > MOST_PEOPLE:
-        raise ConfigError(said("the list has more than {most} names: divide it", most=MOST_PEOPLE))
-    return list(found.items())
 
 
 @dataclass(frozen=True, slots=True)

@@ -107,6 +107,29 @@ def newcomers(octets: bytes, path: str, role: Role) -> list[Newcomer]:
     return people
 
 
+def read_list(text: str) -> list[tuple[str, str]]:
+    """Names and groups of a pasted list: a name on each line, the group after a semicolon or a tab.
+
+    Raises:
+        ConfigError: nobody or somebody twice is in it, or too many are.
+    """
+    found: dict[str, str] = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        name, _, group = (part.strip() for part in line.replace("\t", ";").partition(";"))
+        if not name:
+            if group:
+                raise ConfigError(said("line {number}: the name is missing", number=number))
+            continue
+        if name in found:
+            raise ConfigError(said("line {number}: {name!r} is there twice", number=number, name=name))
+        found[name] = group
+    if not found:
+        raise ConfigError(said("the list is empty: write a name on each line"))
+    if len(found) > MOST_PEOPLE:
+        raise ConfigError(said("the list has more than {most} names: divide it", most=MOST_PEOPLE))
+    return list(found.items())
+
+
 def new_password() -> str:
     """A password that can be read aloud and typed, such as `bami-roku-4821`: 2^38 different ones."""
     syllables = [secrets.choice(_CONSONANTS) + secrets.choice(_VOWELS) for _ in range(_SYLLABLES)]
