@@ -6,7 +6,9 @@ the agent, 1 or 8 in a burst, and the time is divided by the messages. Acknowled
     python bench/path.py [--quick] [--profile] [--recorded]
 
 With `--recorded` each load runs without and with the flight recorder, in short turns, and processor time is counted, so
-that other programs hardly matter: what the recorder does in the robot's process, not what its own process does.
+that other programs hardly matter: what the recorder does in the robot's process, not what its own process does. Once
+without sockets, and once through UDP sockets of this computer, each burst with one question to the kernel which socket
+has something: what a robot's agent does, but for asyncio's own part of a turn.
 """
 
 from __future__ import annotations
@@ -23,9 +25,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from bench.machine import describe_machine
+from bench.path_wires import SocketWire, Wire
 from msbot.agent import Agent
 from msbot.lab.recorder.recorder import Recorder
-from msbot.link import BaseLink, LinkInfo, PacketHandler, Peer
 from msbot.space import MemorySpace
 from msbot.xrce import ClientSession, ClientState
 from msbot.xrce.messages import (
@@ -63,49 +65,10 @@ Run = Callable[[int], float]
 """Runs that many messages; gives the seconds that the agent took."""
 
 
-class Wire(BaseLink):
-    """A link in memory; satisfies `Link`."""
-
-    def __init__(self) -> None:
-        super().__init__(LinkInfo("memory:", 512, in_bursts=True))
-        self.sent: list[tuple[bytes, Peer]] = []
-
-    @property
-    def receive(self) -> PacketHandler:
-        """What the agent takes packets with."""
-        return self._packet_handler
-
-    @property
-    def end_burst(self) -> Callable[[], None]:
-        """What the agent hears at the end of a burst."""
-        return self._burst_end_handler
-
-    def has_room(self, peer: Peer) -> bool:  # noqa: ARG002 - the protocol's signature
-        """Always."""
-        return True
-
-    def send(self, packet: bytes, peer: Peer) -> None:
-        """Keep it."""
-        self.sent.append((packet, peer))
-
-    def take(self) -> list[tuple[bytes, Peer]]:
-        """What was sent since the last call."""
-        sent, self.sent = self.sent, []
-        return sent
-
-    def describe(self, peer: Peer) -> str:
-        """Its number."""
-        return str(peer)
-
-    async def run(self) -> None:
-        """For ever."""
-        await asyncio.get_running_loop().create_future()
-
-
 class Client:
     """A client session on the wire."""
 
-    def __init__(self, wire: Wire, key: int) -> None:
+    def __init__(self, wire: Wire | SocketWire, key: int) -> None:
         self.wire = wire
         self.key = key
         self.session = ClientSession(key, epoch_ns=lambda: 0)
@@ -141,9 +104,8 @@ class Client:
     def settle(self) -> None:
         """Exchange packets until nobody has any."""
         while packets := self.session.packets_to_send(0.0):
-            for packet in packets:
-                self.wire.receive(packet, self.key, 0.0)
-            self.wire.end_burst()
+            self.wire.hand_in(packets, self.key)
+            self.wire.work(0.0)
             for packet, peer in self.wire.take():
                 if peer == self.key:
                     self.session.receive_packet(packet, 0.0)
@@ -188,7 +150,7 @@ def acknack(packet: bytes) -> bytes:
 class Course:
     """Runs bursts of packets through the agent and keeps the time that the agent took."""
 
-    def __init__(self, wire: Wire, stream_id: int, timer: Callable[[], float]) -> None:
+    def __init__(self, wire: Wire | SocketWire, stream_id: int, timer: Callable[[], float]) -> None:
         self.wire = wire
         self.reliable = stream_id == STREAM_RELIABLE
         self.seconds = 0.0
@@ -197,11 +159,10 @@ class Course:
 
     def pass_burst(self, packets: list[bytes], sender: int, receiver: int) -> list[bytes]:
         """A burst of one client comes in; the samples for the other that go out because of it."""
-        receive, now = self.wire.receive, self._clock()
+        self.wire.hand_in(packets, sender)
+        work, now = self.wire.work, self._clock()
         start = self._timer()
-        for packet in packets:
-            receive(packet, sender, now)
-        self.wire.end_burst()
+        work(now)
         self.seconds += self._timer() - start
         return [packet for packet, peer in self.wire.take() if peer == receiver and packet[4] == DATA]
 
@@ -210,7 +171,7 @@ class Course:
         return [acknack(packet) for packet in samples] if self.reliable else []
 
 
-def samples(wire: Wire, load: Load) -> Run:
+def samples(wire: Wire | SocketWire, load: Load) -> Run:
     """A writer and a reader."""
     writing, reading = Client(wire, 1), Client(wire, 2)
     writer = writing.writer()
@@ -228,7 +189,7 @@ def samples(wire: Wire, load: Load) -> Run:
     return run
 
 
-def requests(wire: Wire, load: Load) -> Run:
+def requests(wire: Wire | SocketWire, load: Load) -> Run:
     """A requester and a replier."""
     asking, replying = Client(wire, 1), Client(wire, 2)
     requester = asking.make(ObjectKind.REQUESTER, requester_variant(*SERVICE, asking.participant))
@@ -256,9 +217,10 @@ class Load:
     """One row of the table."""
 
     name: str
-    prepare: Callable[[Wire, Load], Run]
+    prepare: Callable[[Wire | SocketWire, Load], Run]
     stream_id: int
     burst: int
+    wire: Callable[[], Wire | SocketWire] = Wire
     timer: Callable[[], float] = time.perf_counter
     """What the agent's time is kept with; each burst is timed twice."""
 
@@ -276,12 +238,12 @@ LOADS = tuple(
 
 async def prepare(load: Load, recorder: Recorder | None = None) -> tuple[Run, asyncio.Task[None]]:
     """An agent with its clients, warm; and what must be cancelled at the end."""
-    wire = Wire()
+    wire = load.wire()
     space = MemorySpace()
     agent = Agent(space if recorder is None else recorder.space(space))
     agent.add_link(wire)
     serving = asyncio.ensure_future(agent.run())
-    await asyncio.sleep(0)
+    await wire.opened()
     run = load.prepare(wire, load)
     run(WARM_UP)
     return run, serving
@@ -357,13 +319,17 @@ def recorded_table(turns: int) -> Iterator[str]:
     """The table with and without the flight recorder, line by line."""
     yield f"What the flight recorder costs the agent a message, in processor time ({describe_machine()};"
     yield f"medians of {turns} pairs of {A_TURN:,} messages each)\n"
-    yield "| messages | in a burst | µs without | µs with | difference | ratio |"
-    yield "|---|---|---|---|---|---|"
-    for load in LOADS:
-        without, with_it = asyncio.run(compare(load, turns))
-        before, after = statistics.median(without), statistics.median(with_it)
-        more = statistics.median(b - a for a, b in zip(without, with_it, strict=True))
-        yield f"| {load.name} | {load.burst} | {before:.2f} | {after:.2f} | {more:.2f} | {1 + more / before:.3f} |"
+    yield "| messages | in a burst | sockets | µs without | µs with | difference | of the agent's time |"
+    yield "|---|---|---|---|---|---|---|"
+    for wire, name in ((Wire, "none"), (SocketWire, "UDP")):
+        for load in LOADS:
+            without, with_it = asyncio.run(compare(replace(load, wire=wire), turns))
+            before, after = statistics.median(without), statistics.median(with_it)
+            more = statistics.median(b - a for a, b in zip(without, with_it, strict=True))
+            yield (
+                f"| {load.name} | {load.burst} | {name} | {before:.2f} | {after:.2f} | {more:.2f} "
+                f"| {more / before:.1%} |"
+            )
 
 
 def profile(messages: int) -> Iterator[str]:

@@ -69,6 +69,21 @@ def test_a_killed_master_leaves_a_recording_that_is_whole(
     shown = run("log", "show", str(segments(folder)[-1].path), cwd=tmp_path, env=env)
     assert "active in slot AA" in shown.stdout
     assert shown.stderr == ""
+    listed = run("rec", "list", cwd=tmp_path, env=env).stdout
+    assert f"No master runs here; this is left of earlier ones:\nThe ring is in {folder}: " in listed
+    (left,) = json.loads(run("rec", "list", "--json", cwd=tmp_path, env=env).stdout)["left"]
+    assert left["folder"] == str(folder)
+    assert [one["name"] for one in left["files"]] == [segment.path.name for segment in segments(folder)]
+    saved = run("rec", "save", "left", cwd=tmp_path, env=env)
+    assert saved.returncode == 0, saved.stderr
+    assert any(b"-> active" in one.data for one in RecordingReader(tmp_path / "left.mcap").messages())
+    assert (tmp_path / "left.mcap").stat().st_mode & 0o077 == 0
+    elsewhere = run("rec", "save", "left", "--robot", "Elsewhere", cwd=tmp_path, env=env)
+    assert (elsewhere.returncode, "no recorder has left a ring" in elsewhere.stderr) == (2, True)
+    (folder.parent / "Twin-01234567").mkdir()
+    which = run("rec", "save", "one", cwd=folder, env=env)
+    assert (which.returncode, "2 robots have left a ring: say which one is meant" in which.stderr) == (2, True)
+    assert folder.name in which.stderr
     assert folder.stat().st_mode & 0o077 == 0
     assert all(segment.path.stat().st_mode & 0o077 == 0 for segment in segments(folder))
 
@@ -103,10 +118,12 @@ def test_recording_starts_and_stops_while_the_robot_runs(
     _, env, _ = robot
     started = run("rec", "start", "lesson", cwd=tmp_path, env=env)
     assert started.stdout.strip().endswith("lesson.mcap from now on")
-    assert "lesson.mcap" in run("rec", "list", cwd=tmp_path, env=env).stdout
+    instead = run("rec", "start", "instead", cwd=tmp_path, env=env).stdout
+    assert instead.startswith(f"{tmp_path}/lesson.mcap is complete; everything is recorded in {tmp_path}/instead.mcap")
+    assert "instead.mcap" in run("rec", "list", cwd=tmp_path, env=env).stdout
     assert run("stop", cwd=tmp_path, env=env).returncode == 0
     assert "is complete" in run("rec", "stop", cwd=tmp_path, env=env).stdout
-    path = tmp_path / "lesson.mcap"
+    path = tmp_path / "instead.mcap"
 
     def ended() -> bool:
         reader = RecordingReader(path)

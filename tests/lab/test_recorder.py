@@ -7,16 +7,21 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from click.testing import CliRunner
 from mcap.reader import make_reader
+from mcap.records import Channel
 from mcap_ros2.decoder import DecoderFactory
 
+from msbot.cli.record.log import command as log_command
 from msbot.config import load_library, read_description
 from msbot.demo import DemoRobot
+from msbot.errors import ConfigError
 from msbot.lab.recorder.batch import Kind, RecordedChannel, Unpacker
 from msbot.lab.recorder.can_frames import FRAME
 from msbot.lab.recorder.recorder import Recorder
+from msbot.lab.recorder.topics import MEASURED
 from msbot.lab.recordings.comparing import differences
-from msbot.lab.recordings.reading import Decoder, RecordingReader
+from msbot.lab.recordings.reading import Decoder, RecordedMessage, RecordingReader
 from msbot.lab.recordings.telling import frame_of, line_of
 from msbot.link import LinkInfo
 from msbot.link.can import CanBusInfo, CanMasterLink, FrameTap
@@ -62,9 +67,33 @@ def test_states_acts_and_stop_are_in_it_with_their_reasons(recording: Path) -> N
     assert "/msbot/events EFGH-local: late -> lost in slot BB" in told
     assert "/msbot/acts Ada: stop(reason=a finger)" in told
     assert "/msbot/stop STOP by Ada" in told
+    assert "/msbot/slots AA: ABCD, " in told
+    assert "out -> HelloWorldTopic_1_to_2" in told
     slots = [json.loads(one.data) for one in messages(recording) if one.topic == "/msbot/slots"]
     assert {slot["slot"] for slot in slots} == {"AA", "BB", "CC"}
     assert all(slot["ports"] for slot in slots)
+
+
+def test_measurements_are_told_in_words() -> None:
+    said = {"late_ms": 14.8, "latency_ms": None, "beats": {"AA": 0.99}, "ages": {"AA": 0.2}, "lives": {"BB": 1}}
+    message = RecordedMessage(1, 1, Channel(1, MEASURED, "json", {}, 0), None, json.dumps(said).encode())
+    assert line_of(message, Decoder()) == "late 14.8 ms, beats after: AA 0.99 s, life: BB 1"
+
+
+def test_what_is_named_and_not_there_is_told(recording: Path, tmp_path: Path) -> None:
+    def log(*words: str) -> tuple[int, str]:
+        done = CliRunner().invoke(log_command, [words[0], str(recording), *words[1:]], catch_exceptions=False)
+        return done.exit_code, done.stderr
+
+    code, told = log("show", "--topic", "msbot/nosuch", "--slot", "XX")
+    assert code == 1
+    assert f"{recording} has no topic 'msbot/nosuch'; it has HelloWorldTopic_1_to_2, " in told
+    assert "was said in a slot 'XX'; slots that said something: AA, BB, CC\n" in told
+    assert log("show", "--topic", "msbot", "--slot", "AA") == (0, "")
+    for words in (("show",), ("filter", str(tmp_path / "x.mcap")), ("export", str(tmp_path / "x.csv"))):
+        with pytest.raises(ConfigError, match="nothing lies from 3 s to 2 s"):
+            log(*words, "--from", "3", "--to", "2")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_times_are_those_of_the_robot(recording: Path) -> None:

@@ -184,6 +184,7 @@ def test_damaged_recordings_are_read_as_far_as_they_go(
     [
         (b"", "is empty"),
         (b"hello, world", "is no recording"),
+        (b"\x89MCA", "ends after 4 octets: nothing is in it"),
         (b"\x89MCAP1\r\n" + bytes(100), "an MCAP file of version 1; this program reads version 0"),
     ],
 )

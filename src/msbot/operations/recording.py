@@ -35,7 +35,7 @@ class Recording:
         self._recorder = recorder
 
     def record(self, file: str, who: str) -> Outcome:  # noqa: ARG002 - what every operation is given
-        """Record in a file of its own, in addition to the ring."""
+        """Record in a file of its own, in addition to the ring; one that was recorded so far ends."""
         path = Path(file)
         if not path.is_absolute():
             raise ConfigError(said("{file}: the file is named with its whole path", file=file))
@@ -43,7 +43,13 @@ class Recording:
             raise ConfigError(said("{file}: there is no folder {folder}", file=file, folder=str(path.parent)))
         if path.exists():
             raise ConfigError(said("{file} is there already: give the recording another name", file=file))
-        self._the_recorder().record(path)
+        recorder = self._the_recorder()
+        ended = recorder.end_record()
+        recorder.record(path)
+        if ended:
+            return Outcome(
+                said("{ended} is complete; everything is recorded in {file} from now on", ended=ended, file=file)
+            )
         return Outcome(said("everything is recorded in {file} from now on", file=file))
 
     def end_record(self, who: str) -> Outcome:  # noqa: ARG002 - as above

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import os.path
 
 
 def database_identity(db: str) -> str:
     """A unique spelling for each database: the full path of a file; a server's address without user and password."""
     scheme, separator, rest = db.partition("://")
     if not separator:
-        return str(Path(db).absolute())
+        return os.path.abspath(db)
     if scheme == "sqlite":
-        return str(Path(rest.removeprefix("/")).absolute())
+        return os.path.abspath(rest.removeprefix("/"))
     return f"{scheme.partition('+')[0]}://{rest.rpartition('@')[2]}"

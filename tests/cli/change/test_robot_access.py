@@ -36,6 +36,7 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ("robot.db", "./robot.db"),
         ("robot.db", "sqlite:///robot.db"),
+        ("robot.db", "folder/../robot.db"),
         ("postgresql://ann:secret@host/robot", "postgresql+psycopg://host/robot"),
     ],
 )

@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -18,6 +18,9 @@ from msbot.runtime.printable import printable
 if TYPE_CHECKING:
     from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
 
+MOST_NAMES = 30
+"""So many topics or slots are named in an error."""
+
 _C = TypeVar("_C", bound=Callable[..., object])
 
 
@@ -26,7 +29,7 @@ def command() -> None:
     """Look into recordings (.mcap): show them, cut them, compare them, write them as tables or frames."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Wish:
     """Which messages a person wants to see."""
 
@@ -34,13 +37,40 @@ class _Wish:
     slots: tuple[str, ...]
     from_s: float | None
     to_s: float | None
+    _topics_seen: set[str] = field(default_factory=set)
+    _slots_seen: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        if self.from_s is not None and self.to_s is not None and self.to_s < self.from_s:
+            raise ConfigError(f"nothing lies from {self.from_s:g} s to {self.to_s:g} s: --to must not be before --from")
 
     def has(self, message: RecordedMessage) -> bool:
         """Whether topic and slot are wanted."""
-        topic = message.topic.lstrip("/")
-        return (not self.topics or any(one.strip("/") in (topic, topic.partition("/")[0]) for one in self.topics)) and (
-            not self.slots or message.slot in self.slots
+        topic, slot = message.topic.strip("/"), message.slot
+        self._topics_seen.add(topic)
+        self._slots_seen.add(slot)
+        return (not self.topics or any(_is_topic(one, topic) for one in self.topics)) and (
+            not self.slots or slot in self.slots
         )
+
+    def mistakes(self, path: Path) -> Iterator[str]:
+        """After reading: what was named and is not in the recording, in sentences."""
+        for name in self.topics:
+            if not any(_is_topic(name, topic) for topic in self._topics_seen):
+                yield f"{path} has no topic {name!r}; it has {_listed(self._topics_seen)}"
+        for name in self.slots:
+            if name not in self._slots_seen:
+                yield f"nothing in {path} was said in a slot {name!r}; slots that said something: " + (
+                    _listed(self._slots_seen - {""})
+                )
+
+
+def _is_topic(name: str, topic: str) -> bool:
+    return name.strip("/") in (topic, topic.partition("/")[0])
+
+
+def _listed(names: set[str]) -> str:
+    return printable(", ".join(sorted(names)[:MOST_NAMES])) + (", ..." if len(names) > MOST_NAMES else "") or "none"
 
 
 def _choice(function: _C) -> _C:
@@ -73,7 +103,7 @@ def show(
     """
     from msbot.lab.recordings.reading import Decoder, RecordingReader
     from msbot.lab.recordings.telling import frame_of, line_of
-    from msbot.link.can.protocol import LogLine, format_log_line
+    from msbot.link.can.protocol import format_frame
 
     decoder, reader = Decoder(), RecordingReader(file)
     wish = _Wish(topics, slots, from_s, to_s)
@@ -81,7 +111,7 @@ def show(
         frame = frame_of(message)
         if not wish.topics and (frame is not None or decoder.fields(message) is None):
             continue
-        line = format_log_line(LogLine(None, "", frame)).strip() if frame else line_of(message, decoder) or ""
+        line = format_frame(frame) if frame else line_of(message, decoder) or ""
         if as_json:
             fields = decoder.fields(message)
             known = json.dumps(
@@ -91,7 +121,7 @@ def show(
             click.echo(known)
         else:
             click.echo(f"{at_s:10.3f}  {message.topic}  {printable(line)}")
-    _tell_damages(_damage_of(reader))
+    _tell_rest(wish.mistakes(file), _damage_of(reader))
 
 
 @command.command("filter")
@@ -115,7 +145,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
         wanted=wish.has,
     )
     click.echo(f"{target}: {cut.messages} messages")
-    _tell_damages(cut.damages)
+    _tell_rest(wish.mistakes(file), cut.damages)
 
 
 @command.command("diff")
@@ -135,7 +165,7 @@ def diff(before: Path, after: Path) -> None:
         click.echo(printable(line))
     if not lines:
         click.echo("The same happened in both.")
-    _tell_damages((*_damage_of(first), *_damage_of(second)))
+    _tell_rest((), (*_damage_of(first), *_damage_of(second)))
     sys.exit(1 if lines else 0)
 
 
@@ -170,7 +200,7 @@ def export(  # noqa: PLR0917 - what the command was given
             case _:
                 words = f"{_export_frames(reader, target, wish)} frames"
     click.echo(f"{target}: {words}")
-    _tell_damages(_damage_of(reader))
+    _tell_rest(wish.mistakes(file), _damage_of(reader))
 
 
 def _export_parquet(reader: RecordingReader, target: Path, wish: _Wish) -> int:
@@ -224,11 +254,12 @@ def _damage_of(reader: RecordingReader) -> tuple[str, ...]:
     return (f"{reader.path} is damaged: {reader.damage}",) if reader.damage else ()
 
 
-def _tell_damages(damages: Sequence[str]) -> None:
-    """Say what could not be read of recordings that were; the exit status tells it to scripts, which read no words."""
-    for damage in damages:
-        click.echo(f"msbot: {damage}; what came before was read", err=True)
-    if damages:
+def _tell_rest(mistakes: Iterable[str], damages: Sequence[str]) -> None:
+    """Say what is not in recordings, or could not be read; the exit status tells it to scripts, which read no words."""
+    told = [*mistakes, *(f"{damage}; what came before was read" for damage in damages)]
+    for sentence in told:
+        click.echo(f"msbot: {sentence}", err=True)
+    if told:
         sys.exit(1)
 
 

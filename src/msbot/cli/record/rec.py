@@ -8,12 +8,15 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import click
 
-from msbot.cli.change.robot_access import perform
-from msbot.cli.options import json_option, robot_options
+from msbot.cli.change.robot_access import perform, running_master
+from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, json_option, robot_options
+from msbot.cli.record.ring_folders import rings_left
 from msbot.errors import ConfigError
+from msbot.registry.database_identity import database_identity
 
 SUFFIX = ".mcap"
 JUST_NOW_S = 0.8
@@ -30,22 +33,28 @@ def command() -> None:
 @click.option("--last", "last_s", type=click.FloatRange(min=0.1), metavar="SECONDS", help="Only so much.")
 @robot_options
 def save(file: Path, last_s: float | None, db: str | None, robot: str | None) -> None:
-    """Keep what the flight recorder has of the last minutes in FILE (.mcap)."""
+    """Keep what the flight recorder has of the last minutes in FILE (.mcap), also of a robot that has ended."""
     from msbot.lab.recorder.ring import segments
     from msbot.lab.recordings.cutting import write_cut
 
-    folder = _status(db, robot).get("folder")
-    if not folder:
-        raise ConfigError("this robot runs with `--rec off`: nothing was recorded")
-    now_s = time.time()
-    time.sleep(JUST_NOW_S)  # until the last moment is in the file
+    if running_master(db, robot) is None:
+        folder = _ring_left(db, robot)
+        end_s = None
+    else:
+        folder = str(_status(db, robot).get("folder") or "")
+        if not folder:
+            raise ConfigError("this robot runs with `--rec off`: nothing was recorded")
+        end_s = time.time()
+        time.sleep(JUST_NOW_S)  # until the last moment is in the file
     try:
-        paths = [segment.path for segment in segments(Path(str(folder)))]
+        found = segments(Path(folder))
     except OSError as error:
         raise ConfigError(f"cannot read the recorder's folder {folder}: {error.strerror}") from None
-    if not paths:
+    if not found:
         raise ConfigError(f"the recorder has written nothing yet in {folder}")
-    from_ns = None if last_s is None else round((now_s - last_s) * 1e9)
+    paths = [segment.path for segment in found]
+    end_s = found[-1].changed_s if end_s is None else end_s
+    from_ns = None if last_s is None else round((end_s - last_s) * 1e9)
     target = _with_suffix(file)
     cut = write_cut(paths, target, from_ns=from_ns)
     seconds = 0.0 if cut.first_ns is None or cut.last_ns is None else (cut.last_ns - cut.first_ns) / 1e9
@@ -73,19 +82,22 @@ def stop(db: str | None, robot: str | None) -> None:
 @json_option
 @robot_options
 def list_recordings(db: str | None, robot: str | None, *, as_json: bool) -> None:
-    """Say where the robot is recorded, how much there is, and what is wrong with it."""
+    """Say where the robot is recorded, how much there is, and what is wrong with it.
+
+    When no master runs: which rings are left of robots that ran.
+    """
+    if running_master(db, robot) is None:
+        _list_left(db, robot, as_json=as_json)
+        return
     status = _status(db, robot)
-    files = [asdict(one) for one in _files(status)]
+    files = [asdict(one) for one in _files(str(status.get("folder") or ""))]
     if as_json:
         click.echo(json.dumps({**status, "files": files}))
         return
     if not status:
         click.echo("This robot runs with `--rec off`: nothing is recorded.")
         return
-    octets = sum(one["octets"] for one in files)
-    click.echo(f"The ring is in {status['folder']}: {len(files)} files, {octets / 1e6:.1f} MB.")
-    for one in files:
-        click.echo(f"  {one['name']}  {one['octets'] / 1e6:8.2f} MB  written {one['changed']}")
+    _show_ring(str(status["folder"]), files)
     if status.get("file"):
         click.echo(f"Everything is recorded in {status['file']}, too.")
     if left_out := status.get("left_out"):
@@ -102,14 +114,50 @@ class _File:
     changed: str
 
 
-def _files(status: dict[str, object]) -> Iterator[_File]:
+def _files(folder: str) -> Iterator[_File]:
     from msbot.lab.recorder.ring import segments
 
-    folder = Path(str(status.get("folder") or ""))
-    if status.get("folder") and folder.is_dir():
-        for segment in segments(folder):
+    if folder and Path(folder).is_dir():
+        for segment in segments(Path(folder)):
             changed = datetime.fromtimestamp(segment.changed_s).isoformat(" ", "seconds")
             yield _File(segment.path.name, segment.octets, changed)
+
+
+def _show_ring(folder: str, files: list[dict[str, Any]]) -> None:
+    octets = sum(one["octets"] for one in files)
+    click.echo(f"The ring is in {folder}: {len(files)} files, {octets / 1e6:.1f} MB.")
+    for one in files:
+        click.echo(f"  {one['name']}  {one['octets'] / 1e6:8.2f} MB  written {one['changed']}")
+
+
+def _list_left(db: str | None, robot: str | None, *, as_json: bool) -> None:
+    left = {str(folder): [asdict(one) for one in _files(str(folder))] for folder in _left(db, robot)}
+    if as_json:
+        click.echo(json.dumps({"left": [{"folder": folder, "files": files} for folder, files in left.items()]}))
+        return
+    click.echo("No master runs here; " + ("this is left of earlier ones:" if left else "nothing is recorded."))
+    for folder, files in left.items():
+        _show_ring(folder, files)
+
+
+def _ring_left(db: str | None, robot: str | None) -> str:
+    """The ring of the one robot that is meant, and does not run."""
+    found = _left(db, robot)
+    if not found:
+        raise ConfigError("no master runs here, and no recorder has left a ring of such a robot")
+    if len(found) > 1:
+        names = ", ".join(folder.name for folder in found)
+        raise ConfigError(
+            f"no master runs here, and {len(found)} robots have left a ring: say which one is meant with --robot "
+            f"or --db: {names}"
+        )
+    return str(found[0])
+
+
+def _left(db: str | None, robot: str | None) -> list[Path]:
+    path = db or database_beside(DEFAULT_BLUEPRINT)
+    is_named = db is not None or Path(path).exists()
+    return rings_left(robot, database_identity(path) if is_named else None)
 
 
 def _status(db: str | None, robot: str | None) -> dict[str, object]:

@@ -26,12 +26,13 @@ from msbot.cli.options import (
     metrics_option,
     space_option,
 )
+from msbot.cli.record.ring_folders import ring_folder
 from msbot.cli.run.announce import announcer, class_to_announce
 from msbot.cli.run.bigger_robot import BiggerRobot, bigger_robot
 from msbot.cli.run.logs import LogWishes, log_event, log_options
 from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
-from msbot.cli.run.recording import RobotRecording, rec_option, ring_folder
+from msbot.cli.run.recording import RobotRecording, rec_option
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.config import Blueprint, Library, open_blueprint
 from msbot.lab.faults.fault_lab import FaultLab

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Coroutine
-from hashlib import sha256
 from pathlib import Path
 
 import click
@@ -16,7 +14,6 @@ from msbot.lab.recorder.ring import RingLimits
 from msbot.lab.recorder.wish import RecordingWish, read_wish
 from msbot.master import Master
 from msbot.operations.dispatch import RunningOperations
-from msbot.runtime.user_folders import state_folder
 from msbot.space import Space
 
 
@@ -41,12 +38,6 @@ rec_option = click.option(
     "--rec", type=WishType(), metavar="10min|500MB|FILE|off", default="10min", show_default=True, envvar="MSBOT_REC",
     help="What the flight recorder keeps: the last minutes or megabytes, everything in an .mcap file too, or nothing.",
 )  # fmt: skip
-
-
-def ring_folder(robot: str, database: str) -> Path:
-    """Where the recorder of that robot has its ring."""
-    words = re.sub(r"[^A-Za-z0-9]+", "-", robot).strip("-")[:40] or "robot"
-    return state_folder() / "recordings" / f"{words}-{sha256(database.encode()).hexdigest()[:8]}"
 
 
 class RobotRecording:

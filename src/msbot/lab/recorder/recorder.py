@@ -19,7 +19,7 @@ from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_began, encode
 from msbot.lab.recorder.can_frames import FRAME_DEFINITION, FRAME_OCTETS, FRAME_TYPE, PLAIN_FRAMES, SENT, frame_octets
 from msbot.lab.recorder.robot_words import blueprint_words, event_words, shown_words
 from msbot.lab.recorder.schemas import ENCODING, ros_definition, ros_name
-from msbot.lab.recorder.topics import BITRATE, BLUEPRINT, DATA_BITRATE, MEASURED, SHOWN
+from msbot.lab.recorder.topics import BITRATE, BLUEPRINT, DATA_BITRATE, MEASURED, SHOWN, SLOTS
 from msbot.link import Link
 from msbot.link.can import CanBusInfo, CanEnd
 from msbot.link.can.protocol import Frame
@@ -200,7 +200,7 @@ class Recorder:
     def _say_all(self, master: Master) -> None:
         for topic in (
             "/msbot/robot",
-            "/msbot/slots",
+            SLOTS,
             "/msbot/events",
             "/msbot/acts",
             "/msbot/stop",
@@ -259,7 +259,7 @@ class Recorder:
         value = {"slot": held.slot, "part_number": number, "local_name": local_name, "ports": ports,
                  "settings": dict(held.settings),
                  "nature": nature}  # fmt: skip
-        self._state("/msbot/slots", held.slot, value)
+        self._state(SLOTS, held.slot, value)
 
     def _stopped(self, status: StopStatus) -> None:
         self._stop = status

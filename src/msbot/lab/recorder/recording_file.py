@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from pathlib import Path
 from typing import Final
 
 from mcap.writer import CompressionType, Writer
 
 from msbot.lab.recorder.batch import Kind, RecordedChannel, split_state
+from msbot.lab.recordings.new_file import new_file
 
 PROGRAM: Final = "msbot"
 ENCAPSULATION: Final = b"\x00\x01\x00\x00"
 """Says that little-endian CDR follows (DDSI-RTPS 2.3 §10.2); samples travel without it in DDS-XRCE."""
 CHUNK_OCTETS: Final = 256 << 10
-OWNER_ONLY: Final = 0o600
 
 
 class RecordingFile:
@@ -33,8 +32,7 @@ class RecordingFile:
         """
         self.path = path
         self.began_ns = began_ns
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), OWNER_ONLY)
-        self._stream = os.fdopen(descriptor, "wb")
+        self._stream = new_file(path)
         self._writer = Writer(self._stream, chunk_size=CHUNK_OCTETS, compression=CompressionType.LZ4)
         self._channels: dict[int, int] = {}
         self._schemas: dict[tuple[str, str], int] = {}

@@ -10,7 +10,7 @@ from mcap.records import Channel
 from mcap.writer import Writer
 
 from msbot.errors import ConfigError
-from msbot.lab.recordings.new_file import whole_or_none
+from msbot.lab.recordings.new_file import new_file, whole_or_none
 from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
 
 ChannelKey = tuple[str, str, bytes, tuple[tuple[str, str], ...]]
@@ -45,7 +45,7 @@ def write_cut(
     """
     cut = Cut()
     try:
-        with whole_or_none(target), target.open("xb") as stream:
+        with whole_or_none(target), new_file(target) as stream:
             copier = _Copier(Writer(stream), cut)
             copier.start()
             damages = []

@@ -1,10 +1,25 @@
-"""A file that is written whole or not at all."""
+"""A file that is written whole or not at all, and is its owner's."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO, Final
+
+OWNER_ONLY: Final = 0o600
+
+
+def new_file(target: Path) -> BinaryIO:
+    """Create a recording, for its owner's eyes only: it contains what people did.
+
+    Raises:
+        FileExistsError: there is one.
+        OSError: it cannot be written.
+    """
+    descriptor = os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), OWNER_ONLY)
+    return os.fdopen(descriptor, "wb")
 
 
 @contextmanager

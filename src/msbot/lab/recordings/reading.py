@@ -169,10 +169,12 @@ def _unpacked(chunk: Chunk) -> bytes:
 def _no_recording(stream: BinaryIO) -> str:
     stream.seek(0)
     begin = stream.read(len(_MAGIC))
-    if begin[:5] == _MAGIC[:5] and begin != _MAGIC:
+    if len(begin) == len(_MAGIC) and begin[:5] == _MAGIC[:5] and begin != _MAGIC:
         return f"is an MCAP file of version {begin[5:6].decode(errors='replace')}; this program reads version 0"
     if not begin:
         return "is empty"
+    if _MAGIC.startswith(begin) and begin != _MAGIC:
+        return f"ends after {len(begin)} octets: nothing is in it"
     return "is no recording: it does not begin like an MCAP file"
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from struct import error as StructError
 
 from msbot.lab.recorder.can_frames import FRAME
-from msbot.lab.recorder.topics import BLUEPRINT, SHOWN
+from msbot.lab.recorder.topics import BLUEPRINT, MEASURED, SHOWN, SLOTS
 from msbot.lab.recordings.reading import FRAMES, OWN, Decoder, RecordedMessage
 from msbot.link.can.protocol import Frame
 
@@ -36,6 +36,10 @@ def line_of(message: RecordedMessage, decoder: Decoder) -> str | None:
         return f"the robot has {_count(fields, 'slots')} slots and {_count(fields, 'wires')} wires"
     if topic == SHOWN:
         return f"{_count(fields, 'by_hand')} ports driven by hand, {_count(fields, 'faults')} places with faults"
+    if topic == SLOTS:
+        return _slot_words(fields)
+    if topic == MEASURED:
+        return _measured_words(fields)
     return f"{_who(message)}{', '.join(f'{name} {_short(value)}' for name, value in fields.items())}"
 
 
@@ -67,6 +71,33 @@ def _stop_words(fields: Mapping[str, object]) -> str:
         return "no STOP"
     confirmed = _count(fields, "confirmed")
     return f"STOP by {fields.get('by')}" + (f", confirmed by {confirmed}" if confirmed else "")
+
+
+def _slot_words(fields: Mapping[str, object]) -> str:
+    """`knob: POT-10K (simulated), level -> fan_power, period_s = 0.1`."""
+    nature = f" ({fields['nature']})" if fields.get("nature") else ""
+    ports = fields.get("ports")
+    ties = [
+        f"{port.get('port')} {'->' if port.get('publishes') else '<-'} {port.get('topic')}"
+        for port in (ports if isinstance(ports, list) else ())
+        if isinstance(port, dict)
+    ]
+    settings = [f"{name} = {value}" for name, value in _object(fields.get("settings")).items()]
+    return f"{fields.get('slot')}: " + ", ".join([f"{fields.get('part_number')}{nature}", *ties, *settings])
+
+
+def _measured_words(fields: Mapping[str, object]) -> str:
+    """`late 14.8 ms, latency 0.103 ms, beats after: AA 0.9996 s`; what was not measured is left out."""
+    words = [
+        f"{name} {_short(fields[key])} ms"
+        for name, key in (("late", "late_ms"), ("latency", "latency_ms"))
+        if fields.get(key) is not None
+    ]
+    of_slots = (("beats after", "beats", " s"), ("acknowledged after", "acks_ms", " ms"), ("life", "lives", ""))
+    for name, key, unit in of_slots:
+        if values := _object(fields.get(key)):
+            words.append(f"{name}: " + ", ".join(f"{slot} {_short(value)}{unit}" for slot, value in values.items()))
+    return ", ".join(words)
 
 
 def _count(fields: Mapping[str, object], name: str) -> int:
