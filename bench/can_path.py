@@ -24,7 +24,8 @@ from dataclasses import dataclass
 from random import Random
 
 from bench.machine import describe_machine
-from bench.path import Client, Wire
+from bench.path import Client
+from bench.path_wires import Wire
 from msbot.agent import Agent
 from msbot.link import LinkCounters, Peer
 from msbot.link.can import CanBusInfo, CanMasterLink, Codec
@@ -283,8 +284,9 @@ async def flood(samples: int) -> tuple[float, float]:
     reading = Client(listener, 3)
     reading.read(reading.reader(), STREAM_BEST_EFFORT)
     reading.session.ping(0.0)
-    for packet in reading.session.packets_to_send(0.0):  # alive now, not only at the beginning of time
-        listener.receive(packet, reading.key, asyncio.get_running_loop().time())
+    # Alive now, not only at the beginning of time.
+    listener.hand_in(reading.session.packets_to_send(0.0), reading.key)
+    listener.work(asyncio.get_running_loop().time())
     await stand.reading.leave()
     frames: list[bytes] = []
     for number in range(samples):

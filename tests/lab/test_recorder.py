@@ -5,9 +5,9 @@ import json
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
-from click.testing import CliRunner
 from mcap.reader import make_reader
 from mcap.records import Channel
 from mcap_ros2.decoder import DecoderFactory

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from random import Random
 
+import click
 import pytest
 from mcap.writer import Writer
 
+from msbot.cli import msbot
 from msbot.demo import DemoRobot
 from msbot.errors import ConfigError
 from msbot.lab.recordings.cutting import write_cut
@@ -192,7 +195,12 @@ def test_a_slot_that_is_taken_is_waited_for(tmp_path: Path, recording: Path) -> 
 
     record_demo(tmp_path, tmp_path / "b.mcap", stage.scene(unplug_later))
     assert "every fitting slot is taken" in stage.said[0]
-    assert "msbot swap AA" in stage.said[0]
+    found = re.search(r"`msbot (swap AA .*?)`", stage.said[0])
+    assert found
+    words = found[1].split()
+    swap = msbot.get_command(click.Context(msbot), words[0])
+    assert swap is not None
+    assert swap.make_context(words[0], words[1:]).params["slot"] == "AA"  # the command takes what the sentence says
     assert stage.player.ended
     assert stage.player.published > 0
 

@@ -88,6 +88,6 @@ def test_a_simulated_part_stands_in_for_the_one_of_a_slot(
     part, arguments = ran[0]
     uid = arguments[arguments.index("--uid") + 1]
     assert part.part_number == "EFGH"
-    assert text.splitlines()[0] == f"For slot switch; while another part holds it: msbot swap switch {uid}"
+    assert text.splitlines()[0] == f"For slot switch; while another part holds it: msbot swap switch --to {uid}"
     assert invoke("EFGH", "--simulate") != ""
     assert len({one[1][one[1].index("--uid") + 1] for one in ran}) == 2, "a UID of its own"

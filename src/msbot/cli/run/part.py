@@ -125,7 +125,7 @@ def _stand_in(
     # Not the UID of the real one: both may be present, and the robot must be able to distinguish them.
     uid = uid or stored_uid(number, f"{called}, simulated").hex()
     if slot is not None and not quiet:
-        click.echo(f"For slot {name}; while another part holds it: msbot swap {name} {uid}")
+        click.echo(f"For slot {name}; while another part holds it: msbot swap {name} --to {uid}")
     return number, called, uid
 
 

@@ -148,7 +148,7 @@ class Player:
             if part.state is JoinState.ACTIVE and part.slot != slot:
                 return ConfigError(
                     f"the robot has put the replayed part into slot {part.slot}, not into {slot}: take the part out of "
-                    f"slot {slot} first, or put the replayed one there with `msbot swap {slot} {_uid(part)}`"
+                    f"slot {slot} first, or put the replayed one there with `msbot swap {slot} --to {_uid(part)}`"
                 )
             if part.state is JoinState.REFUSED:
                 if part.reason not in [refusal.words for refusal in PASSING]:
@@ -156,7 +156,7 @@ class Player:
                 self._warn_once(
                     slot, part.reason,
                     f"slot {slot}: {part.reason}; it waits. Take the part out of slot {slot}, or put the replayed one "
-                    f"there with `msbot swap {slot} {_uid(part)}`",
+                    f"there with `msbot swap {slot} --to {_uid(part)}`",
                 )  # fmt: skip
         return None
 
