@@ -36,7 +36,8 @@ KEPT = (
     "robot-desk-light", "robot-phone-dark", "slot-desk-light", "arrivals-desk-light", "bus-desk-dark",
     "wires-desk-light", "timeline-desk-light", "settings-desk-light", "passport-desk-light", "arena-desk-light",
     "pupils-desk-light", "projector-desk-light",
-    "blocks-desk-light",
+    "blocks-desk-light", "blocks-phone-light", "lesson-desk-light", "lesson-phone-light", "arena-phone-light",
+    "pupils-phone-light", "follower-desk-light", "follower-desk-light-de",
 )  # fmt: skip
 """The pictures in the documentation."""
 
@@ -55,6 +56,10 @@ class Shot:
     signed_in: bool = True
     world: str = ""
     """The world that the demo is in; "" = the rover, in none; CLASS = the robot of a class, and no demo."""
+    of: str = ""
+    """A selector: only this of the page, which is not scrolled."""
+    language: str = ""
+    """Of a picture in both languages, the second one; its name ends like that."""
 
 
 PUPILS_PROGRAM = """from msbot import Distance, Level, Part
@@ -193,6 +198,30 @@ def _blocks(page: Page) -> None:
     page.evaluate("window.scrollTo(0, 0)")
 
 
+def _lesson(page: Page) -> None:
+    """Begun, with its first two checks ticked."""
+    begin = page.get_by_role("button", name="Begin: Closing the loop")
+    if begin.count():
+        begin.click()
+        page.get_by_text("1 of 8 checks have ticked.").wait_for()
+        page.get_by_label("Answer").first.fill("0")
+        page.get_by_role("button", name="Answer").first.click()
+        page.get_by_text("2 of 8 checks have ticked.").wait_for()
+        for toast in page.locator(".q-notification").all():
+            toast.wait_for(state="detached")
+    page.evaluate("window.scrollTo(0, 0)")
+
+
+def _follower(page: Page) -> None:
+    """The blocks alone, as large as they are."""
+    page.locator(".ms-blocks-switch button").first.click()
+    page.wait_for_function("msbotBlocks.isShown()")
+    page.evaluate(FOLLOWER)
+    page.evaluate(
+        "msbotBlocks.workspace().getBlocksByType('msbot_when')[0].getSvgRoot().id = 'ms-follower'; Blockly.hideChaff()"
+    )
+
+
 SHOTS = (
     Shot("login", "/login", signed_in=False),
     Shot("robot", "/"),
@@ -204,6 +233,8 @@ SHOTS = (
     Shot("wires", "/wires"),
     Shot("program", "/program"),
     Shot("blocks", "/program?name=01_hello.py", _blocks, world="line"),
+    Shot("follower", "/program?name=01_hello.py", _follower, world="line", of="#ms-follower"),
+    Shot("follower", "/program?name=01_hello.py", _follower, world="line", of="#ms-follower", language="de"),
     Shot("board", "/program", _put_on_a_board),
     Shot("describing", "/program", _describing_part),
     Shot("described", "/arrivals", _said_by_a_part),
@@ -213,6 +244,7 @@ SHOTS = (
     Shot("plots", "/plots?show=ear.level,ear:threshold,@late&span=10"),
     Shot("timeline", "/timeline", _last_minute),
     Shot("learn", "/learn"),
+    Shot("lesson", "/learn", _lesson, world="line"),
     Shot("library", "/library"),
     Shot("passport", "/library/SG90"),
     Shot("missions", "/missions"),
@@ -280,7 +312,11 @@ def take(browser: Browser, link: str, shots: list[Shot], form: tuple[str, str], 
         if shot.prepare is not None:
             shot.prepare(page)
             page.wait_for_timeout(SETTLE_MS)
-        page.screenshot(path=folder / f"{shot.name}-{width}-{look}.png")
+        path = folder / (f"{shot.name}-{width}-{look}" + (f"-{shot.language}" if shot.language else "") + ".png")
+        if shot.of:
+            page.locator(shot.of).screenshot(path=path)
+        else:
+            page.screenshot(path=path)
     context.close()
 
 
@@ -304,8 +340,9 @@ def main() -> None:
         here = [shot for shot in shots if shot.world == world]
         with tempfile.TemporaryDirectory() as folder, demo(folder, world) as link, sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
-            for form in forms:
-                take(browser, link, here, form, options.folder, locale=options.locale)
+            for form, language in product(forms, sorted({shot.language for shot in here})):
+                those = [shot for shot in here if shot.language == language]
+                take(browser, link, those, form, options.folder, locale=language or options.locale)
             browser.close()
     if options.keep is not None:
         options.keep.mkdir(parents=True, exist_ok=True)

@@ -30,6 +30,14 @@ from msbot.sim.arena.world_reader import open_world
 from tests.operations.stage import put_database
 
 PROGRAM = re.compile(r"```python\n(.*?)```", re.DOTALL)
+HANDBOOK = Path(__file__).parents[2] / "docs/howto/blocks.md"
+
+
+def blocks_of_the_handbook() -> str:
+    """The program that the page about blocks makes of them: a line follower."""
+    found = PROGRAM.search(HANDBOOK.read_text())
+    assert found is not None
+    return found[1]
 
 
 @dataclass
@@ -86,13 +94,17 @@ class LessonStage:
         assert path is not None
         found = PROGRAM.search(path.read_text())
         assert found is not None
+        self.run_text(found[1].replace(old, new), str(path))
+
+    def run_text(self, text: str, where: str) -> None:
+        """Run the text of a program."""
         parts: list[Part] = []
         module = ModuleType("lesson_program")
         with (
             mock.patch.dict(sys.modules, {module.__name__: module}),
             mock.patch.object(Part, "run", autospec=True, side_effect=parts.append),
         ):
-            exec(compile(found[1].replace(old, new), str(path), "exec"), vars(module))
+            exec(compile(text, where, "exec"), vars(module))
         self.programs.append(self.tasks.create_task(parts[0].run_async(self.hub.connect(), epoch_ns=lambda: 0)))
 
 

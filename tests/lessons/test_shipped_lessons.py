@@ -5,15 +5,22 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from math import hypot
 from pathlib import Path
 
 import pytest
 
 from msbot.lessons.shelf import LessonShelf
-from tests.lessons.lesson_stage import LessonStage, lesson_scene
+from tests.lessons.lesson_stage import LessonStage, blocks_of_the_handbook, lesson_scene
 
+BLOCKS = Path(__file__).parents[1] / "web/browser/blocks"
+"""Programs as blocks write them; a test in the browser says that they do."""
 PATIENCE_S = 60.0
 """Longest time until a check ticks after the right thing was done."""
+LAP_S = 120.0
+FAR_M = 0.5
+NEAR_M = 0.15
+"""What once round is: that far from where the robot began, and back again."""
 WRONG_S = 3.0
 """How long a wrong solution is left alone."""
 
@@ -93,15 +100,52 @@ def drive(old: str = "", new: str = "") -> Callable[[LessonStage], Awaitable[Non
     """Put the robot back on its line, and run the pilot of the lesson."""
 
     async def do(stage: LessonStage) -> None:
-        for program in stage.programs:
-            program.cancel()
-        stage.programs.clear()
-        await asyncio.sleep(2)
-        assert stage.living is not None
-        stage.living.reset()
+        await back_on_the_line(stage)
         stage.run_program("closing_the_loop", old, new)
 
     return do
+
+
+def drive_blocks(old: str = "", new: str = "") -> Callable[[LessonStage], Awaitable[None]]:
+    """The same with the pilot that the handbook makes of blocks."""
+
+    async def do(stage: LessonStage) -> None:
+        await back_on_the_line(stage)
+        stage.run_text(blocks_of_the_handbook().replace(old, new), "blocks.py")
+
+    return do
+
+
+async def back_on_the_line(stage: LessonStage) -> None:
+    for program in stage.programs:
+        program.cancel()
+    stage.programs.clear()
+    await asyncio.sleep(2)
+    assert stage.living is not None
+    stage.living.reset()
+
+
+async def once_round(stage: LessonStage) -> None:
+    """Wait until the robot is where it began, having been far away."""
+    assert stage.living is not None
+    start, farthest = stage.living.arena.plan.robots[0].start, 0.0
+    for _ in range(round(10 * LAP_S)):
+        pose = stage.living.arena.poses()["robot"]
+        away = hypot(pose.x - start[0], pose.y - start[1])
+        if farthest > FAR_M and away < NEAR_M:
+            return
+        farthest = max(farthest, away)
+        await asyncio.sleep(0.1)
+    raise AssertionError(f"the robot does not come round: {pose}, {farthest:.2f} m away at most")
+
+
+async def blink_blocks(stage: LessonStage) -> None:
+    """The blinking light of blocks, with the setting that the lesson has one type."""
+    text = (BLOCKS / "blink.txt").read_text()
+    assert text.count("@part.every(0.5)") == 1
+    stage.run_text(text.replace("@part.every(0.5)", '@part.every("period_s", default=0.5)'), "blocks.py")
+    await asyncio.sleep(3)
+    await stage.do("adopt", part="BLINK-1")
 
 
 async def unplug_stand_in(stage: LessonStage) -> None:
@@ -182,6 +226,16 @@ SOLVED: dict[str, dict[str, Deed]] = {
 }
 """What is done for each check that is no question."""
 
+WITH_BLOCKS: dict[str, dict[str, Deed]] = {
+    "closing_the_loop": {
+        "2.1": Deed(drive_blocks("30 * line.position", "0")),
+        "3.1": Deed(drive_blocks(), drive_blocks("30 *", "-30 *")),
+        "4.1": Deed(once_round),
+    },
+    "own_part_type": {"1.1": Deed(blink_blocks, in_program("BLINK-1"))},
+}
+"""What is done otherwise by whoever puts blocks together where a lesson has one write a program."""
+
 
 def test_every_lesson_is_solved_here() -> None:
     lessons, wrong = LessonShelf().all()
@@ -192,8 +246,14 @@ def test_every_lesson_is_solved_here() -> None:
         assert deeds == set(SOLVED[lesson.name])
 
 
-@pytest.mark.parametrize("name", sorted(SOLVED))
-def test_a_lesson_is_done_from_beginning_to_end_and_put_back(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "deeds"),
+    [
+        *(pytest.param(name, deeds, id=name) for name, deeds in sorted(SOLVED.items())),
+        *(pytest.param(name, SOLVED[name] | deeds, id=f"{name} with blocks") for name, deeds in WITH_BLOCKS.items()),
+    ],
+)
+def test_a_lesson_is_done_from_beginning_to_end_and_put_back(name: str, deeds: dict[str, Deed], tmp_path: Path) -> None:
     lesson = LessonShelf().get(name)
 
     async def scene(stage: LessonStage) -> None:
@@ -208,7 +268,7 @@ def test_a_lesson_is_done_from_beginning_to_end_and_put_back(name: str, tmp_path
                 assert await stage.refused("answer_lesson", check=check.name, answer="wrong")
                 await stage.do("answer_lesson", check=check.name, answer=check.question.right[0])
             else:
-                deed = SOLVED[name][check.name]
+                deed = deeds[check.name]
                 if deed.wrong is not None:
                     await deed.wrong(stage)
                     await asyncio.sleep(WRONG_S + check.for_s)

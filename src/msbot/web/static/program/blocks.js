@@ -6,7 +6,7 @@ const msbotBlocks = (() => {
   const FORM = 1, MOST_BLOCKS = 1000, LONGEST = 256 * 1024, SETTLE_MS = 120, PHONE_PX = 700;
   const robot = { parts: [], types: {} };
   let words = {}, language = "en", editor = 0, name = "", parts = null, loading = null, workspace = null, made = null;
-  let isOpen = false, isLoading = false, timer = null, told = "", ran = null, wrong = [], wasOwn = null, turn = 0;
+  let isOpen = false, isLoading = false, timer = null, following = null, told = "", ran = null, wrong = [], wasOwn = null, turn = 0;
 
   const at = (id) => document.getElementById(id);
   const view = () => getElement(editor).editor;
@@ -210,7 +210,7 @@ const msbotBlocks = (() => {
     if (!isOpen || (timer === null && isFirst !== true)) return;
     timer = null;
     const isOwn = parts.partOf(workspace).own === true;
-    if (isOwn !== wasOwn && !workspace.isDragging()) {
+    if (isOwn !== wasOwn && !isHeld()) {
       wasOwn = isOwn;
       workspace.updateToolbox(parts.toolboxOf(words, isOwn));
     }
@@ -337,8 +337,20 @@ const msbotBlocks = (() => {
   // The robot as it is now.
   function know(found) {
     Object.assign(robot, found);
+    follow();
+  }
+
+  // Blocks that somebody holds, or is among with the keyboard, are not made anew under their hands.
+  function isHeld() {
+    const flyout = workspace.getFlyout();
+    return workspace.isDragging() || Blockly.Gesture.inProgress()
+      || (flyout !== null && Blockly.getFocusManager().getFocusedTree() === flyout.getWorkspace());
+  }
+
+  function follow() {
+    clearTimeout(following);
     if (workspace === null || !isOpen) return;
-    if (workspace.isDragging()) return void setTimeout(() => know(found), 300);
+    if (isHeld()) return void (following = setTimeout(follow, 300));
     Blockly.Events.disable();
     refresh(workspace);
     Blockly.Events.enable();
