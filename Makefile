@@ -53,6 +53,7 @@ check: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(PYTHON) -m pip --python $(BIN)/python check
 
 test: check tests
 

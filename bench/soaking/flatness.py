@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -35,7 +36,7 @@ class Growth:
     last_mb: float
     mb_per_hour: float
     tasks: tuple[int, int]
-    """Most in the first third, and in the last."""
+    """As many as usual in the first third, and in the last: thirty silent connections are no growth."""
     threads: tuple[int, int]
     files: tuple[int, int]
 
@@ -61,13 +62,14 @@ def growth(samples: Sequence[Sample], warm_s: float = WARM_S, least_s: float = L
     third = max(1, len(found) // 3)
     early, late = found[:third], found[-third:]
 
-    def most(name: str) -> tuple[int, int]:
-        return max(getattr(one, name) for one in early), max(getattr(one, name) for one in late)
+    def usual(name: str) -> tuple[int, int]:
+        found = [statistics.median_high(getattr(one, name) for one in part) for part in (early, late)]
+        return found[0], found[1]
 
     return Growth(
         found[-1].at - found[0].at, found[0].rss_mb, found[-1].rss_mb,
         _slope([one.at for one in found], [one.rss_mb for one in found]) * 3600.0,
-        most("tasks"), most("threads"), most("files"),
+        usual("tasks"), usual("threads"), usual("files"),
     )  # fmt: skip
 
 

@@ -76,6 +76,9 @@ class Wire:
     reader: str
     reliable: bool
     since: float
+    """Since when it is certain."""
+    asked: float
+    """Since when it may be so: somebody has asked for it."""
     until: float | None = None
     """Since when that may no longer be so: somebody has asked for it."""
     gone: float | None = None
@@ -135,8 +138,7 @@ class SampleOracle:
 
     def wire(self, at: float, writer: str, reader: str, *, reliable: bool) -> None:
         """From now on the reader hears the writer."""
-        self._binding.pop((writer, reader), None)
-        self.wires.append(Wire(writer, reader, reliable, at))
+        self.wires.append(Wire(writer, reader, reliable, at, self._binding.pop((writer, reader), at)))
 
     def unwire(self, at: float, writer: str, reader: str) -> None:
         """From now on it may not."""
@@ -235,8 +237,7 @@ class SampleOracle:
             self.complain(at, "doubled", f"{ear.name} hears {life.name} sample {number} {what}")
             return
         missing = number - pair.last - 1
-        since = self._wired_since(life.slot, ear.slot)
-        if missing and reliable and pair.segment == ear.segment and (since is None or since < pair.at):
+        if missing and reliable and pair.segment == ear.segment and self._stayed_wired(life.slot, ear.slot, pair.at):
             self.left_out += missing
             words = f"{ear.name} hears {life.name} sample {number} after {pair.last}"
             wear = self._wear.setdefault(ear.slot, Wear())
@@ -262,9 +263,12 @@ class SampleOracle:
         """Whether somebody has asked for a wire between them, and nobody knows whether there is one."""
         return (writer, reader) in self._binding
 
-    def _wired_since(self, writer: str, reader: str) -> float | None:
-        found = [wire.since for wire in self.wires if (wire.writer, wire.reader) == (writer, reader)]
-        return max(found) if found else None
+    def _stayed_wired(self, writer: str, reader: str, since: float) -> bool:
+        """Whether nobody has touched the wire between them since then, whether or not it was answered."""
+        found = [wire for wire in self.wires if (wire.writer, wire.reader) == (writer, reader)]
+        if self._binds(writer, reader):
+            return False
+        return all(wire.since < since and (wire.until is None or wire.until < since - UNWIRED_S) for wire in found)
 
     # What should have come by now.
 
@@ -316,7 +320,7 @@ class SampleOracle:
 
 
 def _was(wire: Wire, at: float) -> bool:
-    return wire.since - UNWIRED_S <= at and (wire.gone is None or at <= wire.gone + UNWIRED_S)
+    return wire.asked - UNWIRED_S <= at and (wire.gone is None or at <= wire.gone + UNWIRED_S)
 
 
 def _are_reliable(wires: Iterable[Wire], at: float) -> bool:

@@ -188,6 +188,34 @@ def test_what_was_left_out_and_told_is_counted_and_no_violation() -> None:
     assert (pair.oracle.violations, pair.oracle.left_out) == ([], 1)
 
 
+def test_what_is_lost_while_somebody_takes_the_wire_away_or_puts_it_back_is_no_violation() -> None:
+    pair = Pair()
+    pair.send(5.0)
+    pair.oracle.unwire(5.0, "S0", "S1")
+    pair.send(6.0, heard=False)  # the answers come late: it is back already, and nobody knows
+    pair.send(7.0)
+    pair.oracle.unwired(7.0, "S0", "S1")
+    pair.oracle.binds(7.5, "S0", "S1")
+    pair.send(8.0, heard=False)
+    pair.send(9.0)
+    pair.oracle.wire(12.0, "S0", "S1", reliable=True)
+    pair.oracle.worn(30.0, "S1", "session", 0)
+    pair.oracle.worn(40.0, "S1", "session", 0)
+    assert not pair.rules
+
+
+def test_what_was_sent_after_somebody_has_asked_for_a_wire_may_be_heard_before_the_answer() -> None:
+    pair = Pair()
+    pair.send(5.0)
+    pair.oracle.unwire(5.0, "S0", "S1")
+    pair.oracle.unwired(5.0, "S0", "S1")
+    pair.send(10.0, heard=False)
+    pair.oracle.binds(10.0, "S0", "S1")
+    pair.oracle.wire(16.0, "S0", "S1", reliable=True)  # the answer was long under way
+    pair.send(15.0)
+    assert not pair.rules
+
+
 def test_best_effort_may_lose_but_not_double() -> None:
     pair = Pair(reliable=False)
     pair.oracle.worn(1.0, "S1", "session", 0)

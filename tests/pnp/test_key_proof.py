@@ -156,6 +156,31 @@ def test_a_proof_that_is_repeated_gets_the_same_lease_and_disturbs_nobody() -> N
     assert counter.rig.changes(SESSION)[-1] == "active"
 
 
+def test_a_proof_that_is_repeated_does_not_move_a_part_that_stands_by() -> None:
+    counter = Counter()
+    counter.join()
+    second = 0xBBBBBBBB
+    counter.rig.store.keys[uid(2)] = KEY
+    counter.rig.join(second)
+    proof = answer_to(counter.question(serial=2, key=second), serial=2, session=second)
+    counter.show(proof, second)
+    assert counter.rig.state(second) is PartState.STANDBY
+    events = len(counter.rig.events)
+    assert counter.show(proof, second) is None
+    assert counter.rig.state(second) is PartState.STANDBY
+    assert len(counter.rig.events) == events
+
+
+def test_a_late_copy_of_an_old_proof_does_not_end_the_question_that_is_open() -> None:
+    """The way is so slow that a part claims twice and proves twice: the second claim must not lead nowhere."""
+    counter = Counter()
+    old = counter.join()
+    nonce = counter.question()
+    counter.show(old)
+    assert counter.show(answer_to(nonce)) is not None
+    assert counter.rig.changes(SESSION)[-1] == "active"
+
+
 def test_a_session_that_was_opened_anew_cannot_use_the_proof_of_the_one_before() -> None:
     counter = Counter()
     recorded = counter.join()

@@ -31,6 +31,8 @@ logger = logging.getLogger(__name__)
 DISCOVERY_GROUP = "239.255.0.2"
 DISCOVERY_PORT = 7400
 
+_PER_TURN = 32
+"""Requests read before others get their turn."""
 _DATAGRAM_MAX = 2048
 _LOOPBACK = "127."
 _ONLY_JOINED_GROUPS = 49
@@ -180,10 +182,13 @@ class DiscoveryResponder:
         return [self._interface] if self._interface else host_addresses()
 
     def _drain(self, sock: socket.socket) -> None:
-        while True:
+        for _ in range(_PER_TURN):
             try:
                 packet, sender = sock.recvfrom(_DATAGRAM_MAX)
-            except (BlockingIOError, ConnectionRefusedError):
+            except BlockingIOError:
+                return
+            except OSError as error:  # of an earlier answer, or an interface that is down: the next request may come
+                logger.debug("no discovery request could be read: %s", error)
                 return
             answer = discovery_answer(packet, self._told, self._service_port)
             if answer is None or (self._is_local and not sender[0].startswith(_LOOPBACK)):

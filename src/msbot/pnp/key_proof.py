@@ -115,7 +115,9 @@ class Keys:
         return Asked(question.nonce, self._unanswered(question, claim, now))
 
     def answer(self, proof: bytes, asker: bytes, session_key: int, now: float) -> Answered:
-        """Check a proof; the question is over, whether the proof is good or not.
+        """Check a proof; the question is over, whether the proof is good or not, unless it is an old one of this asker.
+
+        On a slow way a part claims twice and so proves twice: the second copy must not end the question after it.
 
         Args:
             proof: 16 octets, or 24 where samples are sealed.
@@ -123,13 +125,18 @@ class Keys:
             session_key: the client key of its session.
             now: the present time.
         """
+        if self._proofs.get(proof) == asker:
+            question = self._questions.get(asker)
+            words = said("nothing was asked") if question is None else said("it was good once, for another question")
+            claim = None if question is None else question.claim
+            return Answered(claim, _match(Refusal.REPLAYED, words), is_repeated=True)
         question = self._questions.pop(asker, None)
         if question is None or now - question.asked_at > GOOD_FOR_S:
             claim = None if question is None else question.claim
             words = said("nothing was asked")
             if question is not None:
                 words = said("it was asked {seconds:.1f} s ago", seconds=now - question.asked_at)
-            return Answered(claim, _match(Refusal.REPLAYED, words), is_repeated=self._proofs.get(proof) == asker)
+            return Answered(claim, _match(Refusal.REPLAYED, words))
         claim = question.claim
         try:
             key = self._store.key_of(claim.uid)

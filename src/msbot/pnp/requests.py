@@ -17,6 +17,7 @@ from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
 from msbot.pnp.model import Claim, Configuration, Verdict
+from msbot.pnp.part_events import PartState
 from msbot.runtime.tally import Tally
 
 _log = logging.getLogger(__name__)
@@ -128,7 +129,8 @@ class RequestHandler:
         opened = seal.open(plug.channel_of_request(len(body) - SEAL_OCTETS), body)
         if opened is None:
             self.dropped.count("request without a good seal")
-            self._inventory.sample_refused(client_key, seal.reason, now)
+            if seal.is_confirmed:  # before, it may be sealed as the part was told last, and on its way
+                self._inventory.sample_refused(client_key, seal.reason, now)
         return opened
 
     def _configuration_message(self, configuration: Configuration, client_key: int) -> plug.ConfigurationMessage | None:
@@ -179,6 +181,8 @@ class RequestHandler:
         standing = self._inventory.standing_of(client_key)
         if answered.is_repeated and standing is not None and standing.lease:
             return self._tell(Verdict(standing.lease, standing.configuration_version))
+        if answered.is_repeated and standing is not None and standing.state is PartState.STANDBY:
+            return None  # what it proved has been judged: it waits for a slot
         assert answered.refused is not None
         return self._tell(self._inventory.refuse(answered.claim, client_key, answered.refused, now))
 

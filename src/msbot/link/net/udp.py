@@ -41,6 +41,13 @@ _PASSING = {
     errno.EPERM: "forbidden by the firewall",
     errno.EACCES: "forbidden: a broadcast address",
     errno.ENOBUFS: "the network interface's queue is full",
+    errno.ENOMEM: "the system has no memory for it at present",
+    errno.EINVAL: "the peer's address is none to send to",  # port 0, for example, which anybody can put into a datagram
+    errno.EADDRNOTAVAIL: "the network interface has lost its address",
+    errno.EHOSTDOWN: "the peer's host is down",
+    errno.ENETRESET: "the peer's network was reset",
+    errno.ENODEV: "the network interface has vanished",
+    errno.ENXIO: "the network interface has vanished",
 }
 """Errors of one datagram or one peer, in words; the socket itself is fine."""
 

@@ -64,6 +64,11 @@ class Seal:
         self._sent: dict[int, int] = {}
         self._received: dict[int, int] = {}
 
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether the other end has used it: it has opened something."""
+        return bool(self._received)
+
     def seal(self, channel: int, sample: bytes) -> bytes:
         """The sample with its seal behind it.
 

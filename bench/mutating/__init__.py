@@ -1,0 +1,1 @@
+"""What `bench/mutants.py` is made of."""
