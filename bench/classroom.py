@@ -22,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Coroutine, Iterator
 from pathlib import Path
 from random import Random
 
@@ -287,8 +287,8 @@ def main() -> None:
         site = Site(Path(folder), wishes.pupils)
         try:
             tokens = site.prepare()
-            with browsers(site, site.names[: wishes.tabs]) as loads, asyncio.Runner() as runner:
-                figures = _in_thread(runner, play(site, tokens, wishes.seconds, wishes.tabs))
+            with browsers(site, site.names[: wishes.tabs]) as loads:
+                figures = _in_thread(play(site, tokens, wishes.seconds, wishes.tabs))
         finally:
             site.close()
     lines = [f"{describe_machine()}; load {load:.1f} before", "",
@@ -305,12 +305,12 @@ def main() -> None:
         DOCS.write_text(f"{before}{BEGIN}\n\n{table}\n\n{END}{rest.partition(END)[2]}", "utf-8")
 
 
-def _in_thread(runner: asyncio.Runner, work: object) -> dict[str, str]:
-    """Playwright has a loop of its own in this thread."""
+def _in_thread(work: Coroutine[None, None, dict[str, str]]) -> dict[str, str]:
+    """Playwright has a loop of its own in this thread, in which no other can begin or end."""
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
-        return pool.submit(runner.run, work).result()  # type: ignore[arg-type]
+        return pool.submit(asyncio.run, work).result()
 
 
 if __name__ == "__main__":

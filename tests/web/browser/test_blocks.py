@@ -401,25 +401,26 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     desk.expect_text(made)
 
 
-@pytest.mark.parametrize(
-    ("kept", "sentence"),
-    [
-        ('{"msbot":2,"view":"blocks","workspace":{}}', "The blocks of this program are of a newer MsBOT"),
-        ('{"msbot":1,"view":"blocks","workspace":{"blocks":{"blocks":[{"type":"no_such"}]}}}', "are broken"),
-        ('{"view":"blocks"}', "are broken"),
-        (json.dumps({"msbot": 1, "view": "blocks", "workspace": [{"type": "text"}] * 1001}), "are too many"),
-    ],
-    ids=["newer", "of an unknown kind", "no blocks", "too many"],
-)
-def test_blocks_that_cannot_be_shown_leave_their_python(desk: Pupil, track: Site, kept: str, sentence: str) -> None:
+STRANGE = {
+    '{"msbot":2,"view":"blocks","workspace":{}}': "The blocks of this program are of a newer MsBOT",
+    '{"msbot":1,"view":"blocks","workspace":{"blocks":{"blocks":[{"type":"no_such"}]}}}': "are broken",
+    '{"view":"blocks"}': "are broken",
+    json.dumps({"msbot": 1, "view": "blocks", "workspace": [{"type": "text"}] * 1001}): "are too many",
+}
+"""Blocks that are kept, and why they cannot be shown."""
+
+
+def test_blocks_that_cannot_be_shown_leave_their_python(desk: Pupil, track: Site) -> None:
     page = desk.page
-    assert desk.keep("strange.py", "print(1)\n", kept) == 200
-    go(page, f"{track.base}/program?name=strange.py")
-    expect(page.locator(".q-notification").filter(has_text=sentence)).to_be_visible()
-    assert page.evaluate(TEXT) == "print(1)\n"
-    page.get_by_role("button", name="Keep", exact=True).click()
-    expect(page.get_by_text("strange.py is kept, version")).to_be_visible()
-    assert desk.kept("strange.py") == {"text": "print(1)\n", "blocks": kept}, "and the blocks are as they were"
+    for number, (kept, sentence) in enumerate(STRANGE.items()):
+        name = f"strange{number}.py"
+        assert desk.keep(name, "print(1)\n", kept) == 200
+        go(page, f"{track.base}/program?name={name}")
+        expect(page.locator(".q-notification").filter(has_text=sentence)).to_be_visible()
+        assert page.evaluate(TEXT) == "print(1)\n"
+        page.get_by_role("button", name="Keep", exact=True).click()
+        expect(page.get_by_text(f"{name} is kept, version")).to_be_visible()
+        assert desk.kept(name) == {"text": "print(1)\n", "blocks": kept}, "and the blocks are as they were"
 
 
 def test_another_robot_has_other_drop_downs_and_nothing_is_lost(desk: Pupil, track: Site) -> None:
