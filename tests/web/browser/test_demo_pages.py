@@ -244,7 +244,7 @@ def test_the_language_is_chosen_and_kept(browser: Browser, demo: Site) -> None:
 def test_a_quiz_is_answered_by_keyboard_graded_and_asks_about_frames_of_the_bus(blank: Page, demo: Site) -> None:
     page = blank
     go(page, f"{demo.base}/learn/quiz?seed=7")
-    first, second = islice(questions(7), 2)
+    first, second, third = islice(questions(7), 3)
     answer = page.get_by_label("Your answer")
     expect(page.locator("pre")).to_have_text(first.shown)
     answer.press("Enter")
@@ -262,6 +262,13 @@ def test_a_quiz_is_answered_by_keyboard_graded_and_asks_about_frames_of_the_bus(
     page.keyboard.press("Enter")
     expect(page.get_by_role("status").filter(has_text=f"No: {second.answer}.")).to_contain_text(second.why)
     expect(page.get_by_text("1 of 2 are right")).to_be_visible()
+    page.get_by_role("button", name="Next question").press("Enter")
+    expect(page.locator("pre")).to_have_text(third.shown)
+    page.wait_for_url("**/learn/quiz?seed=7&past=2&asked=2&right=1")
+    go(page, page.url)  # as after a connection that was lost for long
+    expect(page.locator("pre")).to_have_text(third.shown)
+    expect(page.get_by_text("1 of 2 are right")).to_be_visible()
+    second = third
     page.get_by_label("Octets and frames").click()
     page.get_by_role("option", name="from this robot's bus").click()
     expect(page.locator("pre")).not_to_have_text(second.shown)

@@ -13,6 +13,15 @@ from playwright.sync_api import Page, expect
 from tests.e2e.processes import running
 from tests.web.browser.conftest import Site, go
 
+THREE_PICTURES_MS = """async () => {
+  const three = () => new Promise((done) => {
+    const before = msbotPlotsFrames();
+    const look = () => msbotPlotsFrames() > before + 3 ? done(performance.now()) : setTimeout(look, 5);
+    look();
+  });
+  const began = await three();
+  return await three() - began;
+}"""
 FRAMES = "window.msbotPlotsFrames ? msbotPlotsFrames() : 0"
 SHOWN = "/plots?show=ear.level,@bus&span=10"
 INK_AT = """([at, value]) => {
@@ -42,7 +51,7 @@ def test_curves_live_held_and_back_by_keyboard_with_their_figures(page: Page, de
     go(page, demo.base + SHOWN)
     row = page.locator("#ms-plot-figures tr", has_text="ear.level.percent")
     expect(row.locator("td.at")).not_to_have_text("–")
-    page.wait_for_function(f"{FRAMES} > 10")
+    page.wait_for_function(f"{FRAMES} > 2")
     area = page.locator(".plot-area")
     area.focus()
     page.keyboard.press("Space")
@@ -61,7 +70,17 @@ def test_curves_live_held_and_back_by_keyboard_with_their_figures(page: Page, de
     area.focus()
     page.keyboard.press("Home")
     expect(page.get_by_role("status").filter(has_text=" to ")).to_have_count(0)
-    page.wait_for_function(f"{FRAMES} > {drawn + 10}")
+    page.wait_for_function(f"{FRAMES} > {drawn + 2}")
+    assert page.evaluate(THREE_PICTURES_MS) > 1000, "who wants no motion sees at most two pictures a second"
+    remove = page.get_by_role("button", name="Remove ear.level.percent")
+    page.get_by_role("button", name="A second earlier").focus()
+    for _ in range(5):
+        page.keyboard.press("Tab")
+        if remove.evaluate("(one) => one === document.activeElement"):
+            break
+    expect(remove).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(row).to_have_count(0)
 
 
 def test_the_recorder_s_time_is_shown_a_view_is_kept_and_a_picture_saved(page: Page, demo: Site) -> None:

@@ -111,7 +111,7 @@ class _Plots:
             self._choice = (
                 ui.select([*self._curves.known()], multiple=True, value=list(self._view.names),
                           label=page.say("Curves"), with_input=True, on_change=self._chosen)
-                .props(f"use-chips outlined dense max-values={MOST_CURVES}").classes("w-full")
+                .props(f"use-chips outlined dense max-values={MOST_CURVES}").classes("w-full plot-choice")
             )  # fmt: skip
             with ui.element("div").classes("row spread").style("margin-top:.6rem"):
                 word = next(word for word, span in SPANS_S.items() if span == self._view.span_s)
@@ -231,7 +231,11 @@ class _Plots:
             "host": self._host.html_id, "curves": curves, "now": self._ms(self._page.service.now()),
             "live": view.live, "span": view.span_s * 1e3, "from": self._ms(view.from_s), "to": self._ms(view.to_s),
             "address": view.address,
-            "words": {"latest": self._page.say("Latest"), "no_unit": self._page.say("no unit")},
+            "words": {
+                "latest": self._page.say("Latest"),
+                "no_unit": self._page.say("no unit"),
+                "remove": self._page.say("Remove {name}", name="{name}"),
+            },
         }  # fmt: skip
         return json.dumps(setup)
 

@@ -22,6 +22,8 @@ from msbot.web.service import Service
 ROWS: Final = 60
 """Frames of the bus of which one is drawn."""
 MOST_SEED: Final = 1_000_000
+MOST_PAST: Final = 1_000
+"""Questions that an address may say are over."""
 MADE_UP: Final = "made"
 OF_THE_BUS: Final = "bus"
 
@@ -30,23 +32,47 @@ def register(service: Service) -> None:
     """Make the page known."""
 
     @ui.page("/learn/quiz")
-    def quiz(request: Request, seed: str = "") -> None:
+    def quiz(request: Request, seed: str = "", past: str = "", asked: str = "", right: str = "") -> None:
         with page_frame(service, request, "/learn", "Quiz") as page:
-            given = int(seed) if seed.isascii() and seed.isdigit() and len(seed) < 10 else None
-            _Quiz(page, SystemRandom().randrange(MOST_SEED) if given is None else given)
+            given = _count(seed, 999_999_999)
+            _Quiz(
+                page,
+                SystemRandom().randrange(MOST_SEED) if given is None else given,
+                _count(past, MOST_PAST) or 0,
+                _count(asked, MOST_PAST) or 0,
+                _count(right, MOST_PAST) or 0,
+            )
+
+
+def _count(text: str, most: int) -> int | None:
+    """The number that an address says; None: it says none."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 10 and int(text) <= most else None
 
 
 class _Quiz:
-    """One person's questions; nobody else sees the answers, and they are forgotten when the page is left."""
+    """One person's questions; nobody else sees the answers, and they are forgotten when the page is left.
 
-    def __init__(self, page: Page, seed: int) -> None:
+    How far the person is stands in the address, so that a page that is loaded again (after the connection was lost
+    for long, or the robot has started anew) goes on where it was.
+
+    Args:
+        page: where it is.
+        seed: of the made-up questions.
+        past: how many of these are behind the person.
+        asked: how many questions have been graded.
+        right: how many of them were right.
+    """
+
+    def __init__(self, page: Page, seed: int, past: int, asked: int, right: int) -> None:
         self._page = page
-        self._made = questions(seed)
+        self._seed = seed
+        self._made = islice(questions(seed), past, None)
+        self._past = past
         self._random = Random(seed)
         self._question: Question | None = None
         self._row: FrameLine | None = None
-        self._asked = 0
-        self._right = 0
+        self._asked = asked
+        self._right = min(right, asked)
         say = page.say
         with panel().style("display:flex;flex-direction:column;gap:.6rem;max-width:60rem"):
             with ui.element("div").classes("row spread"):
@@ -79,12 +105,13 @@ class _Quiz:
         if self._source.value == OF_THE_BUS:
             self._row, self._question = _of_the_bus(self._page.sight.frame_lines(0, ROWS), self._random)
         else:
-            self._question = next(islice(self._made, 1))
+            self._question = next(self._made)
         say = self._page.say
         self._shown.set_content(render("quiz_question", say=say, question=self._question))
         self._result.set_content("")
         self._answer.set_value("")
         self._let_answer(self._question is not None)
+        self._note_place()
 
     def _let_answer(self, can_answer: bool) -> None:
         """Either a question is open, or the next one can be had."""
@@ -95,6 +122,13 @@ class _Quiz:
         self._score.set_text(
             self._page.say("{right} of {asked} are right", right=self._right, asked=self._asked) if self._asked else ""
         )
+
+    def _note_place(self) -> None:
+        """Let the address say how far the person is."""
+        address = f"/learn/quiz?seed={self._seed}"
+        if self._past or self._asked:
+            address += f"&past={self._past}&asked={self._asked}&right={self._right}"
+        ui.run_javascript(f"history.replaceState(history.state, '', '{address}')")
 
     def _check(self) -> None:
         given = str(self._answer.value or "").strip()
@@ -117,6 +151,8 @@ class _Quiz:
             render("quiz_result", say=self._page.say, question=question, is_right=is_right, row=self._row)
         )
         self._let_answer(False)
+        self._past += self._row is None  # a question about the bus is none of the made-up ones
+        self._note_place()
         ui.run_javascript(f"setTimeout(() => getElement({self._next.id}).$el.focus(), 50)")
 
     def _go_on(self) -> None:

@@ -2,6 +2,8 @@
 // Times are milliseconds since 1970 on the clock of the robot's computer, so that all who look see the same hour.
 const msbotPlots = (() => {
   const DRAW_MS = 100, BUSY = 0.5, QUIET_MS = 350, MOST_KEPT = 6000, LEAST_SPAN_MS = 200, PAN = 0.25, STEP = 0.01, LATELY = 5, TELL_MS = 250;
+  // Whoever does not want motion sees a new picture twice a second.
+  const calm = matchMedia("(prefers-reduced-motion: reduce)"), CALM_MS = 500;
   const VIEWS = "msbot_plots_views";
   // Okabe and Ito's, which people tell apart who see few colours; the black one is that of letters.
   const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6BB1", "#7F7F7F"];
@@ -26,6 +28,7 @@ const msbotPlots = (() => {
       if (!host || !window.uPlot) return setTimeout(wait, 30);
       charts = msbotCharts(host, words, number, hour);
       listen();
+      reachable(document.querySelector(".plot-choice"));
       emitEvent("plots_views", views());
       show(setup);
       due = performance.now();
@@ -65,7 +68,7 @@ const msbotPlots = (() => {
     }
   }
 
-  // Ten times a second; where drawing takes long, seldom enough to leave half of the time to all else. What counts is
+  // Ten times a second, or as calm wants it; where drawing takes long, seldom enough to leave half of the time to all else. What counts is
   // the median of the latest pictures: that other programs took the processor during one of them says nothing.
   function tick() {
     const began = performance.now();
@@ -76,7 +79,7 @@ const msbotPlots = (() => {
       usual = [...lately].sort((one, other) => one - other)[lately.length >> 1];
     }
     const ended = performance.now();
-    due = Math.max(due + DRAW_MS, began + usual / BUSY, ended + 10);
+    due = Math.max(due + (calm.matches ? CALM_MS : DRAW_MS), began + usual / BUSY, ended + 10);
     clearTimeout(timer);
     timer = setTimeout(tick, due - ended);
   }
@@ -247,6 +250,19 @@ const msbotPlots = (() => {
       isShown = !document.hidden;
       emitEvent("plots_seen", isShown);
     });
+  }
+
+  // The crosses of chosen curves: Quasar lets Tab pass them unless their field has the focus, and names them all alike.
+  function reachable(choice) {
+    const mend = () => {
+      for (const cross of choice.querySelectorAll(".q-chip__icon--remove")) {
+        const name = words.remove.replace("{name}", cross.parentElement.querySelector(".q-chip__content").textContent);
+        if (cross.tabIndex !== 0) cross.tabIndex = 0;
+        if (cross.getAttribute("aria-label") !== name) cross.setAttribute("aria-label", name);
+      }
+    };
+    mend();
+    new MutationObserver(mend).observe(choice, { childList: true, subtree: true, characterData: true, attributes: true, attributeFilter: ["tabindex", "aria-label"] });
   }
 
   function move(by) {
