@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.processes import running
-from tests.web.browser.accessible import hurdles
+from tests.web.browser.accessible import hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, go
 from tests.web.browser.keyboard import out_of_reach
 
@@ -106,6 +106,5 @@ def test_a_person_drives_drags_and_pauses_the_world(moving: Page, demo: Site) ->
     page.wait_for_function(f"document.querySelector('.arena-robot').getBoundingClientRect().x < {box['x'] - 60}")
     page.get_by_role("button", name="Begin anew").click()
     page.wait_for_function(f"{WHERE} === {start!r}")
-    for dark in (False, True):
-        assert hurdles(page, dark=dark) == []
+    assert hurdles_by_day_and_night(page) == []
     assert errors == []

@@ -20,7 +20,7 @@ from playwright.sync_api import Page, expect
 from msbot.runtime.board_package import OF_GENERIC_BOARDS, package_files
 from tests.homes.runners import NODE
 from tests.homes.simulated_board import SimulatedBoard, simulated_board
-from tests.web.browser.accessible import hurdles
+from tests.web.browser.accessible import hurdles_by_day_and_night
 from tests.web.browser.test_program_page import WORK_MS, expect_said, lesson, open_desk, press, write
 
 __all__ = ["lesson", "open_desk"]
@@ -126,8 +126,7 @@ def test_a_program_is_put_on_a_board_and_says_what_it_does_in_the_console(
         page.locator("#ms-board-token").fill("msbot_abc")
         page.locator("#ms-board-wifi").fill("school")
         page.locator("#ms-board-password").fill("secret")
-        for dark in (True, False):
-            assert hurdles(page, dark=dark) == []
+        assert hurdles_by_day_and_night(page) == []
         choose(page)
         expect_told(page, "01_hello.py runs on the board now, and whenever it starts; 3 files were written.")
         expect_said(page, "I run on the board")

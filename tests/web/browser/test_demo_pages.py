@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from msbot.lab.explain.quiz import questions
-from tests.web.browser.accessible import hurdles
+from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, go, new_page
 
 PAGES = {
@@ -46,16 +46,15 @@ def test_every_page_opens_without_an_error_fits_and_can_be_read(blank: Page, dem
         page.wait_for_function(FITS)
     assert "<style" not in page.locator("body").inner_text(), "nothing of the page's making is read out"
     assert {url for url in asked if not url.startswith((demo.base, "data:", "blob:"))} == set(), "works offline"
-    for dark in (False, True):
-        assert hurdles(page, dark=dark) == []
+    assert hurdles_by_day_and_night(page) == []
     assert errors == []
 
 
-def test_a_part_that_is_unplugged_is_shown_within_the_detection_time(page: Page) -> None:
+def test_a_part_that_is_unplugged_is_shown_as_lost_and_comes_back(page: Page) -> None:
     card = page.get_by_role("button", name="Open slot bumper")
     expect(card).to_contain_text("active")
     page.get_by_role("button", name="Unplug bumper").click()
-    expect(card).to_contain_text("lost", timeout=7_000)
+    expect(card).to_contain_text("lost")
     page.get_by_role("button", name="Plug bumper in").click()
     expect(card).to_contain_text("active")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from tests.web.browser.accessible import hurdles
+from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, go
 
 
@@ -131,8 +131,7 @@ def test_on_a_phone_a_slot_is_made_and_wired_and_another_taken_out_with_its_wire
     page.get_by_label("Search").fill("push button")
     page.get_by_role("radio", name="Push button · BUTTON").click()
     expect(page.get_by_text("Left empty, it is called push_button.")).to_be_visible()
-    for dark in (False, True):
-        assert hurdles(page, dark=dark) == []
+    assert hurdles_by_day_and_night(page) == []
     page.get_by_role("button", name="Make the slot").click()
     # One port after the other is clicked: on a phone they do not fit on the screen together.
     port(page, "push_button.pressed (Switch): not wired").click()
