@@ -59,7 +59,7 @@ async def ask(address: tuple[str, int], packet: bytes) -> bytes:
         sock.bind(("127.0.0.1", 0))
         await loop.sock_sendto(sock, b"junk", address)
         await loop.sock_sendto(sock, packet, address)
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(60):
             return await loop.sock_recv(sock, 2048)
 
 

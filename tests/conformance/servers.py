@@ -10,7 +10,7 @@ from msbot.agent import Agent
 from msbot.link import Link, Signal
 from msbot.space import MemorySpace
 
-PATIENCE_S = 20
+PATIENCE_S = 60
 """After this a test has failed; nothing waits for it otherwise."""
 
 

@@ -22,7 +22,7 @@ from msbot.web.access.sessions import digest_of
 from tests.e2e.processes import Process, run, running
 from tests.e2e.test_processes import free_port
 
-PATIENCE_S = 30.0
+PATIENCE_S = 90.0
 TOKEN = "msbot_a_token_of_the_tests"
 
 

@@ -26,7 +26,7 @@ from tests.hostile.robot import Robot, until
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="this system has no Unix sockets")
 
-PATIENCE_S = 30.0
+PATIENCE_S = 90.0
 
 
 @pytest.fixture

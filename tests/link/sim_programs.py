@@ -16,7 +16,7 @@ from msbot.link.can.sim.model.bus import SimBus
 from msbot.link.can.sim.model.messages import Hello, Message, Splitter, Welcome, encode
 from msbot.link.can.sim.server import SimBusServer
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 """Longer than any busy machine needs."""
 
 M = TypeVar("M", bound=Message)

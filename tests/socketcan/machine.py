@@ -25,10 +25,10 @@ ROOT = Path(__file__).parent.parent.parent
 RUNNER = ROOT / "tools" / "run-in-vm.sh"
 REPORT = "MSBOT_VM_REPORT"
 """Environment variable: where pytest inside a machine puts its reports."""
-PATIENCE_S = 600
+PATIENCE_S = 1800
 """A machine that is not done after this time is switched off."""
-SILENCE_S = 150
-"""So is one that has reported nothing for this time; each test ends after less."""
+SILENCE_S = 320
+"""So is one that has reported nothing for this time; each test ends, or is ended, after less (300 s)."""
 STARTS = 3
 """A machine is started this many times while tests are without a report."""
 NOT_STARTED = 125

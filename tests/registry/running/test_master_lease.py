@@ -21,7 +21,7 @@ from msbot.registry import LeaseLost, MasterLease, Registry, open_registry
 from msbot.registry.running import master_lease
 from tests.registry.events import changed
 
-PATIENCE_S = 30.0
+PATIENCE_S = 90.0
 
 
 @pytest.fixture(autouse=True)

@@ -37,7 +37,7 @@ async def shared(world: str) -> AsyncIterator[tuple[LivingArena, ArenaServer]]:
 
 
 async def until(true: Callable[[], bool]) -> None:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         while not true():  # noqa: ASYNC110 - of another connection
             await asyncio.sleep(0.01)
 

@@ -20,7 +20,7 @@ ARGUMENTS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
-PATIENCE_MS = 20_000
+PATIENCE_MS = 60_000
 """How long a test waits for the page; the machine may be busy. Nothing in the product is this slow."""
 NEEDED = "MSBOT_NEED_BROWSER"
 """Set where no browser test may be skipped, as in CI."""

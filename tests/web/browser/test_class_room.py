@@ -212,12 +212,12 @@ def test_a_student_sees_no_teachers_buttons_and_is_refused_by_the_server(browser
         expect(card_of(page, "BB")).to_contain_text("active")
 
 
-def test_a_part_that_is_pulled_out_is_shown_within_the_detection_time(browser: Browser, room: ClassRoom) -> None:
+def test_a_part_that_is_pulled_out_is_shown_as_lost_and_comes_back(browser: Browser, room: ClassRoom) -> None:
     with visit(browser, room, "stu") as page:
         card = card_of(page, "CC")
         expect(card).to_contain_text("active")
         room.parts["CC"].end(signal.SIGKILL)
-        expect(card).to_contain_text("lost", timeout=7_000)
+        expect(card).to_contain_text("lost")
         room.parts["CC"] = room.part("CC")
         expect(card).to_contain_text("active")
 

@@ -22,7 +22,7 @@ from tests.link.can.adapters.test_socketcan_frames import frames
 
 FRAME = Frame(0x123, b"\1\2\3")
 FD_FRAME = Frame(0x1234567, bytes(64), extended=True, fd=True, brs=True)
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 
 
 @given(frames())
