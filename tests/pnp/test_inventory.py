@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from msbot.config import PartType, Slot
 from msbot.part.join.trouble import trouble_pieces
 from msbot.pnp import FAST_TIMING, LifeTiming, MemoryStore, PartState, Refusal, Verdict
-from tests.pnp.robot import Rig, configuration
+from tests.pnp.robot import Rig, configuration, sample_store
 
 AA, BB, CC, DD = 0xAAAAAAAA, 0xBBBBBBBB, 0xCCCCCCCC, 0xDDDDDDDD
 
@@ -389,3 +389,14 @@ def test_a_part_that_dies_before_anybody_looked_is_late_first_and_then_lost() ->
     rig.run(1.72)
     assert rig.changes(AA) == ["new", "checking", "active", "late", "lost"]
     assert rig.events[-2].at == rig.events[-1].at
+
+
+def test_an_agent_that_brings_parts_is_not_shown_unless_it_has_shown_itself_as_a_part() -> None:
+    rig = Rig(sample_store())
+    rig.join(1)
+    rig.inventory.is_no_part(1)
+    assert rig.inventory.view(rig.now) == []
+    rig.join(2)
+    rig.claim(2, "ABCD", serial=2)
+    rig.inventory.is_no_part(2)
+    assert [part.slot for part in rig.inventory.view(rig.now)] == ["AA"]

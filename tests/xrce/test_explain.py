@@ -109,6 +109,13 @@ def test_any_octets_have_words(octets: bytes) -> None:
     assert explain(octets)
 
 
+@pytest.mark.parametrize(("reuse", "replace"), [(False, False), (True, False), (False, True), (True, True)])
+def test_what_happens_to_an_object_that_is_there_is_told(reuse: bool, replace: bool) -> None:
+    create = Create(1, 0x11, topic_variant("t", "T", 0x01), reuse=reuse, replace=replace)
+    assert one_line(create).endswith((", reuse" if reuse else "") + (", replace" if replace else ""))
+    assert (", replace" in one_line(create), ", reuse" in one_line(create)) == (replace, reuse)
+
+
 def test_notes_stand_below_their_submessage() -> None:
     packet = bytes.fromhex("8101020007010800 000b0015 0102030407010800 000c0025 05060708")
     lines = explain(packet, lambda header, submessage: [f"{header.sequence_nr}: {type(submessage).__name__}"])

@@ -232,6 +232,20 @@ async def test_what_the_kernel_does_not_take_waits_in_order() -> None:
     assert arrived == list(range(QUEUE_PACKETS))
 
 
+async def test_what_waited_when_the_link_was_closed_is_counted_and_not_sent_later() -> None:
+    server = UdpServerLink("127.0.0.1", 0)
+    at_server = Inbox(server)
+    async with running(server):
+        client = BusyLink("127.0.0.1", server.port)
+        async with running(client):
+            client.send(b"too late", client.remote)
+        assert client.counters.dropped == {"the link was closed before the network took it": 1}
+        client.error = None
+        async with running(client):
+            client.send(b"in time", client.remote)
+            assert (await at_server.packets.get())[0] == b"in time"
+
+
 async def test_a_short_wait_is_not_announced_as_room() -> None:
     server = UdpServerLink("127.0.0.1", 0)
     at_server = Inbox(server)

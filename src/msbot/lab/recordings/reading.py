@@ -16,6 +16,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from msbot.errors import ConfigError
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.printable import printable
 
 LARGEST_RECORD: Final = 64 << 20
 """Octets of the largest record that is read; a chunk of ours has a quarter of a megabyte."""
@@ -170,7 +171,9 @@ def _no_recording(stream: BinaryIO) -> str:
     stream.seek(0)
     begin = stream.read(len(_MAGIC))
     if len(begin) == len(_MAGIC) and begin[:5] == _MAGIC[:5] and begin != _MAGIC:
-        return f"is an MCAP file of version {begin[5:6].decode(errors='replace')}; this program reads version 0"
+        return (
+            f"is an MCAP file of version {printable(begin[5:6].decode(errors='replace'))}; this program reads version 0"
+        )
     if not begin:
         return "is empty"
     if _MAGIC.startswith(begin) and begin != _MAGIC:

@@ -58,6 +58,10 @@ def test_other_ways_to_write_the_same(text: str, same: str) -> None:
     assert format_frame(parse_frame(text)) == same
 
 
+def test_a_can_fd_frame_takes_64_octets() -> None:
+    assert parse_frame("123##0" + "5A" * 64).data == b"Z" * 64
+
+
 @given(st.binary(max_size=64))
 def test_fd_data_is_padded_with_cc_to_the_next_length(data: bytes) -> None:
     padded = parse_frame(f"123##0{data.hex()}").data
