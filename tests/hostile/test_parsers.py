@@ -33,6 +33,7 @@ def _blf_with_a_damaged_container() -> bytes:
         pytest.param("stop_answer", DEEP, id="deep answer about STOP"),
         pytest.param("ros", b"int32 a\nuint8 B=\x1b[31m", id="escape sequence in a constant"),
         pytest.param("ros", b"bool[2] flags " + b"[" * 5000, id="deep default"),
+        pytest.param("candump", "can0 123 [2] DE\u00a0AD".encode(), id="another space"),
         pytest.param("asc", b"date Wed\x1b[31m\nbase hex", id="escape sequence in a log"),
         pytest.param("recording", b"\x89MCAP\r\r\n" + bytes(40), id="a version that controls the terminal"),
         pytest.param("recording", b"\x89MCAP0\r\n" + bytes(40), id="octets that are no record"),

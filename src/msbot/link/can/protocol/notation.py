@@ -132,7 +132,7 @@ def _read_columns(line: str, match: re.Match[str]) -> Frame:
     length = length or "8"
     if content == "remote request":
         return parse_frame(f"{digits}#R{length}{suffix}")
-    data = bytes.fromhex(content)
+    data = bytes.fromhex("".join(content.split()))  # a log may have spaces that are none of ASCII
     if len(data) != int(length):
         raise ConfigError(f"{line!r} says it has {int(length)} data bytes and shows {len(data)}")
     flags = f"#{(brs == 'B') | (esi == 'E') << 1}" if len(length) == 2 else ""
