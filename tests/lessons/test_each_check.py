@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from msbot.lab.faults.conditions import NumberCondition, StateCondition
-from msbot.lessons.conditions import Condition, Exists, Holder, Now, SettingIs, Spans, Stopped, Was, Wired
+from msbot.lessons.conditions import Condition, Exists, Holder, Now, SettingIs, Spans, Stopped, Turns, Was, Wired
 from msbot.lessons.lesson import Lesson, LessonCheck, Step
 from msbot.lessons.run import LessonRun
 from msbot.lessons.shelf import LessonShelf
@@ -32,6 +32,9 @@ def let(robot: Robot, condition: Condition, phase: int, *, is_so: bool) -> None:
             robot.numbers[source] = limit + step * (BEYOND if is_so else SHORT_OF)[sign]
         case Spans(source=source, width=width):
             robot.numbers[source] = (phase % 2) * width * (1.0 if is_so else 0.99)
+        case Turns(source=source, width=width):
+            share = min(phase, PHASES - 1) / (PHASES - 1)
+            robot.numbers[source] = share * width * (1.0 if is_so else 0.99) % 360
         case Wired(source=source, target=target):
             robot.wires.add((source, target) if is_so else (target, source))
         case SettingIs(slot=slot, name=name, operator=sign, value=value):

@@ -78,6 +78,18 @@ def test_each_condition_holds_for_what_is_right_only(text: str, wrong: Robot, ri
     assert [one.name for one in done.look(right, 1.0)] == ["1.1"]
 
 
+def test_turning_counts_beyond_north_and_to_one_side_only() -> None:
+    done, robot = run((check("1.1", "compass.heading turns 300"),)), Robot()
+    for heading in (350.0, 10.0, 350.0, 80.0, 350.0, 240.0, 110.0):  # to and fro, through north, and on to the left
+        robot.numbers["compass.heading"] = heading
+        assert done.look(robot, 0.0) == []
+    missing = done.missing(robot)
+    assert missing is not None
+    assert missing.seen == "compass.heading has turned by 240"
+    robot.numbers["compass.heading"] = 50.0
+    assert [one.name for one in done.look(robot, 1.0)] == ["1.1"]
+
+
 def test_a_question_is_answered_in_its_turn() -> None:
     question = LessonCheck("1.2", "How many?", question=LessonQuestion(("3",)), hint="count")
     done, robot = run((check("1.1", "stopped"), question), (check("2.1", "not stopped"),)), Robot()

@@ -68,6 +68,8 @@ class ConditionMemory:
     least: float | None = None
     most: float | None = None
     first: str | None = None
+    angle: float | None = None
+    turned: float = 0.0
 
 
 class Condition(ABC):
@@ -148,6 +150,33 @@ class Spans(Condition):
 
     def __str__(self) -> str:
         return f"{self.source} spans {self.width:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Turns(Condition):
+    """A direction in degrees has turned that far to one side since the step began; to and fro does not count."""
+
+    source: str
+    width: float
+
+    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:
+        """See `Condition`."""
+        angle = robot.number(self.source)
+        if angle is not None:
+            if memory.angle is not None:
+                # The shorter way: between two looks nothing turns by more than half a turn.
+                memory.turned += (angle - memory.angle + 180) % 360 - 180
+            memory.angle = angle
+        return abs(memory.turned) >= self.width
+
+    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:
+        """See `Condition`."""
+        if memory.angle is None:
+            return _number_seen(robot, self.source)
+        return said("{source} has turned by {turned:g}", source=self.source, turned=round(abs(memory.turned)))
+
+    def __str__(self) -> str:
+        return f"{self.source} turns {self.width:g}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,11 +332,15 @@ _FORMS: Final[tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], Condition]]
         re.compile(r"(?P<source>[^\s<>=]+)\s+spans\s+(?P<width>\d+(?:\.\d+)?)"),
         lambda found: Spans(found["source"], float(found["width"])),
     ),
+    (
+        re.compile(r"(?P<source>[^\s<>=]+)\s+turns\s+(?P<width>\d+(?:\.\d+)?)"),
+        lambda found: Turns(found["source"], float(found["width"])),
+    ),
 )  # fmt: skip
 EXAMPLES: Final = (
-    "fan is active", "fan was lost", "knob.level > 60", "knob.level spans 50", "wired knob.level -> fan.power",
-    "setting fan maximum = 50", "BB has DD", "knob has another part", "slot lamp exists", "type LUX-1 exists",
-    "stopped", "not stopped",
+    "fan is active", "fan was lost", "knob.level > 60", "knob.level spans 50", "compass.heading turns 300",
+    "wired knob.level -> fan.power", "setting fan maximum = 50", "BB has DD", "knob has another part",
+    "slot lamp exists", "type LUX-1 exists", "stopped", "not stopped",
 )  # fmt: skip
 """One of each kind."""
 
