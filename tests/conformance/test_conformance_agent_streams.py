@@ -165,7 +165,8 @@ def test_case_50_65552_reliable_messages_pass_the_wrap_both_ways_without_loss(ag
     for first in range(6, 6 + 65_552, 16):
         numbers = range(first, first + 16)
         batch = [octets(reliable(number, write(f"{number:08x}"))) for number in numbers]
-        assert len(agent.say_at_once(batch, peer="writer")) == 16
+        # DEVIATION: the genuine agent sends 16 ACKNACKs; here the last of them speaks for all that came at once.
+        assert agent.say_at_once(batch, peer="writer") == packets(acknack(first + 16))
         assert agent.take() == packets(*(reliable(number, data(f"{number:08x}")) for number in numbers))
         assert agent.say_at_once([octets(acknack(first + 16))]) == []
     assert agent.say(reliable(7, ""), peer="writer") == packets(acknack(6 + 65_552))

@@ -41,7 +41,7 @@ def test_case_80_data_before_its_time_waits() -> None:
 def test_case_81_duplicate_data_is_told_once_and_acknowledged_again() -> None:
     bench = Bench()
     packet = "8180000009010800000a001600000000"
-    assert bench.feed(packet, packet) == [acknack(1), acknack(1)]
+    assert bench.feed(packet) + bench.feed(packet) == [acknack(1), acknack(1)]
     assert bench.events() == [received("00000000")]
 
 

@@ -22,7 +22,7 @@ class AgentSettings:
 
     heartbeat_s: float = 0.2
     """Period of HEARTBEAT while reliable messages are unacknowledged."""
-    heartbeat_min_s: float = 0.005
+    heartbeat_min_s: float = 0.001
     """The shortest such period where messages get lost: there it follows the round trip. Not on shared buses."""
     window: int = 16
     """Unacknowledged messages a reliable stream may have (the bitmap of ACKNACK has 16 bits)."""

@@ -6,8 +6,9 @@ import pytest
 
 from msbot.errors import LocalProtocolError
 from msbot.xrce.messages.envelope import Envelope
-from msbot.xrce.sessions.counters import SessionCounters
+from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.sessions.settings import SessionSettings
+from msbot.xrce.streams.receiving_in_order import ReliableInput
 from msbot.xrce.streams.sending_and_resending import TOO_LARGE
 from msbot.xrce.streams.session_output import ANSWERS_FULL, STREAM_LIMIT, SessionOutput
 
@@ -35,9 +36,12 @@ def test_messages_of_all_streams_leave_in_the_order_of_booking() -> None:
     sender.answer(b"b")
     sender.send_unacknowledged(b"c", 1)
     sender.send_unacknowledged(b"d", 0)
-    sender.put_answer(sender.acknack(0x80, 5, 0x0102))
+    stream = ReliableInput(8, Memory(1000), counters)
+    for number in (0, 1, 2, 3, 4, 6, 7):
+        stream.accept(number, b"x")
+        sender.owe_acknack(0x80, stream)
     assert hexes(sender.pull(0.0, limit=2)) == ["8180000061", "8100000062"]
-    assert hexes(sender.pull(0.0)) == ["8101000063", "8100000064", "810000000a0105000500010280"]
+    assert hexes(sender.pull(0.0)) == ["8101000063", "8100000064", "810000000a0105000500000180"]
     assert sender.is_idle
     assert counters.packets_out == 5
 

@@ -38,7 +38,7 @@ class ClientSettings:
     """When the first login has had no answer for this long, the state is `lost`; the client keeps trying."""
     heartbeat_s: float = 0.1
     """How long to wait for an acknowledgement before a HEARTBEAT asks for it, until the round trip is known."""
-    heartbeat_min_s: float = 0.005
+    heartbeat_min_s: float = 0.001
     """The shortest such wait where messages get lost: there the wait follows the round trip."""
     asks_again: bool = False
     """Whether the login says that this client understands being told when to ask again, where many join at once; else

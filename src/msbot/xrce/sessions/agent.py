@@ -191,6 +191,9 @@ class AgentSession(Session[AgentEvent]):
             case SubmessageId.DELETE:
                 delete = Delete.decode(contents, 0, size, flags)
                 if kind_of(delete.object_id) == ObjectKind.CLIENT:
+                    if stream_id == STREAM_NONE:
+                        # After its end, an ACKNACK could be mistaken for one of the client's next session.
+                        self._sender.pay_acknacks()
                     return SessionDeleteRequested(delete.request_id, delete.object_id)
                 return DeleteRequested(delete.request_id, delete.object_id, stream_id)
             case SubmessageId.GET_INFO:

@@ -1,13 +1,15 @@
 """What both ends of a session have in common: receiving through streams, acknowledging, reporting to the owner.
 
 Theory of operation. `receive_packet` runs a message through its stream and then submessage by submessage through
-`_handle`, which turns each into an event. The ACKNACK is queued behind the events that the message caused and is booked
-when the owner has taken them. So the answers to a message always precede its ACKNACK, and ACKNACKs never overtake each
-other; if they did, a C client would lose its history.
+`_handle`, which turns each into an event. An ACKNACK is due from then on, and is made when the owner pulls packets,
+after it has taken the events. So the answers to a message always precede its ACKNACK, one ACKNACK speaks for all
+messages of a burst, and ACKNACKs never overtake each other; if they did, a C client would lose its history.
 
-A gap is reported at once. If that report or the messages it asked for are lost, too, and nothing else arrives that
-would reveal it, the ACKNACK is repeated after a while. So repair on a lossy link takes a round trip, and need not wait
-for the peer's HEARTBEAT.
+DEVIATION: the genuine agent sends an ACKNACK for each message. An ACKNACK covers all messages before it, so of those
+that came at once the last one says it all, in a fraction of the packets.
+
+A gap is reported at once, and again after a while (`AskingAgain`). So repair on a lossy link takes a round trip, and
+need not wait for the peer's HEARTBEAT.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from msbot.xrce.messages.submessage import HEADER_SIZE, locate
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.sessions.events import WindowOpened
 from msbot.xrce.sessions.settings import SessionSettings
+from msbot.xrce.streams.asking_again import AskingAgain
 from msbot.xrce.streams.receiving_in_order import BestEffortInput, ReliableInput
 from msbot.xrce.streams.session_output import STREAM_LIMIT, SessionOutput
 from msbot.xrce.streams.stream_state import StreamState, last_number
@@ -35,9 +38,6 @@ Event = TypeVar("Event")
 _ACKNACK_ID = SubmessageId.ACKNACK.value
 _HEARTBEAT_ID = SubmessageId.HEARTBEAT.value
 _FRAGMENT_ID = SubmessageId.FRAGMENT.value
-
-REPEATS_MAX = 8
-"""How often the same gap is reported while nothing arrives; after that the peer must ask with a HEARTBEAT."""
 
 BROKEN = {kind.value: f"broken {kind.name}" for kind in SubmessageId}
 UNKNOWN_BROKEN = "broken submessage of an unknown kind"
@@ -74,17 +74,17 @@ class Session(ABC, Generic[Event]):
         self._settings = settings
         self._memory = Memory(settings.max_message, memory)
         self._key_octets = client_key.to_bytes(4, "big")
-        self._events: deque[Event | WindowOpened | bytes] = deque()
-        self._acknacks = 0  # how many are queued among the events
+        self._events: deque[Event | WindowOpened] = deque()
         self._best_effort: dict[int, BestEffortInput] = {}
         self._reliable: dict[int, ReliableInput] = {}
-        self._gaps: dict[int, tuple[float, int]] = {}
-        """Streams in which something is missing: when to say so again, and how often that was done."""
         envelope = Envelope(session_id, client_key, self.mtu, pads=pads)
         self._sender = SessionOutput(envelope, self.counters, settings, unacked)
+        # On a bus (no such short silence) silence means that others go first, and questions would make it worse.
+        self._asking = AskingAgain(self._sender, guesses=settings.heartbeat_min_s < settings.heartbeat_s)
 
     def receive_packet(self, packet: bytes, now: float) -> bool:
-        """Take one packet of the peer; if the result is True, call `next_event` until it returns None.
+        """Take one packet of the peer; if the result is True, call `next_event` until it returns None, before packets
+        are pulled.
 
         A submessage that makes no sense is counted in `dropped`, and the rest of the message is ignored.
 
@@ -113,15 +113,8 @@ class Session(ABC, Generic[Event]):
         return bool(self._events)
 
     def next_event(self) -> Event | WindowOpened | None:
-        """The next event; None when there are no more, and the ACKNACKs of the packet are booked."""
-        events = self._events
-        while events:
-            event = events.popleft()
-            if not isinstance(event, bytes):
-                return event
-            self._acknacks -= 1
-            self._sender.put_answer(event)
-        return None
+        """The next event; None when there are no more."""
+        return self._events.popleft() if self._events else None
 
     def has_room(self, stream_id: int) -> bool:
         """Whether a sample may be booked on that stream now; after False, `WindowOpened` says when."""
@@ -154,20 +147,18 @@ class Session(ABC, Generic[Event]):
     def timer(self) -> float | None:
         """When to call `handle_timer`; changes with every other call."""
         due = self._sender.timer()
-        if self._gaps and self._sender.is_idle:
-            again_at = min(at for at, _ in self._gaps.values())
-            return again_at if due is None else min(due, again_at)
-        return due
+        again_at = self._asking.next_at() if self._asking and self._sender.is_idle else None
+        if due is None or again_at is None:
+            return again_at if due is None else due
+        return min(due, again_at)
 
     def handle_timer(self, now: float) -> None:
         """Book what is due by now."""
         # What already waits for the link says more than a repetition could.
-        gaps = self._gaps.items() if self._gaps and self._sender.is_idle else ()
-        due = [(stream_id, repeated) for stream_id, (at, repeated) in gaps if now >= at]
+        asks = self._asking and self._sender.is_idle
         self._sender.handle_timer(now)
-        for stream_id, repeated in due:
-            self._sender.put_answer(self._sender.acknack(stream_id, *self._reliable[stream_id].missing()))
-            self._watch_gap(stream_id, now, repeated + 1)
+        if asks:
+            self._asking.ask(now)
 
     def release(self) -> None:
         """The session is over: give back the memory that it shares with others."""
@@ -227,10 +218,6 @@ class Session(ABC, Generic[Event]):
     def _restart_streams(self, envelope: Envelope | None = None) -> None:
         """Start all streams over, both ways; forget all messages that wait, are held, or are half collected."""
         self._restart_input()
-        if self._acknacks:
-            # Only then: a message may consist of thousands of RESETs, each with its event.
-            self._events = deque(event for event in self._events if not isinstance(event, bytes))
-            self._acknacks = 0
         self._events.extend(WindowOpened(stream_id) for stream_id in self._sender.reset(envelope))
 
     def _restart_input(self) -> None:
@@ -238,7 +225,7 @@ class Session(ABC, Generic[Event]):
             stream.reset()
         self._reliable.clear()
         self._best_effort.clear()
-        self._gaps.clear()
+        self._asking.clear()
 
     def _best_effort_input(self, stream_id: int) -> BestEffortInput | None:
         if not self._may_open(self._best_effort):
@@ -254,7 +241,7 @@ class Session(ABC, Generic[Event]):
             self._process(packet, offset, stream_id)
             if stream.announced != stream.last_handled:
                 self._process_held(stream, stream_id)
-        self._book_acknack(stream, stream_id)
+        self._owe_acknack(stream, stream_id)
 
     def _reliable_input(self, stream_id: int) -> ReliableInput | None:
         stream = self._reliable.get(stream_id)
@@ -272,29 +259,9 @@ class Session(ABC, Generic[Event]):
         while (packet := stream.next_held()) is not None:
             self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
 
-    def _book_acknack(self, stream: ReliableInput, stream_id: int) -> None:
-        if stream.announced == stream.last_handled and not self._gaps:
-            first, bitmap = (stream.last_handled + 1) & 0xFFFF, 0
-        else:
-            first, bitmap = stream.missing()
-        if bitmap:
-            self._sender.round_trip.note_loss(self.last_heard)
-            self._watch_gap(stream_id, self.last_heard, 0)
-        elif self._gaps:
-            self._gaps.pop(stream_id, None)
-        packet = self._sender.acknack(stream_id, first, bitmap)
-        if self._events:
-            self._events.append(packet)
-            self._acknacks += 1
-        else:
-            self._sender.put_answer(packet)
-
-    def _watch_gap(self, stream_id: int, now: float, repeated: int) -> None:
-        """Note that the peer has just been told what is missing; it is told again after a while, but not for ever."""
-        if repeated < REPEATS_MAX and self._sender.round_trip.smoothed_s is not None:
-            self._gaps[stream_id] = (now + self._sender.patience_s(now, repeated), repeated)
-        else:
-            self._gaps.pop(stream_id, None)
+    def _owe_acknack(self, stream: ReliableInput, stream_id: int) -> None:
+        self._asking.note(stream_id, stream, self.last_heard)
+        self._sender.owe_acknack(stream_id, stream)
 
     def _process(self, packet: bytes, offset: int, stream_id: int) -> None:
         """Handle the submessages of a message, or of reassembled fragments (which begin at offset 0)."""
@@ -341,7 +308,7 @@ class Session(ABC, Generic[Event]):
             else:
                 self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
         self._process_held(stream, stream_id)
-        self._book_acknack(stream, stream_id)
+        self._owe_acknack(stream, stream_id)
 
     def _take_fragment(self, piece: bytes, flags: int, stream_id: int, *, is_joined: bool) -> None:
         stream = self._reliable.get(stream_id)

@@ -13,7 +13,7 @@ class SessionSettings:
     """Unacknowledged messages on each reliable stream, in each direction; an ACKNACK covers 16."""
     heartbeat_s: float = 0.2
     """Silence in seconds after which a HEARTBEAT asks for what is unacknowledged."""
-    heartbeat_min_s: float = 0.005
+    heartbeat_min_s: float = 0.001
     """The shortest such silence on a link that loses messages, where the wait follows the measured round trip; a value
     from `heartbeat_s` up turns this off. The wait doubles with every HEARTBEAT that goes unanswered."""
     max_message: int = 1 << 20

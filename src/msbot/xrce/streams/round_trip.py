@@ -14,6 +14,12 @@ PATIENCE_MAX = 5
 MEMORY_S = 10.0
 """How long after a loss the link counts as lossy."""
 
+DOUBTFUL = 4
+"""A measurement that is so many times shorter than the known round trip replaces it: that one included a loss."""
+
+QUICK = 2
+"""On a lossy link so many repetitions of a question wait no longer than the question itself."""
+
 
 class RoundTrip:
     """The measured time from handing a message to the link until its acknowledgement, and recent losses."""
@@ -29,12 +35,23 @@ class RoundTrip:
         self._spread_s = 0.0
         self._lossy_until = float("-inf")
 
-    def measure(self, sample_s: float) -> None:
-        """Take one measurement."""
+    def measure(self, sample_s: float, since_asked_s: float | None = None, now: float = 0.0) -> None:
+        """Take one measurement.
+
+        Args:
+            sample_s: from the message to its acknowledgement.
+            since_asked_s: from the HEARTBEAT in between to the acknowledgement, if there was one: nobody knows which of
+                the two was acknowledged. On a lossy link it was the HEARTBEAT; elsewhere, what is more like before.
+            now: the time.
+        """
         self.count += 1
-        self.latest_s = sample_s
         known = self.smoothed_s
-        if known is None:
+        if since_asked_s is not None and (
+            self.is_lossy(now) or (known is not None and abs(since_asked_s - known) < abs(sample_s - known))
+        ):
+            sample_s = since_asked_s
+        self.latest_s = sample_s
+        if known is None or sample_s * DOUBTFUL < known:
             self.smoothed_s = sample_s
             self._spread_s = sample_s / 2
         else:
@@ -44,6 +61,10 @@ class RoundTrip:
     def note_loss(self, now: float) -> None:
         """A message was lost, in either direction."""
         self._lossy_until = now + MEMORY_S
+
+    def is_lossy(self, now: float) -> bool:
+        """Whether a message was lost a short while ago."""
+        return now < self._lossy_until
 
     def patience_s(self, now: float, longest_s: float, shortest_s: float, unanswered: int) -> float:
         """How long to wait for an answer before asking.
@@ -59,9 +80,9 @@ class RoundTrip:
         if smoothed_s is None:
             return longest_s
         wait_s = longest_s
-        if now < self._lossy_until:
+        if self.is_lossy(now):
             expected_s = max(smoothed_s + 4 * self._spread_s, shortest_s)
-            wait_s = min(longest_s, expected_s * (1 << min(unanswered, 16)))
+            wait_s = min(longest_s, expected_s * (1 << min(max(unanswered - QUICK, 0), 16)))
         # On a slow link the answer may still be on its way; but a peer that was busy for a long time must not silence
         # us.
         return min(max(wait_s, 2 * smoothed_s), PATIENCE_MAX * longest_s)

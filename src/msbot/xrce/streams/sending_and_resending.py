@@ -244,7 +244,7 @@ class ReliableOutput:
                 self._forget(progress)
             self._first = first
             if self._timed is not None and self._timed not in unacked:
-                self._round_trip.measure(now - self._timed_at)
+                self._measure(now)
                 self._timed = None
             self.heartbeat_at = None
             self.moved = True
@@ -323,6 +323,11 @@ class ReliableOutput:
             nr = (self._first + index) & 0xFFFF
             self._count(-len(self._unacked.pop(nr)))
             self._resent_at.pop(nr, None)
+
+    def _measure(self, now: float) -> None:
+        asked_at = self._heartbeat_sent_at
+        since_asked_s = now - asked_at if asked_at > self._timed_at else None
+        self._round_trip.measure(now - self._timed_at, since_asked_s, now)
 
     def _note_missed(self, first: int, bitmap: int, now: float) -> None:
         for index in range(bitmap.bit_length()):

@@ -16,6 +16,7 @@ from msbot.xrce.messages.ids import STREAM_BEST_EFFORT, STREAM_NONE, STREAM_RELI
 from msbot.xrce.messages.streams import write_acknack
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.sessions.settings import SessionSettings
+from msbot.xrce.streams.receiving_in_order import ReliableInput
 from msbot.xrce.streams.round_trip import RoundTrip
 from msbot.xrce.streams.sending_and_resending import TOO_LARGE, BestEffortOutput, ReliableOutput
 from msbot.xrce.streams.stream_state import StreamState
@@ -42,6 +43,8 @@ class SessionOutput:
         self._settings = settings
         self._pool = pool or Memory(sys.maxsize)
         self._answers = Lane(ANSWERS_FULL)
+        self._owed: dict[int, ReliableInput] = {}
+        self._guesses: set[int] = set()
         self._answer_header = envelope.seal(STREAM_NONE, 0, b"")
         self._best_effort: dict[int, BestEffortOutput] = {}
         self._reliable: dict[int, ReliableOutput] = {}
@@ -111,9 +114,24 @@ class SessionOutput:
         stream = self._reliable.get(stream_id)
         return 0 if stream is None else stream.waiting
 
-    def acknack(self, stream_id: int, first: int, bitmap: int) -> bytes:
-        """The ACKNACK message for an input stream, not booked yet."""
-        return self._answer_header + write_acknack(first, bitmap, stream_id)
+    def owe_acknack(self, stream_id: int, stream: ReliableInput, *, guess: bool = False) -> None:
+        """An ACKNACK for that input stream is due: the next `pull` makes it, after everything booked until then.
+
+        With `guess` it asks for the next message, even if nobody has said that there is one.
+        """
+        self._owed[stream_id] = stream
+        if guess:
+            self._guesses.add(stream_id)
+
+    def pay_acknacks(self) -> None:
+        """Book the ACKNACKs that are due now, ahead of what is booked after this."""
+        for stream_id, stream in self._owed.items():
+            first, bitmap = stream.missing()
+            if not bitmap and stream_id in self._guesses:
+                bitmap = 1
+            self.put_answer(self._answer_header + write_acknack(first, bitmap, stream_id))
+        self._owed.clear()
+        self._guesses.clear()
 
     def best_effort(self, stream_id: int) -> BestEffortOutput | None:
         """The stream, opened when first used; None (counted) when there are too many."""
@@ -164,6 +182,8 @@ class SessionOutput:
 
     def pull(self, now: float, limit: int | None = None) -> list[bytes]:
         """The next messages for the link, all or at most `limit`; they count as sent."""
+        if self._owed:
+            self.pay_acknacks()
         packets: list[bytes] = []
         for stream in self._reliable.values():
             if stream.missed:
@@ -193,11 +213,11 @@ class SessionOutput:
     @property
     def is_idle(self) -> bool:
         """Whether nothing waits to be pulled."""
-        return not self.outbox.items and not any(stream.missed for stream in self._reliable.values())
+        return not self.outbox.items and not self._owed and not any(stream.missed for stream in self._reliable.values())
 
     def timer(self) -> float | None:
         """When the next HEARTBEAT is due; None while messages wait to be pulled or nothing is unacknowledged."""
-        if self.outbox.items:
+        if self.outbox.items or self._owed:
             return None
         due: float | None = None
         for stream in self._reliable.values():
@@ -223,6 +243,8 @@ class SessionOutput:
         self.round_trip = RoundTrip()
         refused = [stream.stream_id for stream in self._reliable.values() if stream.refused]
         self.outbox.clear()
+        self._owed.clear()
+        self._guesses.clear()
         self._best_effort.clear()
         for stream in self._reliable.values():
             stream.release()
