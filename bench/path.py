@@ -142,6 +142,19 @@ def number_of(packet: bytes) -> int:
     return number
 
 
+def payloads_of(packets: list[bytes]) -> list[bytes]:
+    """The payloads of all samples in these messages."""
+    found = []
+    for packet in packets:
+        at = 4
+        while at < len(packet):
+            length = SEQUENCE_NR.unpack_from(packet, at + 2)[0]
+            if packet[at] == DATA:
+                found.append(packet[at + 8 : at + 4 + length])
+            at = (at + 4 + length + 3) & ~3
+    return found
+
+
 def acknack(packet: bytes) -> bytes:
     """The message that acknowledges that message and all before it."""
     return ACKNACK.pack(ACKNACK_HEAD, (number_of(packet) + 1) & 0xFFFF, 0, STREAM_RELIABLE)
@@ -182,7 +195,7 @@ def samples(wire: Wire | SocketWire, load: Load) -> Run:
         course = Course(wire, load.stream_id, load.timer)
         for _ in range(0, messages, load.burst):
             went = course.pass_burst([packets.take() for _ in range(load.burst)], 1, 2)
-            assert len(went) == load.burst
+            assert len(payloads_of(went)) == load.burst
             course.pass_burst(course.acknowledge(went), 2, 1)
         return course.seconds
 
@@ -203,9 +216,9 @@ def requests(wire: Wire | SocketWire, load: Load) -> Run:
         course = Course(wire, load.stream_id, load.timer)
         for _ in range(0, messages, load.burst):
             asked = course.pass_burst([questions.take() for _ in range(load.burst)], 1, 2)
-            replies = [answers.take(packet[12:]) for packet in asked]
+            replies = [answers.take(payload) for payload in payloads_of(asked)]
             answered = course.pass_burst(replies + course.acknowledge(asked), 2, 1)
-            assert len(answered) == load.burst
+            assert len(payloads_of(answered)) == load.burst
             course.pass_burst(course.acknowledge(answered), 1, 2)
         return course.seconds
 

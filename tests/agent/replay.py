@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from msbot.agent import Agent
+from msbot.agent import Agent, AgentSettings
 from msbot.link.byte_frames import SerialReceiver, TcpReceiver
 from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
@@ -37,6 +37,9 @@ IDENTITY_SIZE = 24
 _BEFORE_BODY = {int(ObjectKind.DATAREADER): 0, int(ObjectKind.REPLIER): IDENTITY_SIZE}
 AGENT_ADDRESS = 0
 """The agent's address on a serial line."""
+
+AS_GENUINE = AgentSettings(packs=False, heartbeat_min_s=AgentSettings().heartbeat_s)
+"""One submessage in a message, and no sooner questions after losses, as with the genuine agent."""
 
 Place = tuple[str, int]
 """A client in the recordings: name of the file, index of the client in it."""
@@ -157,12 +160,12 @@ def replayed(lines: list[Line], make_agent: Callable[[], Agent] | None = None) -
 
 
 def _plain_agent() -> Agent:
-    return Agent(MemorySpace(), epoch_ns=lambda: 1_700_000_000_000_000_000)
+    return Agent(MemorySpace(), settings=AS_GENUINE, epoch_ns=lambda: 1_700_000_000_000_000_000)
 
 
 def agent_with(references: References) -> Callable[[], Agent]:
     """Makes agents that know those profiles."""
-    return lambda: Agent(MemorySpace(), references=references)
+    return lambda: Agent(MemorySpace(), settings=AS_GENUINE, references=references)
 
 
 async def _replay(lines: list[Line], make_agent: Callable[[], Agent]) -> dict[Place, Answers]:

@@ -56,7 +56,7 @@ def test_a_message_may_create_and_delete_the_session_in_one() -> None:
             "810000000a0105000100000080",
         ]
 
-    play(scenario)
+    play(scenario, settings=AgentSettings(packs=False))
 
 
 @pytest.mark.parametrize("silence_s", [3.0, 30.0])

@@ -12,6 +12,7 @@ import asyncio
 import struct
 from collections import defaultdict
 from collections.abc import Coroutine
+from dataclasses import replace
 from typing import TypeVar
 
 from msbot.agent import Agent, AgentSettings, ClientView
@@ -56,6 +57,8 @@ class AgentRig:
 
     def __init__(self, *, settings: AgentSettings | None = None, references: References | None = None) -> None:
         self.link = FakeLink()
+        # One submessage in a message, so that the octets can be those of the genuine agent.
+        settings = replace(settings or AgentSettings(), packs=False)
         self.agent = Agent(MemorySpace(), settings=settings, references=references, epoch_ns=lambda: CLOCK_NS)
         self.agent.add_link(self.link)
         self._loop = VirtualTimeLoop()

@@ -165,7 +165,7 @@ class CClient:
             self._announced = number
 
     def _next_whole(self) -> bytes:
-        """The next submessage in order, joined from its pieces; empty when something is missing."""
+        """The submessages of the next message in order, joined from its pieces; empty when something is missing."""
         whole = b""
         number = self._handled
         while (packet := self._input.get(number := (number + 1) & 0xFFFF)) is not None:
@@ -178,15 +178,18 @@ class CClient:
                 return whole
         return b""
 
-    def _handle(self, body: bytes) -> None:
-        kind = body[0]
-        request_id, _, status = struct.unpack_from(">HHB", body + b"\0", 4)
-        if kind == 0x05:
-            self.statuses[request_id] = status
-        elif kind == 0x09:
-            (length,) = struct.unpack_from("<H", body, 2)
+    def _handle(self, submessages: bytes) -> None:
+        while submessages:
+            kind = submessages[0]
+            (length,) = struct.unpack_from("<H", submessages, 2)
+            body = submessages[: 4 + length]
             assert length == len(body) - 4
-            self.samples.append(body[8:])
+            request_id, _, status = struct.unpack_from(">HHB", body + b"\0", 4)
+            if kind == 0x05:
+                self.statuses[request_id] = status
+            elif kind == 0x09:
+                self.samples.append(body[8:])
+            submessages = submessages[4 + length + (-length & 3) :]
 
     def _acknowledge(self) -> None:
         first = (self._handled + 1) & 0xFFFF

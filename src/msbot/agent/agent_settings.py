@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 from msbot.errors import ConfigError
 
-_MAY_BE_ZERO = ("domain_255", "any_text_is_a_name")
+_MAY_BE_ZERO = ("domain_255", "any_text_is_a_name", "packs")
 
 MIN_MTU = 24
 """Smallest message size a client may announce: header 8, submessage header 4 and 12 for the answer inside."""
@@ -26,6 +26,10 @@ class AgentSettings:
     """The shortest such period where messages get lost: there it follows the round trip. Not on shared buses."""
     window: int = 16
     """Unacknowledged messages a reliable stream may have (the bitmap of ACKNACK has 16 bits)."""
+    packs: bool = True
+    """Whether samples and statuses for one client that are booked in one turn share messages, up to its MTU; only on
+    links whose medium does not bound their rate. False: one in each, for clients whose buffers hold less than the MTU
+    that they announce."""
     dead_after_s: float = 30.0
     """Silence after which a client is probed; also how long a client keeps its objects after its link has seen it go. A
     client's `uxr_hl` overrides it. Infinite: silent clients stay, and those that the link saw go are kept for

@@ -93,7 +93,6 @@ class Agent:
             transit=self.latency.transit, references=references, topics=TopicTable(self._settings.max_topics),
             budget=ObjectBudget(self._settings.max_objects_in_all),
         )  # fmt: skip
-        self._session_settings = {is_bus: session_settings(self._settings, is_bus=is_bus) for is_bus in (False, True)}
         self._held = Memory(self._settings.max_held_in_all)
         self._unacked = Memory(self._settings.max_unacked_in_all)
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -325,10 +324,10 @@ class Agent:
     # Sessions begin, pause and end.
 
     def _open_session(self, info: ClientInfo, port: ServedLink, request: CreateClient, now: float) -> Proxy:
+        settings = session_settings(self._settings, is_bus=port.link.info.shared_bus, is_fast=port.batch is None)
         open_session = partial(
             AgentSession, request.client_key, request.session_id, min(request.mtu, port.link.info.mtu),
-            settings=self._session_settings[port.link.info.shared_bus], epoch_ns=self._epoch_ns, memory=self._held,
-            unacked=self._unacked,
+            settings=settings, epoch_ns=self._epoch_ns, memory=self._held, unacked=self._unacked,
         )  # fmt: skip
         silence_s = dead_after_s(request, self._settings.dead_after_s)
         proxy = Proxy(info, open_session, self._surroundings, now, dead_after_s=silence_s, echo=wants_echo(request))

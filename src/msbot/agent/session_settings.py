@@ -6,8 +6,8 @@ from msbot.agent.agent_settings import AgentSettings
 from msbot.xrce import AgentSessionSettings
 
 
-def session_settings(settings: AgentSettings, *, is_bus: bool) -> AgentSessionSettings:
-    """The settings of sessions on a bus, or on other links."""
+def session_settings(settings: AgentSettings, *, is_bus: bool, is_fast: bool) -> AgentSessionSettings:
+    """The settings of sessions on a bus, or on other links; `is_fast`: whether all messages leave at once."""
     return AgentSessionSettings(
         window=settings.window,
         heartbeat_s=settings.heartbeat_s,
@@ -15,4 +15,5 @@ def session_settings(settings: AgentSettings, *, is_bus: bool) -> AgentSessionSe
         heartbeat_min_s=settings.heartbeat_s if is_bus else settings.heartbeat_min_s,
         max_message=settings.max_message,
         queue_limit=settings.max_burst,
+        packs=settings.packs and is_fast,
     )

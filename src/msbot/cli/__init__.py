@@ -1,15 +1,19 @@
-"""The `msbot` command. A command's module is imported only when it runs, so `msbot --help` stays quick."""
+"""The `msbot` command. A command's module is imported only when it runs, and click only when any runs, so that
+`msbot --help` stays quick."""
 
 from __future__ import annotations
 
-import importlib
+import os
 import sys
+from typing import TYPE_CHECKING
 
-import click
-from click.shell_completion import CompletionItem
-
-from msbot.errors import MsbotError
+from msbot.cli import first_page
 from msbot.operations.table import OPERATIONS
+
+if TYPE_CHECKING:
+    from msbot.cli.group import msbot
+
+__all__ = ["CHANGING", "COMMANDS", "main", "msbot"]
 
 CHANGING = (
     "adopt",
@@ -76,46 +80,22 @@ COMMANDS = {
 """Every command: the module below `msbot.cli` that has it, and its line in `msbot --help`."""
 
 
-class LazyGroup(click.Group):
-    """A group whose commands are imported when they are called."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
-        """The commands in the order in which a newcomer needs them."""
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        """Import and return one command, or None when there is no such name."""
-        if cmd_name not in COMMANDS:
-            return None
-        module = importlib.import_module(f"msbot.cli.{COMMANDS[cmd_name][0]}")
-        command = module.verb(cmd_name) if cmd_name in CHANGING else module.command
-        assert isinstance(command, click.Command)
-        return command
-
-    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """The commands that begin with `incomplete`, from the table above; click would import them all."""
-        if not incomplete.startswith("-"):
-            return [
-                CompletionItem(name, help=words) for name, (_, words) in COMMANDS.items() if name.startswith(incomplete)
-            ]
-        return super().shell_complete(ctx, incomplete)
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Print the table above without importing anything."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, COMMANDS[name][1]) for name in self.list_commands(ctx)])
-
-
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="msbot", message="%(prog)s %(version)s")
-def msbot() -> None:
-    """Plug-and-play robots for the classroom."""
+_HELP = (["-h"], ["--help"])
 
 
 def main() -> None:
     """Entry point: a user's mistake is one message on stderr and exit status 2, never a traceback."""
-    try:
-        msbot(prog_name="msbot")
-    except MsbotError as error:
-        click.echo(f"msbot: {error}", err=True)
-        sys.exit(2)
+    if sys.argv[1:] in _HELP and "_MSBOT_COMPLETE" not in os.environ:
+        first_page.show(COMMANDS)
+        return
+    from msbot.cli.group import run
+
+    run()
+
+
+def __getattr__(name: str) -> object:
+    if name == "msbot":
+        from msbot.cli.group import msbot as found
+
+        return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

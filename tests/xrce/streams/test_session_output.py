@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from msbot.errors import LocalProtocolError
@@ -15,7 +17,7 @@ from msbot.xrce.streams.session_output import ANSWERS_FULL, STREAM_LIMIT, Sessio
 
 def make_sender(**changes: int) -> tuple[SessionOutput, SessionCounters]:
     counters = SessionCounters()
-    settings = SessionSettings(**{"window": 4, "queue_limit": 4, "max_streams": 2, **changes})
+    settings = replace(SessionSettings(window=4, queue_limit=4, max_streams=2), **changes)  # type: ignore[arg-type]
     return SessionOutput(Envelope(0x81, 1, 24, pads=False), counters, settings), counters
 
 

@@ -16,7 +16,7 @@ MTU_MIN = 24
 class Envelope:
     """Puts bodies into messages of one session."""
 
-    __slots__ = ("_key_octets", "_pads", "_session_id", "capacity")
+    __slots__ = ("_key_octets", "_pads", "_session_id", "capacity", "mtu")
 
     def __init__(self, session_id: int, client_key: int, mtu: int, *, pads: bool) -> None:
         """Prepare for messages of at most `mtu` bytes, header included.
@@ -27,8 +27,9 @@ class Envelope:
         self._session_id = session_id
         self._key_octets = client_key.to_bytes(4, "big") if session_id < 0x80 else b""
         self._pads = pads
-        largest = mtu & ~3 if pads else mtu
-        self.capacity = largest - _MESSAGE_HEADER.size - len(self._key_octets)
+        self.mtu = mtu & ~3 if pads else mtu
+        """Largest message in bytes."""
+        self.capacity = self.mtu - _MESSAGE_HEADER.size - len(self._key_octets)
         """Largest body in bytes."""
 
     def seal(self, stream_id: int, sequence_nr: int, body: bytes) -> bytes:

@@ -1,7 +1,11 @@
 """The agent's end of a session: requests come in, statuses and samples go out (XRCE 1.0 §8.4).
 
-The agent sends one submessage per message, without padding, as the genuine agent does. The owner must book the answers
+The agent sends no padding behind the last submessage, as the genuine agent does. The owner must book the answers
 to an event before it takes the next event; they then precede the ACKNACK.
+
+DEVIATION: the genuine agent sends one submessage per message. Where the settings say so, samples and statuses of one
+stream that are booked in one turn share messages up to the client's MTU; nothing waits for another, and C clients take
+several submessages of one message as they would take several messages (seen on the wire).
 
 DEVIATION: the genuine agent loses a STATUS when 16 messages are unacknowledged; here further ones wait, up to
 `SessionSettings.backlog` of them.
@@ -193,7 +197,7 @@ class AgentSession(Session[AgentEvent]):
                 if kind_of(delete.object_id) == ObjectKind.CLIENT:
                     if stream_id == STREAM_NONE:
                         # After its end, an ACKNACK could be mistaken for one of the client's next session.
-                        self._sender.pay_acknacks()
+                        self._sender.settle()
                     return SessionDeleteRequested(delete.request_id, delete.object_id)
                 return DeleteRequested(delete.request_id, delete.object_id, stream_id)
             case SubmessageId.GET_INFO:

@@ -24,6 +24,9 @@ class SessionSettings:
     """Statuses (agent) or requests (client) that may wait for a full window, in messages; beyond, they are refused."""
     max_streams: int = 16
     """Streams of each kind and direction."""
+    packs: bool = False
+    """Whether a submessage joins the message before it while that waits for the link, up to the MTU. A client packs by
+    itself (`SessionOutput.pack`)."""
 
 
 @dataclass(frozen=True, slots=True)

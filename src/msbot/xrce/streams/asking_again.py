@@ -50,11 +50,11 @@ class AskingAgain:
     def note(self, stream_id: int, stream: ReliableInput, now: float) -> None:
         """A message or a HEARTBEAT has come, and an ACKNACK says what the stream lacks."""
         questions, round_trip = self._questions, self._sender.round_trip
+        if stream.announced == stream.last_handled and not questions and now >= round_trip.lossy_until:
+            return
         has_gap = stream.announced != stream.last_handled and stream.missing()[1] != 0
         if has_gap:
             round_trip.note_loss(now)
-        elif not questions and not (self._guesses and round_trip.is_lossy(now)):
-            return
         first = (stream.last_handled + 1) & 0xFFFF
         open_one = questions.get(stream_id)
         if open_one is not None:

@@ -24,7 +24,7 @@ QUICK = 2
 class RoundTrip:
     """The measured time from handing a message to the link until its acknowledgement, and recent losses."""
 
-    __slots__ = ("_lossy_until", "_spread_s", "count", "latest_s", "smoothed_s")
+    __slots__ = ("_spread_s", "count", "latest_s", "lossy_until", "smoothed_s")
 
     def __init__(self) -> None:
         self.smoothed_s: float | None = None
@@ -33,7 +33,7 @@ class RoundTrip:
         """Measurements so far."""
         self.latest_s = 0.0
         self._spread_s = 0.0
-        self._lossy_until = float("-inf")
+        self.lossy_until = float("-inf")
 
     def measure(self, sample_s: float, since_asked_s: float | None = None, now: float = 0.0) -> None:
         """Take one measurement.
@@ -60,11 +60,11 @@ class RoundTrip:
 
     def note_loss(self, now: float) -> None:
         """A message was lost, in either direction."""
-        self._lossy_until = now + MEMORY_S
+        self.lossy_until = now + MEMORY_S
 
     def is_lossy(self, now: float) -> bool:
         """Whether a message was lost a short while ago."""
-        return now < self._lossy_until
+        return now < self.lossy_until
 
     def patience_s(self, now: float, longest_s: float, shortest_s: float, unanswered: int) -> float:
         """How long to wait for an answer before asking.

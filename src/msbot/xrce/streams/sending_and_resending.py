@@ -30,6 +30,13 @@ from msbot.xrce.streams.waiting_messages import Lane, Outbox
 GUARD_MIN_S = 0.001
 """A message is not resent twice within this time because of ACKNACKs for the same gap."""
 
+PACKED_MAX = 1400
+"""Octets of the largest message that is made of several submessages: one frame on Ethernet and Wi-Fi, headers included.
+Beyond, a datagram would go in several, and be lost with any of them."""
+
+SLOT_HEAD = 4
+"""In C clients, a reliable message lies in a buffer slot of the MTU's size that begins with 4 octets of its own."""
+
 QUEUE_FULL = "best-effort message: queue full, oldest dropped"
 TOO_LARGE = "unacknowledged message larger than the MTU"
 STALE_ACKNACK = "ACKNACK outside of what was sent"
@@ -38,9 +45,13 @@ STALE_ACKNACK = "ACKNACK outside of what was sent"
 class BestEffortOutput:
     """A stream without acknowledgement."""
 
-    __slots__ = ("_counters", "_envelope", "_lane", "_open", "_outbox", "_sequence_nr", "stream_id")
+    __slots__ = ("_counters", "_envelope", "_lane", "_open", "_outbox", "_packed_max", "_sequence_nr", "stream_id")
 
-    def __init__(self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters) -> None:
+    def __init__(
+        self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters, *, packs: bool = False
+    ) -> None:
+        """`packs`: a submessage joins the message before it while that still waits."""
+        self._packed_max = min(envelope.mtu, PACKED_MAX) if packs else 0
         self.stream_id = stream_id
         self._envelope = envelope
         self._outbox = outbox
@@ -64,6 +75,12 @@ class BestEffortOutput:
         if len(body) > self._envelope.capacity:
             self._counters.dropped.count(TOO_LARGE)
             return
+        items = self._outbox.items
+        if self._packed_max and items and items[-1] is self._lane:
+            joined = append_submessage(self._lane.packets[-1], body)
+            if len(joined) <= self._packed_max:
+                self._lane.packets[-1] = joined
+                return
         nr = self._sequence_nr = (self._sequence_nr + 1) & 0xFFFF
         self._outbox.put_newest(self._envelope.seal(self.stream_id, nr, body), self._lane)
 
@@ -93,9 +110,11 @@ class ReliableOutput:
         "_envelope",
         "_first",
         "_heartbeat_sent_at",
+        "_newest",
         "_next",
         "_octets",
         "_outbox",
+        "_packed_max",
         "_pool",
         "_resent_at",
         "_round_trip",
@@ -115,9 +134,11 @@ class ReliableOutput:
 
     def __init__(
         self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters, *,
-        window: int, round_trip: RoundTrip, pool: Memory,
+        window: int, round_trip: RoundTrip, pool: Memory, packs: bool = False,
     ) -> None:  # fmt: skip
-        """`pool` counts the octets that all sessions of an agent keep until they are acknowledged.
+        """`packs`: a submessage joins the message before it while that still waits.
+
+        `pool` counts the octets that all sessions of an agent keep until they are acknowledged.
 
         When it is full, a stream still gets one message at a time, once nothing of it is unacknowledged.
         """
@@ -131,6 +152,8 @@ class ReliableOutput:
         self._envelope = envelope
         self._capacity = envelope.capacity
         self._outbox = outbox
+        self._packed_max = min(envelope.mtu - SLOT_HEAD, PACKED_MAX) if packs else 0
+        self._newest: bytes | None = None  # the message that others may join
         self._counters = counters
         self._window = window
         self._round_trip = round_trip
@@ -295,6 +318,18 @@ class ReliableOutput:
         self._pool.used += octets
 
     def _emit(self, body: bytes) -> None:
+        items, newest = self._outbox.items, self._newest
+        if newest is not None and items and items[-1] is newest:
+            joined = append_submessage(newest, body)
+            if len(joined) <= self._packed_max:
+                items[-1] = self._newest = self._unacked[(self._next - 1) & 0xFFFF] = joined
+                self._count(len(joined) - len(newest))
+                return
+        self._send_new(body)
+        if self._packed_max:
+            self._newest = items[-1]  # type: ignore[assignment]  # it was put there
+
+    def _send_new(self, body: bytes) -> None:
         nr = self._next
         packet = self._envelope.seal(self.stream_id, nr, body)
         self._unacked[nr] = packet
@@ -316,7 +351,8 @@ class ReliableOutput:
             self._cut_at = 0
         else:
             self._cut_at = end
-        self._emit(Fragment(body[start:end], is_last).encode())
+        self._newest = None  # a fragment stands alone
+        self._send_new(Fragment(body[start:end], is_last).encode())
 
     def _forget(self, count: int) -> None:
         for index in range(count):

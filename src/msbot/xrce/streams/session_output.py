@@ -123,21 +123,29 @@ class SessionOutput:
         if guess:
             self._guesses.add(stream_id)
 
-    def pay_acknacks(self) -> None:
+    def settle(self) -> None:
         """Book the ACKNACKs that are due now, ahead of what is booked after this."""
+        for packet in self._acknacks():
+            self.put_answer(packet)
+
+    def _acknacks(self) -> list[bytes]:
+        packets = []
         for stream_id, stream in self._owed.items():
             first, bitmap = stream.missing()
             if not bitmap and stream_id in self._guesses:
                 bitmap = 1
-            self.put_answer(self._answer_header + write_acknack(first, bitmap, stream_id))
+            packets.append(self._answer_header + write_acknack(first, bitmap, stream_id))
         self._owed.clear()
         self._guesses.clear()
+        return packets
 
     def best_effort(self, stream_id: int) -> BestEffortOutput | None:
         """The stream, opened when first used; None (counted) when there are too many."""
         stream = self._best_effort.get(stream_id)
         if stream is None and self._may_open(self._best_effort):
-            stream = BestEffortOutput(stream_id, self._envelope, self.outbox, self._counters)
+            stream = BestEffortOutput(
+                stream_id, self._envelope, self.outbox, self._counters, packs=self._settings.packs
+            )
             self._best_effort[stream_id] = stream
         return stream
 
@@ -153,6 +161,7 @@ class SessionOutput:
                 window=self._settings.window,
                 round_trip=self.round_trip,
                 pool=self._pool,
+                packs=self._settings.packs,
             )
             self._reliable[stream_id] = stream
         return stream
@@ -182,8 +191,8 @@ class SessionOutput:
 
     def pull(self, now: float, limit: int | None = None) -> list[bytes]:
         """The next messages for the link, all or at most `limit`; they count as sent."""
-        if self._owed:
-            self.pay_acknacks()
+        if self._owed and limit is not None:
+            self.settle()
         packets: list[bytes] = []
         for stream in self._reliable.values():
             if stream.missed:
@@ -193,6 +202,8 @@ class SessionOutput:
         outbox = self.outbox
         if outbox.items:
             packets += outbox.pull(None if limit is None else limit - len(packets))
+        if self._owed:
+            packets += self._acknacks()
         if limit is not None and not outbox.items:
             for stream in self._reliable.values():
                 if stream.moved:

@@ -1,0 +1,58 @@
+"""The group of all commands, as click sees it."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+from click.shell_completion import CompletionItem
+
+from msbot.cli import CHANGING, COMMANDS
+from msbot.cli.first_page import SUMMARY
+from msbot.errors import MsbotError
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+        """The commands in the order in which a newcomer needs them."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import and return one command, or None when there is no such name."""
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"msbot.cli.{COMMANDS[cmd_name][0]}")
+        command = module.verb(cmd_name) if cmd_name in CHANGING else module.command
+        assert isinstance(command, click.Command)
+        return command
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """The commands that begin with `incomplete`, from the table above; click would import them all."""
+        if not incomplete.startswith("-"):
+            return [
+                CompletionItem(name, help=words) for name, (_, words) in COMMANDS.items() if name.startswith(incomplete)
+            ]
+        return super().shell_complete(ctx, incomplete)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Print the table above without importing anything."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, COMMANDS[name][1]) for name in self.list_commands(ctx)])
+
+
+@click.group(cls=LazyGroup, help=SUMMARY, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="msbot", message="%(prog)s %(version)s")
+def msbot() -> None:
+    """Every command."""
+
+
+def run() -> None:
+    """Run what the command line says."""
+    try:
+        msbot(prog_name="msbot")
+    except MsbotError as error:
+        click.echo(f"msbot: {error}", err=True)
+        sys.exit(2)

@@ -1,0 +1,15 @@
+"""The page of `msbot --help`, made without click."""
+
+import click
+import pytest
+
+from msbot.cli import COMMANDS, first_page
+from msbot.cli.group import msbot
+
+
+@pytest.mark.parametrize("columns", [20, 52, 60, 80, 200])
+def test_it_is_what_click_would_print(columns: int) -> None:
+    context = click.Context(msbot, info_name="msbot", terminal_width=None, max_content_width=None)
+    context.terminal_width = max(min(columns, 80) - 2, 50)
+    context.help_option_names = ["-h", "--help"]
+    assert first_page.page(COMMANDS, columns) == msbot.get_help(context)
