@@ -388,7 +388,8 @@ def test_a_late_packet_of_the_old_session_does_not_stop_the_new_one_for_ever() -
     play(scenario)
 
 
-# Not with seed 3: there an answer to the login comes twice, late; the reader starts over and hears nothing for 5 s.
+# OPEN: with seed 3, samples 16 to 18 are lost without a new login (1 of 60 seeds; 0 of 60 before receivers asked again
+# sooner). In its trace the reader expects message 0 when the agent is at 4, perhaps after a login answered twice.
 @pytest.mark.parametrize("seed", [0, 1, 2, 4])
 def test_reliable_samples_survive_loss_duplication_and_reordering(seed: int) -> None:
     async def scenario(bench: Bench) -> None:
