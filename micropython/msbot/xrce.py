@@ -158,6 +158,7 @@ class Client:
         self._resent = []
         self._creating = []
         self._first = self._next = self._pings = 0
+        self._in_doubt = False  # whether the agent may have restarted the streams
         self._best_effort = 0xFFFF
         self._beat_at = self._login_at = self._ping_at = None
         self._progress_at = now
@@ -308,13 +309,14 @@ class Client:
         if self._beat_at is not None and now >= self._beat_at and not self._out:
             self._beat_at = None
             self._resent = []
-            self._answer(_HEARTBEAT, struct.pack("<HHB", self._first, self._next - 1 & 0xFFFF, RELIABLE))
+            first = 0 if self._in_doubt else self._first
+            self._answer(_HEARTBEAT, struct.pack("<HHB", first, self._next - 1 & 0xFFFF, RELIABLE))
         if self._state == _CONNECTED:
             self._book()
             self._advance()
         while self._out and self.link.has_room():
             self.link.send(self._out.pop(0), now)
-        if self._unacked and not self._out and self._beat_at is None:
+        if (self._unacked or self._in_doubt) and not self._out and self._beat_at is None:
             self._beat_at = now + heartbeat
 
     def due(self):
@@ -435,14 +437,23 @@ class Client:
             self._request_id = 9
             self._ping_at = now + self._times[3]
             self.owner.connected(now)
-        elif self._state == _CONNECTED and self._answers < self._tries:
+        elif self._state == _CONNECTED and not status & 0x80:
             # Every login that reaches the agent restarts its streams, so its next messages are numbered from 0 again.
+            # Once something was taken, this may as well be a copy of the first answer: the agent is asked.
+            taken = self._first or self._handled != 0xFFFF
+            if self._answers < self._tries and not (self._next and taken):
+                self._begin_input()
             self._answers += 1
-            self._begin_input()
-        elif self._state == _CONNECTED and not status & 0x80 and self._next:
-            self.lose("the agent has started the session over: a late login has reached it", now)
+            if self._next:
+                self._in_doubt = True
+                self._beat_at = now
 
     def _take_acknack(self, first, bitmap, now):
+        if self._in_doubt and (first or self._first):
+            self._in_doubt = False
+            if not first:
+                self.lose("the agent has started the session over: a late login has reached it", now)
+                return
         progress = first - self._first & 0xFFFF
         if progress > len(self._unacked):
             self.dropped += 1

@@ -14,10 +14,10 @@ SOURCES = sorted((ROOT / "src/msbot/agent").glob("*.py"))
 
 
 def test_every_setting_is_in_the_table_with_its_default() -> None:
-    table = dict(re.findall(r"^\| `(\w+)` \| ([\d.,]+|no) \|", PAGE, re.MULTILINE))
-    assert {name: float(text.replace(",", "").replace("no", "0")) for name, text in table.items()} == {
-        item.name: float(getattr(AgentSettings(), item.name)) for item in fields(AgentSettings)
-    }
+    table = dict(re.findall(r"^\| `(\w+)` \| ([\d.,]+|no|yes) \|", PAGE, re.MULTILINE))
+    assert {
+        name: float(text.replace(",", "").replace("no", "0").replace("yes", "1")) for name, text in table.items()
+    } == {item.name: float(getattr(AgentSettings(), item.name)) for item in fields(AgentSettings)}
 
 
 def test_every_reason_for_dropping_is_explained() -> None:

@@ -161,7 +161,11 @@ def test_an_agent_that_begins_the_session_anew_for_a_late_login_is_logged_in_to_
         client.create_participant("p")
         await asyncio.sleep(0.01)
         link.take()
+        link.receive("810000000a0105000100000080")
         link.receive(STATUS_AGENT_OK)
+        await asyncio.sleep(0)
+        assert link.take() == ["810000000b0105000000000080"], "is it a copy? Which message does the agent expect?"
+        link.receive("810000000a0105000000010080")
         await asyncio.sleep(0)
         assert link.take() == [LOGIN_82]
         link.receive(STATUS_AGENT_OK_82)

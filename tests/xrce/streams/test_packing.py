@@ -121,3 +121,15 @@ def test_the_octets_of_shared_messages_are_given_back() -> None:
     assert sender._pool.used == len(sender.pull(0.0)[0])
     sender.acknowledged(0x80, 1, 0, 0.0)
     assert sender._pool.used == 0
+
+
+def test_nothing_joins_a_message_that_was_acknowledged_before_it_was_sent() -> None:
+    sender = make_sender()
+    send(sender, 0x80, body(1))
+    sender.acknowledged(0x80, 1, 0, 0.0)
+    send(sender, 0x80, body(2))
+    assert [numbers(packet) for packet in sender.pull(0.0)] == [[1], [2]]
+    assert not sender.is_delivered
+    sender.acknowledged(0x80, 2, 0, 0.0)
+    assert sender.is_delivered
+    assert sender._pool.used == 0

@@ -5,8 +5,10 @@ booked in one turn of the owner are packed into as few messages as possible, whi
 
 The agent starts its streams over with every CREATE_CLIENT it gets. A client that repeated its login may thus get
 several answers, each of which restarts the numbers of the agent's samples at 0. So every further answer that a
-repetition explains restarts the input. Any other is a duplicate as long as nothing was sent in the session; later it
-may mean that a late login reached the agent: the owner is told (SessionRestarted).
+repetition explains restarts the input, as long as neither end has taken anything from the other. Later, nobody can see
+whether a further answer is the copy of an old one or means that a late login has reached the agent, and to guess wrong
+either way stops or loses samples. So the agent is asked: a HEARTBEAT that goes back to message 0 is answered with the
+number that the agent expects, and only if that is 0 again, the owner is told (SessionRestarted).
 
 ::
 
@@ -114,6 +116,7 @@ class ClientSession(Session[ClientEvent]):
         self._retries = Retries(options.login_period_s, options.login_tries)
         self._answers = 0
         self._sent_before = 0
+        self._doubt_at: float | None = None  # when to ask again whether the agent has restarted the streams
         self._request_id = FIRST_REQUEST - 1
         self._pinged_at = 0.0
         self._time_asked_ns: int | None = None
@@ -247,14 +250,14 @@ class ClientSession(Session[ClientEvent]):
 
     def timer(self) -> float | None:
         """When to call `handle_timer`; changes with every other call."""
-        due, retry_at = super().timer(), self._retries.next_at
-        if due is None or retry_at is None:
-            return retry_at if due is None else due
-        return min(due, retry_at)
+        times = (super().timer(), self._retries.next_at, self._doubt_at)
+        return min((at for at in times if at is not None), default=None)
 
     def handle_timer(self, now: float) -> None:
         """Book what is due by now; afterwards call `next_event` until it returns None."""
         super().handle_timer(now)
+        if self._doubt_at is not None and now >= self._doubt_at:
+            self._ask_whether_restarted(now)
         if self._retries.next_at is None or now < self._retries.next_at:
             return
         if not self._retries.take(now):
@@ -267,6 +270,7 @@ class ClientSession(Session[ClientEvent]):
 
     def _begin(self, state: ClientState, now: float) -> None:
         self._state = state
+        self._doubt_at = None
         self._retries.begin(now)
         self._ask_again()
 
@@ -284,6 +288,7 @@ class ClientSession(Session[ClientEvent]):
 
     def _end(self, state: ClientState, event: ClientEvent) -> None:
         self._state = state
+        self._doubt_at = None
         self._retries.end()
         self._restart_streams()
         self._events.append(event)
@@ -317,10 +322,16 @@ class ClientSession(Session[ClientEvent]):
         return OTHER_SESSION if packet[0] < SESSION_NONE and packet[4:8] != self._key_octets else None
 
     def _take_acknack(self, first: int, bitmap: int, stream_id: int) -> None:
-        if self._state in OPEN_STATES:
-            super()._take_acknack(first, bitmap, stream_id)
-        else:
+        if self._state not in OPEN_STATES:
             self.counters.dropped.count(NOT_OPEN)
+            return
+        if self._doubt_at is not None and stream_id == STREAM_RELIABLE:
+            has_taken = self._sender.first_unacked(STREAM_RELIABLE) != 0
+            if first or has_taken:
+                self._doubt_at = None
+            if has_taken and not first:
+                self._events.append(SessionRestarted())
+        super()._take_acknack(first, bitmap, stream_id)
 
     def _take_heartbeat(self, heartbeat: Heartbeat, carrier_id: int) -> None:
         if self._state in OPEN_STATES:
@@ -376,14 +387,30 @@ class ClientSession(Session[ClientEvent]):
             self._request_id = FIRST_REQUEST - 1
             self._restart_streams()
             self._events.append(Connected())
-        elif self._state is ClientState.CONNECTED and self._answers < self._retries.count:
-            self._answers += 1
-            self._restart_input()
+        elif self._state is ClientState.CONNECTED and answer.status < Status.ERR_DDS_ERROR:
+            self._take_further_answer()
         else:
             self.counters.dropped.count(NOT_ASKED)
-            is_used = self._state is ClientState.CONNECTED and self.counters.packets_out > self._sent_before
-            if is_used and answer.status < Status.ERR_DDS_ERROR:
-                self._events.append(SessionRestarted())
+
+    def _take_further_answer(self) -> None:
+        is_explained = self._answers < self._retries.count
+        if is_explained:
+            self._answers += 1
+        else:
+            self.counters.dropped.count(NOT_ASKED)
+        has_sent = self._sender.next_nr(STREAM_RELIABLE) != 0
+        has_taken = self._sender.first_unacked(STREAM_RELIABLE) != 0 or self.has_taken_in_order
+        if is_explained and not (has_sent and has_taken):
+            self._restart_input()
+        if has_sent:
+            self._ask_whether_restarted(self.last_heard)
+        elif not is_explained and self.counters.packets_out > self._sent_before:
+            self._events.append(SessionRestarted())
+
+    def _ask_whether_restarted(self, now: float) -> None:
+        last = (self._sender.next_nr(STREAM_RELIABLE) - 1) & 0xFFFF
+        self._sender.answer(Heartbeat(0, last, STREAM_RELIABLE).encode())
+        self._doubt_at = now + self.heartbeat_s
 
     def _take_info(self, info: Info) -> None:
         if info.request_id != REQUEST_PING or info.availability is None or info.availability <= 0:

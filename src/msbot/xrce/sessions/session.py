@@ -29,6 +29,7 @@ from msbot.xrce.sessions.events import WindowOpened
 from msbot.xrce.sessions.settings import SessionSettings
 from msbot.xrce.streams.asking_again import AskingAgain
 from msbot.xrce.streams.receiving_in_order import BestEffortInput, ReliableInput
+from msbot.xrce.streams.sequence_numbers import NOTHING_YET
 from msbot.xrce.streams.session_output import STREAM_LIMIT, SessionOutput
 from msbot.xrce.streams.stream_state import StreamState, last_number
 
@@ -130,6 +131,11 @@ class Session(ABC, Generic[Event]):
     def is_delivered(self) -> bool:
         """Whether the peer has acknowledged everything that was booked on reliable streams."""
         return self._sender.is_delivered
+
+    @property
+    def has_taken_in_order(self) -> bool:
+        """Whether a message of a reliable stream has come since the streams were started."""
+        return any(stream.last_handled != NOTHING_YET for stream in self._reliable.values())
 
     @property
     def acknowledged(self) -> tuple[int, float]:

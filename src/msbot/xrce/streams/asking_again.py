@@ -25,13 +25,13 @@ GUESSES_MAX = 4
 class _Question:
     """What is asked of one stream, and since when."""
 
-    __slots__ = ("asked_at", "first", "is_guess", "repeat_at", "repeated", "repeated_at")
+    __slots__ = ("first", "is_guess", "repeat_at", "repeated", "repeated_at")
 
     def __init__(self, first: int, now: float, *, is_guess: bool) -> None:
         self.first = first
         """The number of the first message that is missing."""
         self.is_guess = is_guess
-        self.asked_at = self.repeated_at = now
+        self.repeated_at = now
         self.repeat_at = 0.0
         self.repeated = 0
 
@@ -64,8 +64,7 @@ class AskingAgain:
                 self._wait(stream_id, stream, before, now)
                 return
             if not before.is_guess and before.first != first:
-                since = now - before.repeated_at if before.repeated else None
-                round_trip.measure(now - before.asked_at, since, now)
+                round_trip.learn(now - before.repeated_at)
             del questions[stream_id]
         if has_gap or (self._guesses and round_trip.is_lossy(now)):
             self._wait(stream_id, stream, _Question(first, now, is_guess=not has_gap), now)

@@ -17,6 +17,9 @@ MEMORY_S = 10.0
 DOUBTFUL = 4
 """A measurement that is so many times shorter than the known round trip replaces it: that one included a loss."""
 
+AT_ONCE = 16
+"""A first HEARTBEAT that is answered in such a fraction of the whole wait was asked after a loss."""
+
 QUICK = 2
 """On a lossy link so many repetitions of a question wait no longer than the question itself."""
 
@@ -30,7 +33,7 @@ class RoundTrip:
         self.smoothed_s: float | None = None
         """None before the first measurement."""
         self.count = 0
-        """Measurements so far."""
+        """How often `measure` was told of a message and its acknowledgement."""
         self.latest_s = 0.0
         self._spread_s = 0.0
         self.lossy_until = float("-inf")
@@ -41,22 +44,33 @@ class RoundTrip:
         Args:
             sample_s: from the message to its acknowledgement.
             since_asked_s: from the HEARTBEAT in between to the acknowledgement, if there was one: nobody knows which of
-                the two was acknowledged. On a lossy link it was the HEARTBEAT; elsewhere, what is more like before.
+                the two was acknowledged. On a lossy link it was the HEARTBEAT; elsewhere, what is more like before. The
+                first time it was the HEARTBEAT if that was answered much sooner: something had been lost.
             now: the time.
         """
         self.count += 1
-        known = self.smoothed_s
-        if since_asked_s is not None and (
-            self.is_lossy(now) or (known is not None and abs(since_asked_s - known) < abs(sample_s - known))
-        ):
+        if since_asked_s is not None and self._is_answer_to_heartbeat(sample_s, since_asked_s, now):
             sample_s = since_asked_s
         self.latest_s = sample_s
+        self.learn(sample_s)
+
+    def learn(self, sample_s: float) -> None:
+        """Take the time of something else that was answered."""
+        known = self.smoothed_s
         if known is None or sample_s * DOUBTFUL < known:
             self.smoothed_s = sample_s
             self._spread_s = sample_s / 2
         else:
             self._spread_s += (abs(sample_s - known) - self._spread_s) / 4
             self.smoothed_s = known + (sample_s - known) / 8
+
+    def _is_answer_to_heartbeat(self, sample_s: float, since_asked_s: float, now: float) -> bool:
+        known = self.smoothed_s
+        if self.is_lossy(now):
+            return True
+        if known is None:
+            return since_asked_s * AT_ONCE < sample_s
+        return abs(since_asked_s - known) < abs(sample_s - known)
 
     def note_loss(self, now: float) -> None:
         """A message was lost, in either direction."""

@@ -184,6 +184,11 @@ class ReliableOutput:
         return self._next
 
     @property
+    def first_nr(self) -> int:
+        """The number of the first message that is not acknowledged."""
+        return self._first
+
+    @property
     def waiting(self) -> int:
         """How many bodies wait for the window."""
         return len(self._waiting)
@@ -287,7 +292,9 @@ class ReliableOutput:
                 packets.append(packet)
                 self._resent_at[nr] = now
         self._counters.resent += len(packets)
-        self.moved = self.moved or bool(packets)
+        if packets:
+            self.moved = True
+            self.heartbeat_at = None
         return packets
 
     def rest(self, now: float, heartbeat_s: float, heartbeat_min_s: float) -> None:
@@ -296,7 +303,9 @@ class ReliableOutput:
         if not self._unacked:
             self.heartbeat_at = None
             return
-        self.heartbeat_at = now + self._round_trip.patience_s(now, heartbeat_s, heartbeat_min_s, self._unanswered)
+        # Messages that follow do not put it off: a peer that lacks one for long must be asked while they flow.
+        due = now + self._round_trip.patience_s(now, heartbeat_s, heartbeat_min_s, self._unanswered)
+        self.heartbeat_at = due if self.heartbeat_at is None else min(due, self.heartbeat_at)
         if self._timed is None:
             self._timed = (self._next - 1) & 0xFFFF
             self._timed_at = now
@@ -320,9 +329,11 @@ class ReliableOutput:
     def _emit(self, body: bytes) -> None:
         items, newest = self._outbox.items, self._newest
         if newest is not None and items and items[-1] is newest:
+            nr = (self._next - 1) & 0xFFFF
             joined = append_submessage(newest, body)
-            if len(joined) <= self._packed_max:
-                items[-1] = self._newest = self._unacked[(self._next - 1) & 0xFFFF] = joined
+            # A false ACKNACK may have acknowledged it before it was sent.
+            if len(joined) <= self._packed_max and nr in self._unacked:
+                items[-1] = self._newest = self._unacked[nr] = joined
                 self._count(len(joined) - len(newest))
                 return
         self._send_new(body)

@@ -114,6 +114,16 @@ class SessionOutput:
         stream = self._reliable.get(stream_id)
         return 0 if stream is None else stream.waiting
 
+    def next_nr(self, stream_id: int) -> int:
+        """The number of the message that this reliable stream sends next."""
+        stream = self._reliable.get(stream_id)
+        return 0 if stream is None else stream.next_nr
+
+    def first_unacked(self, stream_id: int) -> int:
+        """The number of the first message of this reliable stream that the peer has not acknowledged."""
+        stream = self._reliable.get(stream_id)
+        return 0 if stream is None else stream.first_nr
+
     def owe_acknack(self, stream_id: int, stream: ReliableInput, *, guess: bool = False) -> None:
         """An ACKNACK for that input stream is due: the next `pull` makes it, after everything booked until then.
 
