@@ -239,6 +239,37 @@ class Pipe:
 
 
 LOGIN_ANSWER = bytes.fromhex("8100000004010b0000005852434501 00010f00")
+
+
+@pytest.mark.parametrize("was_restarted", [False, True])
+def test_a_further_answer_to_the_login_may_be_a_copy_so_the_agent_is_asked(was_restarted: bool) -> None:
+    class Heard(Pipe):
+        def write(self, packet: bytes) -> bool:
+            sent.append(packet.hex())
+            return True
+
+    sent: list[str] = []
+    part = micro.load("part").Part("TEST-1")
+    micro.load("errors").listen(lambda *_: None)
+    pipe, now = Heard(), 0
+    part.begin(micro.load("links").PacketLink(pipe), now)
+    part.step(now)
+    for packet in (LOGIN_ANSWER, bytes.fromhex("810000000a0105000100000080")):
+        pipe.incoming.append(packet)
+        part.step(now)
+    assert any(packet.startswith("81800000") for packet in sent)
+    sent.clear()
+    pipe.incoming.append(LOGIN_ANSWER)
+    part.step(now)
+    part.step(now + 1)
+    assert any(packet.startswith("810000000b0105000000") for packet in sent), "which message does the agent expect?"
+    sent.clear()
+    pipe.incoming.append(bytes.fromhex("810000000a010500" + ("0000ffff80" if was_restarted else "0100000080")))
+    part.step(now + 2)
+    part.step(now + 3)
+    assert any(packet[8:10] == "00" and "58524345" in packet for packet in sent) is was_restarted, "logs in again"
+
+
 submessages = st.builds(
     lambda kind, flags, body, more: bytes((kind, flags, len(body) & 0xFF, more)) + body + bytes(-len(body) & 3),
     st.integers(0, 16),
