@@ -56,6 +56,7 @@ def test_a_message_may_create_and_delete_the_session_in_one() -> None:
             "810000000a0105000100000080",
         ]
 
+    # One submessage in a message, so that the octets can be those of the genuine agent.
     play(scenario, settings=AgentSettings(packs=False))
 
 
