@@ -136,6 +136,11 @@ def test_whatever_happens_messages_arrive_whole_or_not_at_all_and_the_next_one_a
     async def scene(robot: Robot) -> None:
         traffic = Traffic(robot, size, Random(seed))
         await asyncio.sleep(1.6)
+        # A part logs in as soon as it has an address; only from then on does the master keep that address for it.
+        for number in range(size):
+            assert traffic.say(number, 40, up=True)
+        await asyncio.sleep(0.1)
+        assert all(traffic.heard(number, up=True) for number in range(size))
         for what, whom, burst in story:
             await traffic.suffer(what, whom, burst)
             traffic.check()
