@@ -111,6 +111,7 @@ PLANTED: dict[str, tuple[str, Looked]] = {
     "schema-older": ("robot.db", database(schema=4)),
     "damage": ("robot.db", database(faults=("the file is damaged: row 7",))),
     "locked": ("robot.db", database(is_locked=True)),
+    "unopened": ("robot.db", database(unopened="robot.db is not a database")),
     "readable-by-others": ("robot.db", database(others_may_read=True)),
     "network-drive": ("robot.db", database(network_drive="nfs4")),
     "log-grows": ("robot.db", database(log_mb=300.0)),

@@ -207,6 +207,13 @@ def test_the_command_tells_and_its_status_says_whether_there_is_something_to_men
     assert "(note) MSBOT_MASTER (robot): no master runs MSBOT_MASTER" in done.output
     assert done.output.endswith("Nothing to mend.\n")
     assert "in order" not in done.output
+    assert rover.with_name("notes.db").write_text("no database")
+    done = CliRunner().invoke(command, [*only[:-1], str(rover.with_name("notes.db"))])
+    assert done.exit_code == 1
+    assert "notes.db is not a database: some other file has this name" in done.output
+    done = CliRunner().invoke(command, ["--only", "robot", "--db", str(rover.with_name("notes.db"))])
+    assert done.exit_code == 0
+    assert done.output.endswith("Nothing to mend in what was looked at.\n")
     rover.chmod(0o644)
     done = CliRunner().invoke(command, only)
     assert done.exit_code == 1

@@ -12,12 +12,23 @@ from msbot.part import HelloWorld, Message
 from msbot.part.messages.wire_types import float64
 from msbot.space import MemorySpace, Qos, Topic, Writer
 from msbot.web.live import LONGEST_TEXT, MOST_KEPT_IN_ALL, SPARK_POINTS, Live
+from msbot.web.wiring_lines import spark_of
 from tests.web.access.test_accounts import Clock
 
 
 class Place(Message):
     x: float64
     name: str
+
+
+class Switch(Message):
+    name: str
+    on: bool
+
+
+class Dimmer(Message):
+    on: bool
+    level: float64
 
 
 class Everything(Message):
@@ -30,7 +41,7 @@ class Everything(Message):
 
 
 GUID = bytes(16)
-KNOWN: dict[str, type[Message]] = {"HelloWorld": HelloWorld, "Everything": Everything}
+KNOWN: dict[str, type[Message]] = {"HelloWorld": HelloWorld, "Everything": Everything, "Switch": Switch, "Dimmer": Dimmer}
 
 
 class Rig:
@@ -64,6 +75,18 @@ def test_the_latest_value_its_count_and_its_age() -> None:
     assert watch is not None
     assert (watch.count, watch.at) == (3, 2.0)
     assert rig.fields("a") == {"index": 2, "message": "hi"}
+
+
+def test_a_switch_has_a_small_curve_of_ones_and_zeroes_and_a_number_goes_before_it() -> None:
+    rig = Rig()
+    rig.live.watch({"s": "Switch", "d": "Dimmer"})
+    switch, dimmer = rig.writer("s", "Switch"), rig.writer("d", "Dimmer")
+    for second in range(4):
+        rig.clock.now = second * 2.0
+        switch.write(Switch(name="lamp", on=second % 2 == 1).encode())
+        dimmer.write(Dimmer(on=True, level=second / 2).encode())
+        curves = {topic: spark_of(rig.live, topic) for topic in ("s", "d")}
+    assert curves == {"s": [0.0, 1.0, 0.0, 1.0], "d": [0.0, 0.5, 1.0, 1.5]}
 
 
 def test_only_the_topics_that_are_watched_are_listened_to() -> None:

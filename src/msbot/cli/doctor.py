@@ -93,5 +93,5 @@ def lines(found: Examination, *, verbose: bool) -> list[str]:
         said += [f"not needed: {check}: {why}" for check, why in found.not_needed]
     said += [f"not looked at: {check}: {why}" for check, why in found.not_seen]
     if found.is_well:
-        said.append("Nothing to mend.")
+        said.append("Nothing to mend in what was looked at." if found.not_seen else "Nothing to mend.")
     return said

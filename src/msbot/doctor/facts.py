@@ -179,6 +179,8 @@ class DatabaseFacts:
     """Age of the newest backup; None: there is none."""
     age_s: float = 0.0
     """How long the robot has been in it."""
+    unopened: str = ""
+    """Why it cannot be read at all, in a sentence; the rest is unknown then."""
 
 
 @dataclass(frozen=True, slots=True)

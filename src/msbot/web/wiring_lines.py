@@ -51,12 +51,13 @@ def wire_ports(blueprint: Blueprint, library: Library) -> list[WirePort]:
 
 
 def spark_of(live: Live, topic: str) -> list[float]:
-    """The first number on a topic over the last minute, oldest first."""
+    """The first number on a topic over the last minute, or on and off as 1 and 0 where there is none; oldest first."""
     watch = live.topic(topic)
     if watch is None:
         return []
     fields = live.fields(watch)
-    field = next((name for name, value in fields.items() if not isinstance(value, bool | str)), None)
+    numbers = (name for name, value in fields.items() if not isinstance(value, str))
+    field = min(numbers, key=lambda name: isinstance(fields[name], bool), default=None)
     return [] if field is None else live.spark(watch, field)
 
 

@@ -18,6 +18,13 @@ NO_TRACE = said("nothing: the robot goes on with what it has in memory")
 def check_database(facts: DatabaseFacts) -> Iterator[Finding]:
     """Whether the database can be relied on."""
     name = facts.name
+    if facts.unopened:
+        yield Finding(
+            "unopened", name, facts.unopened, said("a master cannot start with it, and this robot has no memory"),
+            said("nothing: the master does not start"), f"msbot db check --db {name}",
+            first=said("do what the sentence says; a file is put back from a backup by `msbot db restore`"),
+        )  # fmt: skip
+        return
     if facts.schema > facts.newest_schema:
         yield Finding(
             "schema-newer", name,

@@ -8,15 +8,21 @@ from pathlib import Path
 from msbot.doctor.facts import DatabaseFacts
 from msbot.doctor.gather.opened import database_of
 from msbot.doctor.patient import Patient
+from msbot.errors import RegistryError
 
 NETWORK_DRIVES = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs", "davfs", "vboxsf")
 
 
 def database(patient: Patient) -> DatabaseFacts:
     """The database."""
+    from msbot.registry import without_password
     from msbot.registry.maintenance.health import look_at_health
 
-    health = look_at_health(database_of(patient))
+    address = database_of(patient)
+    try:
+        health = look_at_health(address)
+    except RegistryError as error:
+        return DatabaseFacts(without_password(address), schema=0, newest_schema=0, unopened=str(error))
     now_s = time.time()
     folder = patient.backup_folder
     newest = newest_backup_s(folder, health.path) if folder is not None and health.path is not None else None

@@ -59,6 +59,8 @@ class _Findings:
         self._summary.text = (
             page.language.count(musts, "{count} thing to mend", "{count} things to mend")
             if musts
+            else say("Nothing to mend in what was looked at.")
+            if found.not_seen
             else say("Nothing to mend.")
         )
         self._list.clear()

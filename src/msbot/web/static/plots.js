@@ -29,6 +29,8 @@ const msbotPlots = (() => {
       charts = msbotCharts(host, words, number, hour);
       listen();
       reachable(document.querySelector(".plot-choice"));
+      // The server sends the table anew each second, without the values at the cursor.
+      new MutationObserver(() => tell(...window_())).observe(document.getElementById("ms-plot-figures"), { childList: true });
       emitEvent("plots_views", views());
       show(setup);
       due = performance.now();
