@@ -41,7 +41,12 @@ class Everything(Message):
 
 
 GUID = bytes(16)
-KNOWN: dict[str, type[Message]] = {"HelloWorld": HelloWorld, "Everything": Everything, "Switch": Switch, "Dimmer": Dimmer}
+KNOWN: dict[str, type[Message]] = {
+    "HelloWorld": HelloWorld,
+    "Everything": Everything,
+    "Switch": Switch,
+    "Dimmer": Dimmer,
+}
 
 
 class Rig:
