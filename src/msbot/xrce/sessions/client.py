@@ -3,12 +3,7 @@
 Theory of operation. A login or logout is repeated until it is answered or the tries are used up. Requests and samples
 booked in one turn of the owner are packed into as few messages as possible, which `packets_to_send` finishes.
 
-The agent starts its streams over with every CREATE_CLIENT it gets. A client that repeated its login may thus get
-several answers, each of which restarts the numbers of the agent's samples at 0. So every further answer that a
-repetition explains restarts the input, as long as neither end has taken anything from the other. Later, nobody can see
-whether a further answer is the copy of an old one or means that a late login has reached the agent, and to guess wrong
-either way stops or loses samples. So the agent is asked: a HEARTBEAT that goes back to message 0 is answered with the
-number that the agent expects, and only if that is 0 again, the owner is told (SessionRestarted).
+Several answers to a repeated login: see `RestartDoubt`.
 
 ::
 
@@ -70,6 +65,7 @@ from msbot.xrce.sessions.events import (
     SessionRestarted,
     StatusReceived,
 )
+from msbot.xrce.sessions.restart_doubt import RestartDoubt
 from msbot.xrce.sessions.session import OTHER_SESSION, Session
 from msbot.xrce.sessions.settings import ClientSessionSettings
 from msbot.xrce.sessions.time_sync import answers, compare_clocks
@@ -92,14 +88,9 @@ class ClientSession(Session[ClientEvent]):
     _DATA_ID = SubmessageId.DATA.value
 
     def __init__(
-        self,
-        client_key: int,
-        *,
-        session_id: int = SESSION_DEFAULT,
-        mtu: int = 512,
-        settings: ClientSessionSettings | None = None,
-        epoch_ns: Callable[[], int],
-    ) -> None:
+        self, client_key: int, *, session_id: int = SESSION_DEFAULT, mtu: int = 512,
+        settings: ClientSessionSettings | None = None, epoch_ns: Callable[[], int],
+    ) -> None:  # fmt: skip
         """Prepare a session; `connect` opens it.
 
         Args:
@@ -114,9 +105,8 @@ class ClientSession(Session[ClientEvent]):
         self._epoch_ns = epoch_ns
         self._state = ClientState.IDLE
         self._retries = Retries(options.login_period_s, options.login_tries)
-        self._answers = 0
         self._sent_before = 0
-        self._doubt_at: float | None = None  # when to ask again whether the agent has restarted the streams
+        self._doubt = RestartDoubt(self._sender)
         self._request_id = FIRST_REQUEST - 1
         self._pinged_at = 0.0
         self._time_asked_ns: int | None = None
@@ -152,14 +142,9 @@ class ClientSession(Session[ClientEvent]):
         self._begin(ClientState.CLOSING, now)
 
     def create(
-        self,
-        object_id: int,
-        variant: ObjectVariant,
-        *,
-        reuse: bool = True,
-        replace: bool = True,
+        self, object_id: int, variant: ObjectVariant, *, reuse: bool = True, replace: bool = True,
         stream_id: int = STREAM_RELIABLE,
-    ) -> int:
+    ) -> int:  # fmt: skip
         """Ask for an object; returns the request id that StatusReceived will carry.
 
         Raises:
@@ -180,13 +165,9 @@ class ClientSession(Session[ClientEvent]):
         return self._ask(Delete(request_id, object_id).encode(), stream_id, request_id)
 
     def read(
-        self,
-        object_id: int,
-        stream_id: int,
-        control: DeliveryControl | None = None,
-        *,
+        self, object_id: int, stream_id: int, control: DeliveryControl | None = None, *,
         request_stream: int = STREAM_RELIABLE,
-    ) -> int:
+    ) -> int:  # fmt: skip
         """Ask for samples on `stream_id`; returns the request id that DataReceived will carry.
 
         No control means one sample; `max_samples` 0 ends a read.
@@ -250,14 +231,14 @@ class ClientSession(Session[ClientEvent]):
 
     def timer(self) -> float | None:
         """When to call `handle_timer`; changes with every other call."""
-        times = (super().timer(), self._retries.next_at, self._doubt_at)
+        times = (super().timer(), self._retries.next_at, self._doubt.ask_at)
         return min((at for at in times if at is not None), default=None)
 
     def handle_timer(self, now: float) -> None:
         """Book what is due by now; afterwards call `next_event` until it returns None."""
         super().handle_timer(now)
-        if self._doubt_at is not None and now >= self._doubt_at:
-            self._ask_whether_restarted(now)
+        if self._doubt.ask_at is not None and now >= self._doubt.ask_at:
+            self._doubt.ask(now)
         if self._retries.next_at is None or now < self._retries.next_at:
             return
         if not self._retries.take(now):
@@ -270,7 +251,7 @@ class ClientSession(Session[ClientEvent]):
 
     def _begin(self, state: ClientState, now: float) -> None:
         self._state = state
-        self._doubt_at = None
+        self._doubt.end()
         self._retries.begin(now)
         self._ask_again()
 
@@ -288,7 +269,7 @@ class ClientSession(Session[ClientEvent]):
 
     def _end(self, state: ClientState, event: ClientEvent) -> None:
         self._state = state
-        self._doubt_at = None
+        self._doubt.end()
         self._retries.end()
         self._restart_streams()
         self._events.append(event)
@@ -325,12 +306,8 @@ class ClientSession(Session[ClientEvent]):
         if self._state not in OPEN_STATES:
             self.counters.dropped.count(NOT_OPEN)
             return
-        if self._doubt_at is not None and stream_id == STREAM_RELIABLE:
-            has_taken = self._sender.first_unacked(STREAM_RELIABLE) != 0
-            if first or has_taken:
-                self._doubt_at = None
-            if has_taken and not first:
-                self._events.append(SessionRestarted())
+        if stream_id == STREAM_RELIABLE and self._doubt.has_restarted(first):
+            self._events.append(SessionRestarted())
         super()._take_acknack(first, bitmap, stream_id)
 
     def _take_heartbeat(self, heartbeat: Heartbeat, carrier_id: int) -> None:
@@ -382,7 +359,7 @@ class ClientSession(Session[ClientEvent]):
                 return
             self._state = ClientState.CONNECTED
             self._retries.end()
-            self._answers = 1
+            self._doubt.begin()
             self._sent_before = self.counters.packets_out
             self._request_id = FIRST_REQUEST - 1
             self._restart_streams()
@@ -393,24 +370,16 @@ class ClientSession(Session[ClientEvent]):
             self.counters.dropped.count(NOT_ASKED)
 
     def _take_further_answer(self) -> None:
-        is_explained = self._answers < self._retries.count
-        if is_explained:
-            self._answers += 1
-        else:
+        doubt = self._doubt
+        is_explained = doubt.is_explained(self._retries.count)
+        if not is_explained:
             self.counters.dropped.count(NOT_ASKED)
-        has_sent = self._sender.next_nr(STREAM_RELIABLE) != 0
-        has_taken = self._sender.first_unacked(STREAM_RELIABLE) != 0 or self.has_taken_in_order
-        if is_explained and not (has_sent and has_taken):
+        elif not (doubt.has_sent and (doubt.has_arrived or self.has_taken_in_order)):
             self._restart_input()
-        if has_sent:
-            self._ask_whether_restarted(self.last_heard)
+        if doubt.has_sent:
+            doubt.ask(self.last_heard)
         elif not is_explained and self.counters.packets_out > self._sent_before:
             self._events.append(SessionRestarted())
-
-    def _ask_whether_restarted(self, now: float) -> None:
-        last = (self._sender.next_nr(STREAM_RELIABLE) - 1) & 0xFFFF
-        self._sender.answer(Heartbeat(0, last, STREAM_RELIABLE).encode())
-        self._doubt_at = now + self.heartbeat_s
 
     def _take_info(self, info: Info) -> None:
         if info.request_id != REQUEST_PING or info.availability is None or info.availability <= 0:
