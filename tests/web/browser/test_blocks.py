@@ -52,6 +52,7 @@ AT_FIELD = """([id, name]) => {
   const box = msbotBlocks.workspace().getBlockById(id).getField(name).getSvgRoot().getBoundingClientRect();
   return [box.left + box.width / 2, box.top + box.height / 2];
 }"""
+TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 IDS = "() => msbotBlocks.workspace().getAllBlocks(true).filter((one) => !one.isShadow()).map((one) => one.id)"
 TEXT = "getElement(document.querySelector('.ms-prog-editor').id.slice(1)).editor.state.doc.toString()"
 
@@ -93,10 +94,17 @@ class Pupil:
         mouse.move(x + 40, y + 3, steps=3)
         # Only then down to its place: on a busy machine moves come as one, and one downwards scrolls the toolbox.
         self.page.wait_for_function("msbotBlocks.workspace().isDragging()")
-        mouse.move(to_x + 12, to_y + 18, steps=8)
+        # A hand is slower than a picture. Blockly knows where the places of a new block are once it was drawn.
+        for missing in (4, 1, 0):
+            self.page.evaluate(TWO_PICTURES)
+            mouse.move(to_x + 12 - missing, to_y + 18, steps=4)
+        self.page.evaluate(TWO_PICTURES)
         mouse.up()
         made = self.page.wait_for_function(f"(before) => ({IDS})().find((one) => !before.includes(one))", arg=before)
-        return str(made.json_value())
+        block = str(made.json_value())
+        held_by = "([id, onto]) => msbotBlocks.workspace().getBlockById(id).getParent()?.id === onto"
+        assert self.page.evaluate(held_by, [block, onto]), f"{kind} was dropped, and is not at {place}"
+        return block
 
     def choose(self, block: str, field: str, label: str) -> None:
         """Choose in a drop-down."""
@@ -267,7 +275,8 @@ class Keys:
 
     def said(self) -> str:
         words: str = self.page.evaluate(
-            "document.activeElement.getAttribute('aria-label') || document.activeElement.textContent.trim()"
+            "document.activeElement === document.body ? 'nothing'"
+            " : document.activeElement.getAttribute('aria-label') || document.activeElement.textContent.trim()"
         )
         return words
 
@@ -289,7 +298,10 @@ class Keys:
         self.go("ArrowDown", category)
         self.press("ArrowRight")
         self.go("ArrowDown", block)
-        self.press("Enter", "Enter")
+        self.press("Enter")
+        self.page.wait_for_function("msbotBlocks.workspace().isDragging()")
+        self.press("Enter")
+        self.page.wait_for_function("!msbotBlocks.workspace().isDragging() && document.activeElement !== document.body")
 
     def write(self, number: int) -> None:
         self.press("Enter", "Control+A")

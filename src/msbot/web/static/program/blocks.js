@@ -73,6 +73,20 @@ const msbotBlocks = (() => {
     new ResizeObserver(() => Blockly.svgResize(workspace)).observe(place);
     document.addEventListener("click", settleNow, true); // before Run, Keep and the rest ask for the program
     addEventListener("pagehide", settleNow);
+    keepFocus(place);
+  }
+
+  // One picture after a block got the focus, Blockly moves its neighbours behind it. If one of these has the focus by
+  // then, as somebody went on quickly, the browser takes it away, and no key would lead back.
+  function keepFocus(place) {
+    let pressedAt = -Infinity;
+    document.addEventListener("pointerdown", () => { pressedAt = performance.now(); }, true);
+    place.addEventListener("focusout", (event) => {
+      if (event.relatedTarget !== null || performance.now() - pressedAt < 300) return;
+      queueMicrotask(() => {
+        if (document.hasFocus() && document.activeElement === document.body && event.target.isConnected) event.target.focus();
+      });
+    });
   }
 
   // Reading what is kept.
