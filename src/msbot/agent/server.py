@@ -93,6 +93,10 @@ class Agent:
             transit=self.latency.transit, references=references, topics=TopicTable(self._settings.max_topics),
             budget=ObjectBudget(self._settings.max_objects_in_all),
         )  # fmt: skip
+        self._session_settings = {
+            (is_bus, is_fast): session_settings(self._settings, is_bus=is_bus, is_fast=is_fast)
+            for is_bus in (False, True) for is_fast in (False, True)
+        }  # fmt: skip
         self._held = Memory(self._settings.max_held_in_all)
         self._unacked = Memory(self._settings.max_unacked_in_all)
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -324,7 +328,7 @@ class Agent:
     # Sessions begin, pause and end.
 
     def _open_session(self, info: ClientInfo, port: ServedLink, request: CreateClient, now: float) -> Proxy:
-        settings = session_settings(self._settings, is_bus=port.link.info.shared_bus, is_fast=port.batch is None)
+        settings = self._session_settings[port.link.info.shared_bus, port.batch is None]
         open_session = partial(
             AgentSession, request.client_key, request.session_id, min(request.mtu, port.link.info.mtu),
             settings=settings, epoch_ns=self._epoch_ns, memory=self._held, unacked=self._unacked,
