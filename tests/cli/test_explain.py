@@ -213,3 +213,11 @@ def test_the_quiz_is_graded() -> None:
     assert f"No: {answers[0]}: " in done.output
     done = CliRunner().invoke(quiz, ["--seed", "3", "--count", "4", "--json"], input="\n".join(answers[:2]))
     assert json.loads(done.output)["right"] == 2
+
+
+def test_a_recording_is_for_another_command(tmp_path: Path) -> None:
+    path = tmp_path / "lesson.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + bytes(100))
+    result = run(str(path))
+    assert result.exit_code != 0
+    assert f"msbot log show {path}" in str(result.exception)

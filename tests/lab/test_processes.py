@@ -138,6 +138,11 @@ def test_recording_starts_and_stops_while_the_robot_runs(
     exists = run("rec", "start", "lesson", cwd=tmp_path, env=env)
     assert exists.returncode == 2
     assert "is there already" in exists.stderr
+    for _ in range(2):  # /proc takes no files, not even root's; the second time is told as well
+        unwritable = run("rec", "start", "/proc/lesson", cwd=tmp_path, env=env)
+        assert unwritable.returncode == 2
+        assert "/proc/lesson.mcap cannot be written" in unwritable.stderr
+        assert "nothing is recorded there" in unwritable.stderr
 
 
 def test_off_is_off(tmp_path: Path) -> None:

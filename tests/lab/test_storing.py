@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mcap.records import ChunkIndex
+from mcap.stream_reader import StreamReader
 
 from msbot.errors import ConfigError
 from msbot.lab.recorder.batch import Kind, Unpacker, encode_began, encode_state, head
@@ -177,6 +179,30 @@ def test_damaged_recordings_are_read_as_far_as_they_go(
     found = list(reader.messages())
     assert len(found) <= 50
     assert reader.damage or [one.at_ns for one in found] or octets != whole
+
+
+def test_a_damaged_chunk_costs_only_what_is_in_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    size = 1_000  # a chunk is written when it has a quarter of a megabyte
+    store([channel(1), *(sample(1, n / 10, n.to_bytes(2) + bytes(size - 2)) for n in range(1_000))], path)
+    with path.open("rb") as stream:
+        chunks = [record for record in StreamReader(stream).records if isinstance(record, ChunkIndex)]
+    assert len(chunks) >= 4
+    octets = bytearray(path.read_bytes())
+    for chunk in chunks[:2]:  # the first has the only description of the channel but for that at the end of the file
+        octets[chunk.chunk_start_offset + chunk.chunk_length - 20] ^= 0xFF
+    path.write_bytes(octets)
+    reader = RecordingReader(path)
+    found = [int.from_bytes(one.data[4:6]) for one in reader.messages()]
+    assert found == list(range(found[0], 1_000))
+    assert 400 < found[0] < 600
+    assert "2 of its chunks cannot be read, the first ends at octet" in reader.damage
+    assert "the others were read" in reader.damage
+
+    path.write_bytes(octets[: chunks[-1].chunk_start_offset])  # without the end: nothing says what the channel is
+    assert list(reader.messages()) == []
+    assert "messages belong to channels that nothing describes" in reader.damage
+    assert "what came before was read" in reader.damage
 
 
 @pytest.mark.parametrize(

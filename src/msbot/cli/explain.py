@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 AGENT_PORT = 8888
 RATES = (125_000, 250_000, 500_000, 1_000_000)
+RECORDING = b"\x89MCAP0"
 _HEX = re.compile(r"(?:[0-9a-fA-F]{2}[\s:.-]?){4,}")
 
 
@@ -89,6 +90,9 @@ def _file(path: Path, agent_port: int, library: object, *, fields: bool) -> Iter
     from msbot.config import Library
     from msbot.lab.explain.datagrams import ENDINGS, read_capture
 
+    with path.open("rb") as stream:
+        if stream.read(len(RECORDING)) == RECORDING:
+            raise ConfigError(f"{path} is a recording: `msbot log show {path}` says what is in it")
     listener = listener_for(library if isinstance(library, Library) else None, legacy=False)
     if path.suffix.lower() not in ENDINGS:
         from msbot.cli.bus.frame_log import FrameReader

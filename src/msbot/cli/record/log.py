@@ -145,7 +145,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
         wanted=wish.has,
     )
     click.echo(f"{target}: {cut.messages} messages")
-    _tell_rest(wish.mistakes(file), cut.damages)
+    _tell_rest(wish.mistakes(file), [f"{name} is damaged: {damage}" for name, damage in cut.damages.items()])
 
 
 @command.command("diff")
@@ -256,7 +256,7 @@ def _damage_of(reader: RecordingReader) -> tuple[str, ...]:
 
 def _tell_rest(mistakes: Iterable[str], damages: Sequence[str]) -> None:
     """Say what is not in recordings, or could not be read; the exit status tells it to scripts, which read no words."""
-    told = [*mistakes, *(f"{damage}; what came before was read" for damage in damages)]
+    told = [*mistakes, *damages]
     for sentence in told:
         click.echo(f"msbot: {sentence}", err=True)
     if told:

@@ -77,7 +77,7 @@ def command(
     piece = read_piece(file, slots, from_s=from_s, to_s=to_s) if slots or acts is None else None
     damage = piece.damage if piece is not None else acts.damage if acts is not None else ""
     if damage:
-        click.echo(f"msbot: {file} is damaged: {damage}; what came before is replayed", err=True)
+        click.echo(f"msbot: {file} is damaged: {damage}, and is replayed", err=True)
     replay = _Replay(quiet=quiet, speed=speed)
     master = None if acts is None else _master(db, robot)
 

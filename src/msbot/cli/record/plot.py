@@ -140,7 +140,7 @@ def _read(wish: _Wish, folder: Path | None, unit_of: UnitOf) -> tuple[ReadCurves
         end_s = None if wish.to_s is None else zero_s + wish.to_s
         read = read_curves([wish.file], wish.names, from_s=begin_s, to_s=end_s, unit_of=unit_of)
         if read.damages:
-            click.echo(f"msbot: {read.damages[0]}; what came before was read", err=True)
+            click.echo(f"msbot: {read.damages[0]}", err=True)
     else:
         zero_s = time.time()
         begin_s = zero_s - (wish.seconds or SECONDS)

@@ -21,6 +21,8 @@ from msbot.registry.database_identity import database_identity
 SUFFIX = ".mcap"
 JUST_NOW_S = 0.8
 """What a robot has said is in the ring's file after at most this time."""
+BEGIN_S = 10.0
+"""How long a recorder that is behind may take to begin a file."""
 
 
 @click.group("rec")
@@ -59,8 +61,9 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None) ->
     cut = write_cut(paths, target, from_ns=from_ns)
     seconds = 0.0 if cut.first_ns is None or cut.last_ns is None else (cut.last_ns - cut.first_ns) / 1e9
     click.echo(f"{target}: {cut.messages} messages of {seconds:.0f} s")
-    for damage in cut.damages[:-1]:  # the newest file is being written: it has no end yet
-        click.echo(f"msbot: {damage}", err=True)
+    for name, damage in cut.damages.items():
+        if name != paths[-1].name:  # the newest file is being written: it has no end yet
+            click.echo(f"msbot: {name} is damaged: {damage}", err=True)
 
 
 @command.command("start")
@@ -68,7 +71,10 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None) ->
 @robot_options
 def start(file: Path, db: str | None, robot: str | None) -> None:
     """Record in FILE from now on, in addition to the ring."""
-    click.echo(perform(db, robot, "record", {"file": str(_with_suffix(file).absolute())})["words"])
+    path = _with_suffix(file).absolute()
+    words = perform(db, robot, "record", {"file": str(path)})["words"]
+    _wait_until_begun(path, db, robot)
+    click.echo(words)
 
 
 @command.command("stop")
@@ -121,6 +127,24 @@ def _files(folder: str) -> Iterator[_File]:
         for segment in segments(Path(folder)):
             changed = datetime.fromtimestamp(segment.changed_s).isoformat(" ", "seconds")
             yield _File(segment.path.name, segment.octets, changed)
+
+
+def _wait_until_begun(path: Path, db: str | None, robot: str | None) -> None:
+    """Wait until the recorder has the file.
+
+    Raises:
+        ConfigError: it cannot write it, or has not begun it in time.
+    """
+    end = time.monotonic() + BEGIN_S
+    while not path.exists():
+        status = _status(db, robot)
+        troubles = status.get("troubles")
+        trouble = troubles.get(str(path)) if isinstance(troubles, dict) else None
+        if trouble:
+            raise ConfigError(f"{path} {trouble}: nothing is recorded there; name a file in another folder")
+        if time.monotonic() > end:
+            raise ConfigError(f"the recorder has not begun {path} within {BEGIN_S:.0f} s: see `msbot rec list`")
+        time.sleep(JUST_NOW_S / 8)
 
 
 def _show_ring(folder: str, files: list[dict[str, Any]]) -> None:

@@ -97,6 +97,7 @@ class RecorderProcess:
     def record(self, path: Path) -> None:
         """Record in one more file from now on."""
         self.status.file = str(path)
+        self.status.troubles.pop(self.status.file, None)
         self.recorder.start(self.status.file)
 
     def end_record(self) -> str:

@@ -188,6 +188,7 @@ class Storing:
 
     def _start(self, path: Path, at_ns: int) -> None:
         self._end_extra()
+        self._in_trouble.discard(str(path))  # somebody waits to hear how it goes this time
         try:
             self._extra = self._begin(path, at_ns)
             self._extra.flush()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcap.records import Channel
@@ -23,8 +23,8 @@ class Cut:
     messages: int = 0
     first_ns: int | None = None
     last_ns: int | None = None
-    damages: tuple[str, ...] = ()
-    """What could not be read, in sentences."""
+    damages: Mapping[str, str] = field(default_factory=dict)
+    """Name of a source -> what could not be read of it, in words."""
 
 
 def write_cut(
@@ -48,14 +48,14 @@ def write_cut(
         with whole_or_none(target), new_file(target) as stream:
             copier = _Copier(Writer(stream), cut)
             copier.start()
-            damages = []
+            damages = {}
             for path in sources:
                 reader = RecordingReader(path)
                 for message in reader.messages():
                     copier.take(message, from_ns, to_ns, wanted)
                 if reader.damage:
-                    damages.append(f"{path.name}: {reader.damage}")
-            cut.damages = tuple(damages)
+                    damages[path.name] = reader.damage
+            cut.damages = damages
             copier.finish(from_ns)
     except FileExistsError:
         raise ConfigError(f"{target} is there already: give the recording another name") from None

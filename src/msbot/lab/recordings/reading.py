@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, Final, cast
@@ -11,7 +12,7 @@ from typing import BinaryIO, Final, cast
 import lz4.frame
 import zstandard
 from mcap.exceptions import InvalidMagic, McapError
-from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from msbot.errors import ConfigError
@@ -61,7 +62,11 @@ class RecordingReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.damage = ""
-        """After reading: why the file could not be read to its end, in words; empty: it could."""
+        """After reading: what could not be read, in words; empty: all could."""
+        self._lost_chunks = 0
+        self._first_lost = ""
+        self._unknown = 0
+        """Messages of channels that no record describes: that record was in a chunk which was lost."""
 
     def messages(self) -> Iterator[RecordedMessage]:
         """Every message.
@@ -69,32 +74,41 @@ class RecordingReader:
         Raises:
             ConfigError: the file cannot be opened, or is no MCAP file.
         """
+        self.damage, self._lost_chunks, self._first_lost, self._unknown = "", 0, "", 0
         try:
             with self.path.open("rb") as stream:
-                yield from self._messages(stream)
+                end = yield from self._messages(stream)
         except OSError as error:
             raise ConfigError(f"cannot read {self.path}: {error.strerror or error}") from None
+        self.damage = "; ".join(words for words in (self._losses(), end) if words)
 
-    def _messages(self, stream: BinaryIO) -> Iterator[RecordedMessage]:
+    def _messages(self, stream: BinaryIO) -> Generator[RecordedMessage, None, str]:
+        """Every message; returns why there are no more, empty: it is the end."""
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
-        records = _records(_Bounded(stream, self.path.stat().st_size))
+
+        def lost(chunk_end: int, error: Exception) -> None:
+            if not self._lost_chunks:
+                self._first_lost = f"the first ends at octet {chunk_end} ({error or type(error).__name__})"
+                _take_summary(self.path, schemas, channels)
+            self._lost_chunks += 1
+
+        records = _records(_Bounded(stream, self.path.stat().st_size), lost)
         while True:
             try:
                 record = next(records, None)
             except InvalidMagic as error:
                 if stream.tell() > len(_MAGIC):
-                    self.damage = "it has no proper end"
-                    return
+                    return "it has no proper end; what came before was read"
                 raise ConfigError(f"{self.path} {_no_recording(stream)}") from error
             except _BROKEN as error:
                 if stream.tell() <= len(_MAGIC):
                     raise ConfigError(f"{self.path} {_no_recording(stream)}") from error
-                self.damage = f"it cannot be read beyond octet {stream.tell()} ({error or type(error).__name__})"
-                return
+                why = error or type(error).__name__
+                return f"it cannot be read beyond octet {stream.tell()} ({why}); what came before was read"
             match record:
                 case None:
-                    return
+                    return ""
                 case Schema():
                     schemas[record.id] = record
                 case Channel():
@@ -102,6 +116,16 @@ class RecordingReader:
                 case Message() if (channel := channels.get(record.channel_id)) is not None:
                     schema = schemas.get(channel.schema_id)
                     yield RecordedMessage(record.log_time, record.publish_time, channel, schema, record.data)
+                case Message():
+                    self._unknown += 1
+
+    def _losses(self) -> str:
+        words = []
+        if self._lost_chunks:
+            words.append(f"{self._lost_chunks} of its chunks cannot be read, {self._first_lost}; the others were read")
+        if self._unknown:
+            words.append(f"{self._unknown} messages belong to channels that nothing describes")
+        return "; ".join(words)
 
 
 def began_ns(path: Path) -> int:
@@ -114,6 +138,8 @@ def began_ns(path: Path) -> int:
 
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
+_FOOTER_OCTETS: Final = 1 + 8 + 20 + len(_MAGIC)
+"""Opcode, length, content of the footer, and what ends the file (MCAP 1.0, "Footer")."""
 
 
 class _Bounded:
@@ -134,12 +160,41 @@ class _Bounded:
         self._rest -= length
         return self._stream.read(length)
 
+    def tell(self) -> int:
+        """How many octets of the file were read."""
+        return self._stream.tell()
 
-def _records(stream: _Bounded) -> Iterator[McapRecord]:
+
+def _take_summary(path: Path, schemas: dict[int, Schema], channels: dict[int, Channel]) -> None:
+    """What the end of the file repeats of its schemas and channels; a file that was cut short has no such end."""
+    try:
+        with path.open("rb") as stream:
+            stream.seek(-_FOOTER_OCTETS, os.SEEK_END)
+            footer = next(StreamReader(stream, skip_magic=True, record_size_limit=LARGEST_RECORD).records, None)
+            if not isinstance(footer, Footer) or not footer.summary_start:
+                return
+            stream.seek(footer.summary_start)
+            rest = _Bounded(stream, path.stat().st_size - footer.summary_start)
+            records = StreamReader(cast("BinaryIO", rest), skip_magic=True, record_size_limit=LARGEST_RECORD).records
+            for record in records:
+                if isinstance(record, Schema):
+                    schemas.setdefault(record.id, record)
+                elif isinstance(record, Channel):
+                    channels.setdefault(record.id, record)
+    except (OSError, *_BROKEN):
+        return  # damaged, too; the messages that nothing describes are counted
+
+
+def _records(stream: _Bounded, lost: Callable[[int, Exception], None]) -> Iterator[McapRecord]:
     reader = StreamReader(cast("BinaryIO", stream), emit_chunks=True, record_size_limit=LARGEST_RECORD)
     for record in reader.records:
         if isinstance(record, Chunk):
-            yield from breakup_chunk(replace(record, compression="", data=_unpacked(record)), validate_crc=True)
+            try:
+                whole = breakup_chunk(replace(record, compression="", data=_unpacked(record)), validate_crc=True)
+            except _BROKEN as error:
+                lost(stream.tell(), error)  # its length is right, or the next record would make no sense
+                continue
+            yield from whole
         else:
             yield record
 
