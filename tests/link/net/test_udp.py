@@ -86,6 +86,41 @@ async def test_the_end_of_a_burst_is_told_once_however_many_packets_came() -> No
     assert ends == [3]
 
 
+async def test_what_comes_while_a_burst_is_answered_is_taken_in_the_same_turn() -> None:
+    server = UdpServerLink("127.0.0.1", 0)
+    inbox = Inbox(server)
+    turns: list[int] = []
+    ends: list[tuple[int, int]] = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+
+        def answer() -> None:
+            ends.append((inbox.packets.qsize(), len(turns)))
+            if len(ends) < 3:
+                client.sendto(b"more", ("127.0.0.1", server.port))
+
+        server.attach(burst_end=answer)
+        async with running(server):
+            client.sendto(b"first", ("127.0.0.1", server.port))
+            while not ends:
+                turns.append(1)
+                await asyncio.sleep(0)
+    assert [packets for packets, _ in ends] == [1, 2, 3]
+    assert len({turn for _, turn in ends}) == 1
+
+
+@pytest.mark.parametrize("linger_s", [0.0, 0.01])
+async def test_a_server_answers_a_client_that_waits_for_each_answer(linger_s: float) -> None:
+    server = UdpServerLink("127.0.0.1", 0, linger_s=linger_s)
+    server.attach(packet=lambda packet, peer, now: server.send(packet, peer))
+    async with running(server):
+        client = UdpClientLink("127.0.0.1", server.port)
+        inbox = Inbox(client)
+        async with running(client):
+            for number in range(50):
+                client.send(bytes([number]), client.remote)
+                assert (await inbox.packets.get())[0] == bytes([number])
+
+
 @pytest.mark.skipif(not has_ipv6(), reason="no IPv6 here")
 async def test_a_server_on_every_interface_takes_both_kinds_of_addresses() -> None:
     server = UdpServerLink("::", 0)

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import select
 import socket
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Hashable
+from functools import partial
 
 from msbot.errors import LinkDown, LinkFull
 from msbot.link.base import BaseLink
 from msbot.link.contract import LinkInfo, Peer, Signal
 from msbot.link.net.host_address import Address, addresses_of, cannot_listen, cannot_reach, joined, serve_both_kinds
+from msbot.link.net.lingering import LINGER_S, Lingering
 
 UDP_MTU = 65507
 """Largest payload of a datagram over IPv4; DDS-XRCE clients announce much less."""
@@ -25,7 +28,10 @@ QUEUE_PACKETS = 512
 """Packets that may wait for the kernel; beyond, `send` raises LinkFull."""
 
 DRAIN_PACKETS = 256
-"""Datagrams read in one call-back before timers and other links get their turn."""
+"""Datagrams in a burst, after which it is answered."""
+
+STAY_S = 0.001
+"""How long bursts that follow each other are taken in one call-back."""
 
 RECEIVE_BUFFER_BYTES = 1 << 20
 """Requested from the kernel, for bursts; it gives less where `net.core.rmem_max` is smaller."""
@@ -55,7 +61,7 @@ _PASSING = {
 class _UdpLink(BaseLink, ABC):
     """What server and client have in common; their only signals are LINK_UP and LINK_DOWN."""
 
-    def __init__(self, host: str, port: int, *, remote: Peer | None = None) -> None:
+    def __init__(self, host: str, port: int, *, remote: Peer | None = None, linger_s: float = 0.0) -> None:
         super().__init__(LinkInfo(f"udp:{joined(host, port)}", UDP_MTU, in_bursts=True), remote=remote)
         self._host = host
         self._port = port
@@ -65,6 +71,8 @@ class _UdpLink(BaseLink, ABC):
         self._transmit: Callable[[bytes, Peer], object]
         self._queue: deque[tuple[bytes, Peer]] = deque()
         self._was_full = False
+        self._lingering = Lingering(linger_s)
+        self._look: Callable[[], object]  # whether the socket has something
 
     @property
     def port(self) -> int:
@@ -114,6 +122,9 @@ class _UdpLink(BaseLink, ABC):
         opened = await self._open(loop)
         self._loop, self._socket, self._ended = loop, opened, loop.create_future()
         self._transmit = self._transmitter(opened)
+        readable = select.poll()
+        readable.register(opened, select.POLLIN)
+        self._look = partial(readable.poll, 0)
         loop.add_reader(opened, self._drain, opened, loop)
         self._signal_handler(Signal.LINK_UP, None, "opened", loop.time())
         try:
@@ -157,20 +168,34 @@ class _UdpLink(BaseLink, ABC):
         """Why the socket cannot be opened, and what to do."""
 
     def _drain(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
-        remote = self.remote
-        try:
-            for _ in range(DRAIN_PACKETS):
-                try:
-                    packet, peer = opened.recvfrom(UDP_MTU)
-                except BlockingIOError:
-                    return
-                except OSError as error:
-                    if not self._tolerate(error):
-                        return
-                    continue
-                self._received(packet, peer if remote is None else remote, loop.time())
-        finally:
+        """Take burst after burst, as long as the next is there when one has been answered."""
+        clock, lingering = loop.time, self._lingering
+        start = clock()
+        lingering.woken(start)
+        while True:
+            is_fine = self._take_burst(opened, clock)
             self._burst_end_handler()
+            if not is_fine or clock() - start > STAY_S:
+                return
+            if not self._look() and not lingering.watch(self._look, clock):
+                return
+
+    def _take_burst(self, opened: socket.socket, clock: Callable[[], float]) -> bool:
+        """Take what waits in the socket; False: it has failed."""
+        remote, look = self.remote, self._look
+        for _ in range(DRAIN_PACKETS):
+            try:
+                packet, peer = opened.recvfrom(UDP_MTU)
+            except BlockingIOError:
+                break
+            except OSError as error:
+                if not self._tolerate(error):
+                    return False
+                continue
+            self._received(packet, peer if remote is None else remote, clock())
+            if not look():  # a quarter of what it costs to be refused
+                break
+        return True
 
     def _tolerate(self, error: OSError) -> bool:
         """Count an error that is transient; end `run` on any other."""
@@ -211,7 +236,11 @@ class UdpServerLink(_UdpLink):
     Args:
         host: address or name to listen at; `0.0.0.0` for every IPv4 interface, `::` for IPv6 too.
         port: 1 to 65535, or 0 for any free one (see `port`).
+        linger_s: how long at most to wait awake for a packet that is likely to follow at once (see `Lingering`).
     """
+
+    def __init__(self, host: str, port: int, *, linger_s: float = LINGER_S) -> None:
+        super().__init__(host, port, linger_s=linger_s)
 
     def _take_address(self, opened: socket.socket, address: Address) -> None:
         serve_both_kinds(opened, self._host)
