@@ -6,12 +6,18 @@ import sys
 import pytest
 
 HEAVY = {"asyncio", "sqlalchemy", "alembic", "rich", "msgspec", "can", "serialx", "cyclonedds", "nicegui", "numpy"}
+MOST_MODULES = 1500
+"""What a robot with its page may load; 1,723 before anybody counted."""
+
+
+def all_modules_after(code: str) -> set[str]:
+    script = f"import sys\nbefore = set(sys.modules)\n{code}\nprint('\\n'.join(set(sys.modules) - before))"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return set(run.stdout.split())
 
 
 def modules_after(code: str) -> set[str]:
-    script = f"import sys\nbefore = set(sys.modules)\n{code}\nprint('\\n'.join(set(sys.modules) - before))"
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    return {name.partition(".")[0] for name in run.stdout.split()}
+    return {name.partition(".")[0] for name in all_modules_after(code)}
 
 
 def test_import_msbot_needs_only_the_standard_library() -> None:
@@ -34,13 +40,25 @@ def test_the_core_rooms_need_only_the_standard_library(room: str) -> None:
     assert modules_after(f"import msbot.{room}") - set(sys.stdlib_module_names) == {"msbot"}
 
 
+def test_a_robot_with_its_page_waits_for_nothing_that_its_first_page_does_not_need() -> None:
+    loaded = all_modules_after("import msbot.cli.demo.demo, msbot.web.assembly, msbot.web.simulated.demo_bench")
+    # Names of parts of libraries: socket.io and uvicorn import the libraries themselves, which does no harm.
+    foreign = {
+        "aiohttp.client", "requests.api", "urllib3", "matplotlib", "plotly", "pandas", "polars", "numpy", "altair",
+        "httpx", "markdown2", "docutils", "pygments.lexers", "alembic", "prometheus_client",
+    }  # fmt: skip
+    own = {"msbot.web.api.routes", "msbot.web.api.admin", "msbot.doctor.examination", "msbot.space.dds.space"}
+    assert not loaded & (foreign | own)
+    assert len(loaded) < MOST_MODULES
+
+
 @pytest.mark.parametrize("command", ["parts", "why", "robots"])
 def test_a_look_at_a_robot_waits_for_no_large_library(command: str) -> None:
     loaded = modules_after(f"import msbot.cli.look.{command}, msbot.cli.look.looking")
     assert not loaded & ((HEAVY | {"pydantic"}) - {"asyncio"})
 
 
-@pytest.mark.parametrize("room", ["agent", "pnp", "registry"])
+@pytest.mark.parametrize("room", ["agent", "doctor", "pnp", "registry"])
 def test_a_lazy_room_has_all_names_that_it_shows(room: str) -> None:
     script = (
         f"import msbot.{room} as room; lazy = {{name for names in room._NAMES.values() for name in names}};"

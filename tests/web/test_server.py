@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import gc
 import re
 import signal
 import socket
 import ssl
-from collections.abc import Iterator
+import sys
+import threading
+from collections.abc import AsyncIterator, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
 import httpx
 import pytest
+from fastapi import FastAPI
 
 from msbot.config import write_sample
 from msbot.errors import ConfigError
-from msbot.web.server import NEXT_PORTS, WebServer, WebSettings, _bind
+from msbot.web.server import NEXT_PORTS, WebServer, WebSettings, _bind, _undisturbed
 from msbot.web.service import Service
 from tests.certificate import Certificate
 from tests.e2e.processes import run, running
@@ -127,3 +133,40 @@ def test_a_page_that_cannot_be_served_ends_the_command_with_one_line(taken: int,
         assert done.stdout == ""
         (line,) = done.stderr.splitlines()
         assert line.startswith("msbot: the page cannot be served")
+
+
+@contextlib.asynccontextmanager
+async def as_nicegui_begins(_app: FastAPI) -> AsyncIterator[None]:
+    for thing in gc.get_objects():
+        isinstance(thing, WebServer)
+    yield
+
+
+def test_the_server_begins_without_a_mistake_in_a_thread_that_fills_a_tuple_at_that_moment() -> None:
+    over = threading.Event()
+    failed: list[SystemError] = []
+
+    def fill() -> None:
+        while not over.is_set():
+            try:
+                tuple(number for number in range(500))
+            except SystemError as error:
+                failed.append(error)
+
+    async def begin_often() -> None:
+        begin = _undisturbed(as_nicegui_begins)
+        for _ in range(8):
+            async with begin(FastAPI()):
+                await asyncio.sleep(0)
+
+    usual_s = sys.getswitchinterval()
+    filling = threading.Thread(target=fill)
+    filling.start()
+    try:
+        asyncio.run(begin_often())
+    finally:
+        over.set()
+        filling.join()
+        gc.unfreeze()
+    assert failed == []
+    assert sys.getswitchinterval() == usual_s

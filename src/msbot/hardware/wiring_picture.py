@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from xml.sax.saxutils import escape
+from functools import partial
+from html import escape as escape_html
 
 from msbot.config import BusKind, PartType, Pin
 from msbot.runtime.sentence import said
+
+escape = partial(escape_html, quote=False)  # all of it stands between tags
 
 ROW, TOP, WIDTH = 40, 56, 820
 PART_RIGHT, PLACE_LEFT = 200, 340

@@ -186,7 +186,7 @@ class _Reader:
         if document is None:
             return None
         # What is missing is missing in this block, not anywhere in the file.
-        document = replace(document, lines={(): begin, **document.lines})
+        document = replace(document, begins=begin)
         return Table(document, self._problems, document.values)
 
     @staticmethod

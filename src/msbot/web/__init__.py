@@ -2,3 +2,7 @@
 
 Heavy to import (NiceGUI), so only commands that serve a page import it, and only when they run.
 """
+
+from msbot.runtime.late_modules import load_late
+
+load_late("aiohttp", "requests")  # for socket.io's client, which comes with its server and is used by nobody here

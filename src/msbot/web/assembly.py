@@ -10,8 +10,7 @@ from urllib.parse import urlsplit
 
 from msbot.agent import read_statuses
 from msbot.config import Library
-from msbot.doctor import Patient
-from msbot.doctor.patient import PAGE_PORT
+from msbot.doctor.patient import PAGE_PORT, Patient
 from msbot.lessons.lesson_desk import LessonDesk
 from msbot.master import Master
 from msbot.metrics import Collecting, DatabaseFigures, MomentFigures, Noting, PageFigures

@@ -7,12 +7,15 @@ from collections.abc import Callable
 from datetime import datetime
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from msbot.doctor import Examination, Patient, examine
 from msbot.errors import RegistryError
 from msbot.registry.maintenance import upkeep
 from msbot.runtime.daemon_threads import DaemonThreads
 from msbot.runtime.sentence import said
+
+if TYPE_CHECKING:
+    from msbot.doctor import Examination, Patient
 
 KEPT_S = 5.0
 """How long one examination serves everybody."""
@@ -24,16 +27,16 @@ class Examining:
     Args:
         patient: says, in a thread, whom to examine; it may ask the running masters.
         clock: the robot's clock.
-        look: what examines.
+        look: what examines; the doctor if absent.
     """
 
     def __init__(
         self, patient: Callable[[], Patient], clock: Callable[[], float],
-        look: Callable[[Patient], Examination] = examine,
+        look: Callable[[Patient], Examination] | None = None,
     ) -> None:  # fmt: skip
         self._patient = patient
         self._clock = clock
-        self._look = look
+        self._look = look or _examine
         self._aside = DaemonThreads(1, "msbot doctor")
         self._one_at_a_time = asyncio.Lock()
         self._found: tuple[float, Examination] | None = None
@@ -54,6 +57,12 @@ class Examining:
             RegistryError: it cannot be written.
         """
         return await asyncio.get_running_loop().run_in_executor(self._aside, partial(_back_up, self._patient))
+
+
+def _examine(patient: Patient) -> Examination:
+    from msbot.doctor import examine  # a large room, and most robots are well
+
+    return examine(patient)
 
 
 def _back_up(patient_of: Callable[[], Patient]) -> str:

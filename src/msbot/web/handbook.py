@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path, PurePosixPath
 
-import markdown2
-
 from msbot.runtime.carried_files import carried_folder
 
 CHAPTERS = (("tutorial", "Tutorial"), ("howto", "How to"), ("explain", "Explanation"), ("reference", "Reference"))
@@ -54,6 +52,8 @@ def page_html(name: str) -> str | None:
     if title_of(name) is None:
         return None
     text = (folder() / f"{name}.md").read_text("utf-8")
+    import markdown2  # only who reads the handbook needs it
+
     html = str(markdown2.markdown(text, extras=["fenced-code-blocks", "tables", "header-ids"]))
     return _TARGET.sub(lambda found: _led(name, found), _HEADING.sub("", html, count=1))
 

@@ -6,8 +6,6 @@ import asyncio
 from functools import cache
 from typing import Final
 
-import markdown2
-
 from msbot.errors import ConfigError
 from msbot.lessons.lesson import Lesson
 from msbot.lessons.lesson_desk import LessonDesk
@@ -93,4 +91,6 @@ class Learning:
 @cache
 def text_html(text: str) -> str:
     """A piece of a lesson as HTML; what is no Markdown is shown as it is written."""
+    import markdown2  # only who reads a lesson needs it
+
     return str(markdown2.markdown(text, extras=["fenced-code-blocks", "tables"], safe_mode="escape"))

@@ -9,31 +9,35 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import gc
 import hashlib
 import json
 import socket
 import ssl
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
 from nicegui import core, ui
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
+from starlette.routing import BaseRoute
 from starlette.staticfiles import StaticFiles
+from starlette.types import Lifespan
 
 from msbot.errors import ConfigError
 from msbot.link.net import WebSocketServerLink
 from msbot.web.access.cookies import cookie_names
 from msbot.web.access.guard import ANY_ADDRESS, AccessGuard
 from msbot.web.access.sign_in_pages import make_forms
-from msbot.web.api.admin import make_admin_api
-from msbot.web.api.metrics import make_metrics
+from msbot.web.api.late_routes import LateRoutes
 from msbot.web.api.problems import tell_problems
-from msbot.web.api.routes import make_api
 from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
 from msbot.web.open_pages import OpenPages
 from msbot.web.pages import register_pages
@@ -47,8 +51,11 @@ NEXT_PORTS = 20
 """Ports from that one on which are tried before any free one is taken."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ANY_HOST = ("0.0.0.0", "::")
+LATE_PATHS = ("/api", "/openapi", "/metrics")
+"""Of what is made when it is needed: the API, its description, and the page that shows it."""
 MAX_MESSAGE = 1024 * 1024
 """Octets of one message of a websocket."""
+_LONG_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,9 +187,7 @@ class WebServer:
         app = FastAPI(title="MsBOT", version="1", docs_url=None, redoc_url=None, openapi_url="/openapi.json")
         cookies = cookie_names(self.mark)
         app.include_router(make_forms(service.accounts, service.robot_name, cookies, service.pupils.passes))
-        app.include_router(make_api(service))
-        app.include_router(make_admin_api(service))
-        app.include_router(make_metrics(service))
+        app.add_middleware(LateRoutes, of=app, paths=LATE_PATHS, make=partial(_late_routes, service))
         add_browser_files(app)
         app.router.routes.append(PartSocket(self.parts, service.accounts).route())
         tell_problems(app)
@@ -191,6 +196,7 @@ class WebServer:
         register_pages(service)
         ui.run_with(app, title=f"{service.robot_name} · MsBOT", dark=None, show_welcome_message=False, tailwind=False,
                     favicon=Path(str(files("msbot.web") / "static" / "icon.svg")))  # fmt: skip
+        app.router.lifespan_context = _undisturbed(app.router.lifespan_context)
         core.app.config.socket_io_js_transports = ["websocket"]  # the guard lets nothing else in
         # NiceGUI would build a whole page, with all that belongs to it, for every address that there is not.
         core.app.add_exception_handler(404, _not_there)
@@ -209,6 +215,38 @@ class WebServer:
             proxy_headers=False,
             ws_max_size=MAX_MESSAGE,
         )
+
+
+def _late_routes(service: Service) -> list[BaseRoute]:
+    from msbot.web.api.admin import make_admin_api
+    from msbot.web.api.metrics import make_metrics
+    from msbot.web.api.routes import make_api
+
+    routers = (make_api(service), make_admin_api(service), make_metrics(service))
+    return [route for router in routers for route in router.routes]
+
+
+def _undisturbed(lifespan: Lifespan[FastAPI]) -> Lifespan[FastAPI]:
+    """Begin the server where no other thread is in the middle of something.
+
+    NiceGUI begins with `gc.get_objects()`. A tuple that another thread (the database's, the lessons') is filling at
+    that moment would be held twice, and CPython ends the filling with a SystemError. What is there already is kept from
+    that list, and between the two no other thread has its turn.
+    """
+
+    @contextlib.asynccontextmanager
+    async def begin(app: FastAPI) -> AsyncIterator[Any]:
+        usual_s = sys.getswitchinterval()
+        sys.setswitchinterval(_LONG_S)
+        gc.freeze()
+        try:
+            async with lifespan(app) as state:
+                sys.setswitchinterval(usual_s)
+                yield state
+        finally:
+            sys.setswitchinterval(usual_s)
+
+    return begin
 
 
 async def _not_there(_request: Request, _error: Exception) -> Response:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
-from msbot.doctor import Examination, Finding
 from msbot.errors import ConfigError, NotThere
 from msbot.metrics import MomentFigures
 from msbot.operations.dispatch import RunningOperations
@@ -47,6 +47,9 @@ from msbot.web.pupils import PupilDesk
 from msbot.web.records import Backup, Records
 from msbot.web.views import Views
 from msbot.web.whole_class import WholeClass
+
+if TYPE_CHECKING:
+    from msbot.doctor import Examination, Finding
 
 SHARED_S = 0.2
 """How long one snapshot of the robot serves every page."""

@@ -27,7 +27,8 @@ def test_a_good_file_becomes_values_and_lines(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text("\ufeff[robot]\nname = 'Ä'\n", encoding="utf-8")
     document = read_document(path, Problems())
-    assert document == Document(str(path), {"robot": {"name": "Ä"}}, {("robot",): 1, ("robot", "name"): 2})
+    assert document == Document(str(path), {"robot": {"name": "Ä"}}, "[robot]\nname = 'Ä'\n")
+    assert document.lines == {("robot",): 1, ("robot", "name"): 2}
     assert document.place(("robot", "name")) == TextPlace(str(path), 2, ("robot", "name"))
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
+from html import escape
 from xml.etree import ElementTree
-from xml.sax.saxutils import escape
 
 from msbot.config.library.part_types import Category, PartType, Pin, PinKind
 
@@ -100,7 +100,7 @@ def _plain(name: object) -> str:
 
 def _text(words: str) -> str:
     """Words as text of a picture, whatever is in them."""
-    return escape(_NOT_IN_XML.sub("\ufffd", words))
+    return escape(_NOT_IN_XML.sub("\ufffd", words), quote=False)
 
 
 def _drawing(part_type: PartType) -> list[str]:

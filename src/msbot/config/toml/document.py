@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from msbot.config.toml.limits import MOST_BYTES, too_much
@@ -13,21 +14,29 @@ from msbot.config.toml.problems import KeyPath, Problems, TextPlace
 from msbot.runtime.sentence import said
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Document:
     """A parsed TOML file."""
 
     file: str
     """The path as the user wrote it."""
     values: dict[str, object]
-    lines: dict[KeyPath, int]
+    text: str
+    """What it was parsed from."""
+    begins: int | None = None
+    """Line on which it begins, where it is a block of a larger file."""
+
+    @cached_property
+    def lines(self) -> dict[KeyPath, int]:
+        """The line of every key; looked for only when something is wrong, as it takes as long as parsing."""
+        return key_lines(self.text)
 
     def place(self, path: KeyPath) -> TextPlace:
         """Where `path` is; for a key that is missing, where its table begins."""
         known = path
         while known and known not in self.lines:
             known = known[:-1]
-        return TextPlace(self.file, self.lines.get(known), path)
+        return TextPlace(self.file, self.lines.get(known, self.begins), path)
 
 
 def read_document(path: Path, problems: Problems, *, if_missing: str = "name another file") -> Document | None:
@@ -47,7 +56,6 @@ def parse_document(text: str, file: str, problems: Problems) -> Document | None:
         return None
     try:
         values = tomllib.loads(text)
-        lines = key_lines(text)
     except tomllib.TOMLDecodeError as error:
         place, sentence, excerpt = _syntax_problem(text, file, str(error))
         problems.add(place, sentence, excerpt)
@@ -56,7 +64,7 @@ def parse_document(text: str, file: str, problems: Problems) -> Document | None:
             TextPlace(file), said("a number in it cannot be read ({error}); write it shorter", error=str(error))
         )
     else:
-        return Document(file, values, lines)
+        return Document(file, values, text)
     return None
 
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 from fastapi import Request
 from nicegui import ui
 
-from msbot.doctor import Examination, Finding
 from msbot.errors import MsbotError
 from msbot.operations.rights import Right
 from msbot.operations.table import OPERATIONS
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.service import BACKUP, Service
+
+if TYPE_CHECKING:
+    from msbot.doctor import Examination, Finding
 
 
 def register(service: Service) -> None:

@@ -1,0 +1,66 @@
+"""Routes that are made when somebody needs them."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from threading import current_thread, main_thread
+
+import httpx
+from fastapi import FastAPI
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import BaseRoute, Route
+
+from msbot.web.api.late_routes import LateRoutes
+
+
+async def _answer(request: Request) -> Response:
+    return PlainTextResponse(f"late {request.url.path}")
+
+
+async def _page(_request: Request) -> Response:
+    return PlainTextResponse("page")
+
+
+class _App:
+    def __init__(self) -> None:
+        self.made: list[bool] = []
+        self.app = FastAPI()
+        self.app.router.routes.append(Route("/{rest:path}", _page))
+        self.app.add_middleware(LateRoutes, of=self.app, paths=("/api", "/metrics"), make=self._make)
+
+    def _make(self) -> list[BaseRoute]:
+        self.made.append(current_thread() is main_thread())
+        return [Route("/api/robot", _answer), Route("/metrics", _answer)]
+
+
+def _run(steps: Callable[[_App, httpx.AsyncClient], Awaitable[None]]) -> None:
+    async def main() -> None:
+        app = _App()
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(app.app), base_url="http://robot") as client:
+            await steps(app, client)
+
+    asyncio.run(main())
+
+
+def test_they_are_made_once_in_a_thread_at_the_first_request_for_one_of_them() -> None:
+    async def steps(app: _App, client: httpx.AsyncClient) -> None:
+        assert (await client.get("/bus")).text == "page"
+        assert app.made == []
+        answers = await asyncio.gather(client.get("/api/robot"), client.get("/metrics"), client.get("/api/robot"))
+        assert [answer.text for answer in answers] == ["late /api/robot", "late /metrics", "late /api/robot"]
+        assert app.made == [False]
+
+    _run(steps)
+
+
+def test_they_are_made_when_the_first_page_has_been_sent() -> None:
+    async def steps(app: _App, client: httpx.AsyncClient) -> None:
+        assert (await client.get("/")).text == "page"
+        (making,) = (task for task in asyncio.all_tasks() if task.get_name() == "the API's routes")
+        await making
+        assert app.made == [False]
+        assert (await client.get("/api/robot")).text == "late /api/robot"
+        assert (await client.get("/")).text == "page"
+        assert app.made == [False]
+
+    _run(steps)
