@@ -7,6 +7,7 @@ import pytest
 
 from msbot.config import PRESETS, SAMPLE_ROBOT_TOML, load_blueprint, load_library, standard_message_types
 from msbot.config.blueprint.check import RESERVED_TOPICS
+from msbot.config.library.library import _shipped
 from msbot.config.toml.table import Table
 
 DOCS = Path(__file__).parents[2] / "docs/reference"
@@ -89,6 +90,7 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> set[tuple[str, str
         return get(table, key)
 
     monkeypatch.setattr(Table, "_get", note)
+    _shipped.cache_clear()  # it shall be read now
     folder = tmp_path / "library"
     folder.mkdir()
     (folder / "x.toml").write_text(TYPE)

@@ -1,8 +1,8 @@
 """Processes of `msbot` that begin with their modules loaded: copies of a prepared process, made by `fork`.
 
 Importing a web server and a database takes a command seconds, and the tests start hundreds of commands. Here one
-process beside each process of pytest imports what a command will import and forks; the copy goes on as
-`python -m msbot` would: with its own arguments, folder, environment, output and exit status.
+process beside each process of pytest imports what a command will import, reads the part types that MsBOT brings, and
+forks; the copy goes on as `python -m msbot` would: with its own arguments, folder, environment, output and exit status.
 `MSBOT_REAL_PROCESSES=1` starts every command from nothing; so does an environment that changes how Python starts.
 
 Run as a program, this file is the prepared process: requests come in at the socket whose number is its argument.
@@ -201,6 +201,10 @@ def _prepare(arguments: Sequence[str]) -> None:
     before = len(sys.modules)
     for name in names:
         importlib.import_module(name)
+    if "msbot.config" in sys.modules:
+        from msbot.config import load_library
+
+        load_library()  # what MsBOT brings is read once in a process
     if len(sys.modules) > before:
         gc.collect()
         gc.freeze()  # the copies share these objects with each other: none is looked at again

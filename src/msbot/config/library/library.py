@@ -6,6 +6,8 @@ One TOML file describes one part type. MsBOT brings more than thirty; a robot ma
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
@@ -158,37 +160,58 @@ def load_library(*extra: Path) -> Library:
     Raises:
         ConfigError: a folder is missing, or files are wrong; every problem of every file is reported at once.
     """
+    read = _shipped()
+    if extra:
+        problems = Problems()
+        read = _Read(dict(read.messages), dict(read.types))
+        _add(read, _in(extra, problems), problems)
+    return Library((part_type for _, part_type in read.types.values()), dict(read.messages))
+
+
+@dataclass(frozen=True, slots=True)
+class _Read:
+    """What the files of a library say: message types by name, part types by number with their file."""
+
+    messages: dict[str, MessageType]
+    types: dict[str, tuple[LibraryFile, PartType]]
+
+
+@cache
+def _shipped() -> _Read:
+    """What MsBOT brings; read once, since it does not change while a program runs."""
     problems = Problems()
-    opened = [open_library_file(document, problems) for document in (*_shipped(problems), *_in(extra, problems))]
-    messages = dict(standard_message_types())
+    read = _Read(dict(standard_message_types()), {})
+    folder = files("msbot.config.library") / "types"
+    entries = sorted((entry for entry in folder.iterdir() if entry.name.endswith(".toml")), key=lambda one: one.name)
+    texts = ((f"{SHIPPED}{entry.name}", entry.read_text("utf-8")) for entry in entries)
+    documents = (parse_document(text, name, problems) for name, text in texts)
+    _add(read, (one for one in documents if one is not None), problems)
+    return read
+
+
+def _add(read: _Read, documents: Iterable[Document], problems: Problems) -> None:
+    """Read more files, which must agree with each other and with those before them.
+
+    Raises:
+        ConfigError: files are wrong.
+    """
+    opened = [open_library_file(document, problems) for document in documents]
     for file in opened:
-        add_message_types(messages, file)
-    types: dict[str, tuple[LibraryFile, PartType]] = {}
+        add_message_types(read.messages, file)
     for file in opened:
-        part_type = read_part_type(file, messages)
+        part_type = read_part_type(file, read.messages)
         if part_type is None:
             continue
-        if part_type.number in types:
-            _, other = types[part_type.number]
+        if part_type.number in read.types:
+            _, other = read.types[part_type.number]
             file.table.problem(
                 f'part number "{part_type.number}" is taken by {other.source}; give each type a number of its own',
                 "number",
             )
         elif part_type.number:
-            types[part_type.number] = (file, part_type)
-    check_agreement({number: (file.table, part_type) for number, (file, part_type) in types.items()})
+            read.types[part_type.number] = (file, part_type)
+    check_agreement({number: (file.table, part_type) for number, (file, part_type) in read.types.items()})
     problems.raise_if_any()
-    return Library((part_type for _, part_type in types.values()), messages)
-
-
-def _shipped(problems: Problems) -> Iterator[Document]:
-    folder = files("msbot.config.library") / "types"
-    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
-        if not entry.name.endswith(".toml"):
-            continue
-        document = parse_document(entry.read_text("utf-8"), f"{SHIPPED}{entry.name}", problems)
-        if document is not None:
-            yield document
 
 
 def _in(places: Iterable[Path], problems: Problems) -> Iterator[Document]:
