@@ -9,6 +9,9 @@ BIN := $(VENV)/bin
 ARGS ?=
 ENGINE ?= uml
 
+# The tests start hundreds of processes: where Python may not keep what it has compiled, each compiles all it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test tests check format vm bench wheel docs screenshots assets board constraints clean help
 
 help:

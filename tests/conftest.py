@@ -4,6 +4,7 @@ event loop waits for a database, and the order of the whole suite."""
 import logging
 import os
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -50,7 +51,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     here = Path(__file__).parent
     ranks = [here / name for name in FIRST]
 
-    def rank(item: pytest.Item) -> int:
-        return next((number for number, path in enumerate(ranks) if item.path.is_relative_to(path)), len(ranks))
+    @cache
+    def rank(file: Path) -> int:
+        return next((number for number, path in enumerate(ranks) if file.is_relative_to(path)), len(ranks))
 
-    items.sort(key=rank)
+    items.sort(key=lambda item: rank(item.path))

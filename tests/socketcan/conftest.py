@@ -64,7 +64,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     config.stash[TOLD] = set()
     tests: dict[str, list[str]] = {}
     for item in ours:
-        item.add_marker(pytest.mark.timeout(WAIT_S))
+        item.add_marker(pytest.mark.timeout(WAIT_S), append=False)  # before its own, which holds inside a machine
         if reasons[machine_of(item)] is None:
             tests.setdefault(machine_of(item), []).append(item.nodeid)
     if tests:
