@@ -45,18 +45,19 @@ class Maker:
     def __init__(self, settings: AgentSettings | None = None, domain_id: int = 0) -> None:
         self.space = WatchedSpace()
         space: Space = self.space
-        self._creator = Creator(FakeHost(space), settings or AgentSettings())
+        self._creator = Creator(settings or AgentSettings())
+        self._host = FakeHost(space)
         self.objects: dict[int, ClientObject] = {}
-        self.root = self._creator.make(0x0011, ParticipantDef(domain_id, "p"), None, self.objects)
+        self.root = self._creator.make(self._host, 0x0011, ParticipantDef(domain_id, "p"), None, self.objects)
 
     def topic(self, object_id: int, name: str, type_name: str = "T") -> Topic | None:
-        entity = self._creator.make(object_id, TopicDef(name, type_name), self.root, self.objects)
+        entity = self._creator.make(self._host, object_id, TopicDef(name, type_name), self.root, self.objects)
         self.objects[object_id] = entity
         return entity.topic
 
     def endpoint(self, definition: WriterDef | ReaderDef | RequesterDef) -> list[tuple[Topic, Qos]]:
         self.space.made.clear()
-        self._creator.make(0x0015, definition, self.root, self.objects)
+        self._creator.make(self._host, 0x0015, definition, self.root, self.objects)
         return self.space.made
 
 
@@ -158,5 +159,5 @@ def test_a_requester_needs_no_topic_objects() -> None:
 def test_publishers_and_subscribers_only_stand_there() -> None:
     maker = Maker()
     for definition in (PublisherDef(), SubscriberDef()):
-        entity = Creator(FakeHost(), AgentSettings()).make(0x0013, definition, maker.root, {})
+        entity = Creator(AgentSettings()).make(FakeHost(), 0x0013, definition, maker.root, {})
         assert (entity.topic_name, entity.endpoint, entity.is_attached) == (None, None, True)

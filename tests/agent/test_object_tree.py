@@ -50,10 +50,10 @@ class Tree(ObjectTree):
 
     def __init__(self, settings: AgentSettings | None = None, budget: int = 1000) -> None:
         self.host = FakeHost()
-        super().__init__(self.host, settings or AgentSettings(), ObjectBudget(budget))
+        super().__init__(settings or AgentSettings(), ObjectBudget(budget))
 
     def make(self, object_id: int, variant: ObjectVariant, *, reuse: bool = False, replace: bool = False) -> Status:
-        return self.create(CreateRequested(10, object_id, variant, reuse, replace, 0x80, True))
+        return self.create(self.host, CreateRequested(10, object_id, variant, reuse, replace, 0x80, True))
 
     def make_all(self) -> None:
         for object_id, variant in ALL.items():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import gc
+import weakref
 
 import pytest
 
@@ -31,6 +33,28 @@ def test_deleting_the_session_takes_everything_along() -> None:
         assert other.received(await other.add_reader("profile")) == []
 
     play(scenario, gate=gate)
+
+
+def test_a_session_that_is_over_is_forgotten_without_the_garbage_collector() -> None:
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        (client,) = await connected(link, 1)
+        await client.add_writer("light")
+        await client.add_reader("light")
+        (proxy,) = (weakref.ref(one) for one in agent._clients)
+        (session,) = (weakref.ref(one.session) for one in agent._clients)
+        client.session.close(0.0)
+        await client.settle()
+        assert agent.clients() == []
+        await asyncio.sleep(5)  # who sends too much is compared now and then; until then its packets are remembered
+        (other,) = await connected(link, 2)
+        await other.add_writer("light")
+        assert (proxy(), session()) == (None, None)
+
+    gc.disable()
+    try:
+        play(scenario)
+    finally:
+        gc.enable()
 
 
 def test_a_message_may_create_and_delete_the_session_in_one() -> None:

@@ -144,7 +144,9 @@ class Handshake:
             return Status.ERR_DENIED
         known = self._session_of(info, port, peer)
         others = self._clients.sharing(request.client_key) if known is None else ()
-        info = replace(info, key=self._clients.free_key(info.key) if known is None else known.info.key)
+        key = self._clients.free_key(info.key) if known is None else known.info.key
+        if key != info.key:
+            info = replace(info, key=key)
         if known is not None and known.session.session_id == request.session_id:
             known.log_in_again(info, min(request.mtu, link.info.mtu), now)
         else:

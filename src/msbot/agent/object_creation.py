@@ -72,18 +72,19 @@ class NoSuchTopic(Exception):
 
 
 class Creator:
-    """Makes the objects of one client."""
+    """Makes the objects of clients."""
 
-    def __init__(self, host: EndpointHost, settings: AgentSettings) -> None:
-        self._host = host
+    def __init__(self, settings: AgentSettings) -> None:
         self._settings = settings
 
     def make(
-        self, object_id: int, definition: Definition, parent: ClientObject | None, topics: dict[int, ClientObject]
-    ) -> ClientObject:
+        self, host: EndpointHost, object_id: int, definition: Definition, parent: ClientObject | None,
+        topics: dict[int, ClientObject],
+    ) -> ClientObject:  # fmt: skip
         """Make the object of that id.
 
         Args:
+            host: the client.
             object_id: id with the kind in its low four bits.
             definition: what it should be.
             parent: the object it belongs to; None for a participant.
@@ -96,28 +97,28 @@ class Creator:
             assert isinstance(definition, ParticipantDef)
             return ClientObject(definition, Participant(self._domain(definition.domain_id), definition.name))
         participant = parent.participant
-        owner = Owner(self._host.key, participant.name)
+        owner = Owner(host.key, participant.name)
         match definition:
             case TopicDef():
                 topic = participant.use(definition.name, definition.type_name)
                 return ClientObject(definition, participant, topic)
             case WriterDef():
                 topic = self._topic_of(definition, participant, topics)
-                endpoint: Endpoint = DataWriter(self._host, object_id, topic, self._qos(definition), owner)
+                endpoint: Endpoint = DataWriter(host, object_id, topic, self._qos(definition), owner)
                 return ClientObject(definition, participant, topic, endpoint)
             case ReaderDef():
                 topic = self._topic_of(definition, participant, topics)
-                qos = self._qos(definition, latched=self._host.is_latched(topic.name))
-                endpoint = DataReader(self._host, object_id, topic, qos, owner, self._host.own_filter)
+                qos = self._qos(definition, latched=host.is_latched(topic.name))
+                endpoint = DataReader(host, object_id, topic, qos, owner, host.own_filter)
                 return ClientObject(definition, participant, topic, endpoint)
             case RequesterDef():
                 endpoint = Requester(
-                    self._host, object_id, *_service(definition, participant), self._service_qos(), owner
+                    host, object_id, *_service(definition, participant), self._service_qos(), owner
                 )  # fmt: skip
                 return ClientObject(definition, participant, endpoint=endpoint)
             case ReplierDef():
                 endpoint = Replier(
-                    self._host, object_id, *_service(definition, participant), self._service_qos(), owner
+                    host, object_id, *_service(definition, participant), self._service_qos(), owner
                 )  # fmt: skip
                 return ClientObject(definition, participant, endpoint=endpoint)
         return ClientObject(definition, participant)

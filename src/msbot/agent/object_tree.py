@@ -71,14 +71,11 @@ class _Refused(Exception):
 class ObjectTree:
     """The objects of one client (see the module docstring)."""
 
-    def __init__(
-        self, host: EndpointHost, settings: AgentSettings, budget: ObjectBudget, references: References | None = None
-    ) -> None:
-        self._host = host
+    def __init__(self, settings: AgentSettings, budget: ObjectBudget, references: References | None = None) -> None:
         self._settings = settings
         self._budget = budget
         self._references = references
-        self._creator = Creator(host, settings)
+        self._creator = Creator(settings)
         self._entities: dict[int, ClientObject] = {}
         self.endpoints: dict[int, Endpoint] = {}
         """The endpoints by object id; looked up for every WRITE_DATA."""
@@ -90,8 +87,8 @@ class ObjectTree:
         """The objects by id."""
         return iter(sorted(self._entities.items()))
 
-    def create(self, request: CreateRequested) -> Status:
-        """Create, compare or replace an object, as the two flags say; returns the status for the client."""
+    def create(self, host: EndpointHost, request: CreateRequested) -> Status:
+        """Create, compare or replace an object, as the two flags say; returns the status for the client, `host`."""
         variant = request.variant
         if variant.kind > _LAST_RESERVED_KIND:
             return Status.OK
@@ -102,13 +99,13 @@ class ObjectTree:
         if old is not None:
             if not request.reuse and not request.replace:
                 return Status.ERR_ALREADY_EXISTS
-            if request.reuse and self._is_same(old, variant, little_endian=request.little_endian):
+            if request.reuse and self._is_same(host, old, variant, little_endian=request.little_endian):
                 return Status.OK_MATCHED
             if not request.replace:
                 return Status.ERR_MISMATCH
             self.delete(object_id)
         try:
-            self._make(object_id, variant, little_endian=request.little_endian)
+            self._make(host, object_id, variant, little_endian=request.little_endian)
         except _Refused as refusal:
             return refusal.status
         return Status.OK
@@ -131,21 +128,21 @@ class ObjectTree:
         for object_id in list(self._entities):
             self.delete(object_id)
 
-    def _is_same(self, old: ClientObject, variant: ObjectVariant, *, little_endian: bool) -> bool:
+    def _is_same(self, host: EndpointHost, old: ClientObject, variant: ObjectVariant, *, little_endian: bool) -> bool:
         try:
-            return self._define(variant, little_endian=little_endian) == old.definition
+            return self._define(host, variant, little_endian=little_endian) == old.definition
         except _Refused:
             return False
 
-    def _make(self, object_id: int, variant: ObjectVariant, *, little_endian: bool) -> None:
+    def _make(self, host: EndpointHost, object_id: int, variant: ObjectVariant, *, little_endian: bool) -> None:
         parent = self._parent_of(ObjectKind(variant.kind), variant)
-        definition = self._define(variant, little_endian=little_endian)
-        settled = self._host.is_settled()
+        definition = self._define(host, variant, little_endian=little_endian)
+        settled = host.is_settled()
         limit = self._settings.max_objects if settled else self._settings.max_objects_unsettled
         if len(self._entities) >= limit or not self._budget.take(settled=settled):
             raise _Refused(Status.ERR_RESOURCES)
         try:
-            entity = self._creator.make(object_id, definition, parent, self._entities)
+            entity = self._creator.make(host, object_id, definition, parent, self._entities)
         except NoSuchTopic as error:
             self._budget.give()
             logger.debug("object %04X: there is no %s", object_id, error)
@@ -162,7 +159,7 @@ class ObjectTree:
             raise _Refused(Status.ERR_UNKNOWN_REFERENCE)
         return parent
 
-    def _define(self, variant: ObjectVariant, *, little_endian: bool) -> Definition:
+    def _define(self, host: EndpointHost, variant: ObjectVariant, *, little_endian: bool) -> Definition:
         try:
             try:
                 return parse_variant(variant, self._references, little_endian=little_endian)
@@ -172,5 +169,5 @@ class ObjectTree:
                 return named_by(variant)
         except RemoteProtocolError as error:
             logger.debug("CREATE refused: %s", error)
-            self._host.dropped.count("CREATE with a representation that cannot be used")
+            host.dropped.count("CREATE with a representation that cannot be used")
             raise _Refused(Status.ERR_DDS_ERROR) from error

@@ -117,7 +117,7 @@ class Proxy:
         """What was not done for this client, by reason in words."""
         self.refused = Tally()
         """Samples that the gate kept out, by topic."""
-        self._tree = ObjectTree(self, settings, surroundings.budget, surroundings.references)
+        self._tree = ObjectTree(settings, surroundings.budget, surroundings.references)
         self._endpoints = self._tree.endpoints
 
     # What the server calls.
@@ -136,7 +136,7 @@ class Proxy:
                 self._write(event.object_id, event.request_id, event.payload)
             elif not self.is_over:
                 self._handle(event)
-        if not self.is_marked:
+        if session.is_stirred and not self.is_marked:
             self._surroundings.mark(self)
 
     def timer(self) -> float | None:
@@ -366,7 +366,7 @@ class Proxy:
             case ReadRequested():
                 self._read(event)
             case CreateRequested():
-                status = self._tree.create(event)
+                status = self._tree.create(self, event)
                 session.send_status(event.request_id, event.object_id, status, event.stream_id)
             case DeleteRequested():
                 status = self._tree.delete(event.object_id)

@@ -13,6 +13,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 
 from msbot.errors import LocalProtocolError
 from msbot.space.contract import THIS_PROGRAM, Deliver, Guid, Owner, Qos, Sample, Topic
@@ -214,9 +215,7 @@ class _Meeting:
 
     def route(self, qos: Qos) -> _Route:
         """The route of writers with that offer; counts one more user."""
-        offered = replace(
-            qos, depth=1, late_depth=None, keep_all=False, lifespan_s=None, strength=0, separation_s=0.0, service=False
-        )
+        offered = _offer(qos)
         route = self._routes.get(offered)
         if route is None:
             route = self._routes[offered] = _Route(offered, self.readers)
@@ -284,6 +283,14 @@ class _Meeting:
                 there, here = meeting.topic.type_name, self.topic.type_name
                 found[f"{name}: TYPE: it is {verb} as {there} elsewhere, here it is {here}"] = None
         return tuple(found)[:MAX_TROUBLES]
+
+
+@lru_cache(256)
+def _offer(qos: Qos) -> Qos:
+    """The part of a writer's QoS that decides which readers it fits."""
+    return replace(
+        qos, depth=1, late_depth=None, keep_all=False, lifespan_s=None, strength=0, separation_s=0.0, service=False
+    )
 
 
 def fit(offered: Qos, requested: Qos) -> bool:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from msbot.errors import RemoteProtocolError
 from msbot.xrce.messages import CdrWriter, Format, ObjectKind, ObjectVariant
+from msbot.xrce.messages.objects import KEPT_OCTETS
 from msbot.xrce.objects import (
     Definition,
     ParticipantDef,
@@ -188,3 +189,20 @@ def test_topics_in_binary_form_round_trip_in_both_byte_orders(name: str, type_na
     writer.string(type_name)
     variant = ObjectVariant(ObjectKind.TOPIC, Format.BINARY, blob=writer.finish())
     assert parse_variant(variant, little_endian=little_endian) == TopicDef(name, type_name)
+
+
+def test_a_description_that_comes_again_is_not_parsed_again() -> None:
+    first, again = (ObjectVariant(ObjectKind.TOPIC, Format.XML, text=xml_topic("a" * 20)) for _ in range(2))
+    assert parse_variant(first) is parse_variant(again)
+    other = ObjectVariant(ObjectKind.TOPIC, Format.XML, text=xml_topic("b" * 20))
+    assert parse_variant(other) == TopicDef("b" * 20, "T")
+
+
+def test_long_descriptions_are_not_kept() -> None:
+    first, again = (ObjectVariant(ObjectKind.TOPIC, Format.XML, text=xml_topic("a" * KEPT_OCTETS)) for _ in range(2))
+    assert parse_variant(first) == parse_variant(again)
+    assert parse_variant(first) is not parse_variant(again)
+
+
+def xml_topic(name: str) -> str:
+    return f"<dds><topic><name>{name}</name><dataType>T</dataType></topic></dds>"

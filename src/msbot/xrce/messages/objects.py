@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar, Self
 
 from msbot.xrce.messages.cdr import CdrReader, CdrWriter
@@ -77,6 +78,20 @@ class ObjectVariant:
         return cls(kind, form, text, blob, parent_id, domain_id)
 
 
+KEPT = 256
+"""Descriptions that are read once: parts of one kind, and parts that come again, describe their objects alike."""
+
+KEPT_OCTETS = 1024
+"""Longer descriptions are read each time."""
+
+
+def _read_variant(octets: bytes, little_endian: bool) -> ObjectVariant:
+    return ObjectVariant.read(CdrReader(octets, little_endian=little_endian))
+
+
+_kept_variant = lru_cache(KEPT)(_read_variant)
+
+
 @dataclass(slots=True)
 class Create:
     """A client wants an object (XRCE 1.0 §8.3.5.2); answered by STATUS."""
@@ -111,7 +126,8 @@ class Create:
         need(start, end, 5)
         little_endian = bool(flags & LITTLE_ENDIAN)
         request_id, object_id = _IDS.unpack_from(packet, start)
-        variant = ObjectVariant.read(CdrReader(packet, start + 4, end, little_endian=little_endian))
+        octets = packet[start + 4 : end]
+        variant = (_kept_variant if len(octets) <= KEPT_OCTETS else _read_variant)(octets, little_endian)
         return cls(request_id, object_id, variant, bool(flags & REUSE), bool(flags & REPLACE), little_endian)
 
 

@@ -7,12 +7,13 @@ A binary description is CDR of its own: alignment counts from its first octet, t
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 from msbot.errors import RemoteProtocolError
 from msbot.xrce.messages.cdr import CdrReader
 from msbot.xrce.messages.ids import Format, ObjectKind
-from msbot.xrce.messages.objects import ObjectVariant
+from msbot.xrce.messages.objects import KEPT, KEPT_OCTETS, ObjectVariant
 from msbot.xrce.objects.definitions import (
     Definition,
     ParticipantDef,
@@ -47,17 +48,29 @@ def parse_variant(
     Raises:
         RemoteProtocolError: a kind that cannot be created, an unknown form, or contents that make no sense.
     """
+    if variant.format == Format.REFERENCE and variant.text is not None:
+        return resolve(_kind_of(variant), variant.text, variant.domain_id, references)
+    is_kept = len(variant.blob or variant.text or "") <= KEPT_OCTETS
+    return (_kept_definition if is_kept else _parse)(variant, little_endian)
+
+
+def _kind_of(variant: ObjectVariant) -> ObjectKind:
     try:
-        kind = ObjectKind(variant.kind)
+        return ObjectKind(variant.kind)
     except ValueError:
         raise RemoteProtocolError(f"an object of kind {variant.kind}: there is no such kind") from None
-    if variant.format == Format.REFERENCE and variant.text is not None:
-        return resolve(kind, variant.text, variant.domain_id, references)
+
+
+def _parse(variant: ObjectVariant, little_endian: bool) -> Definition:
+    kind = _kind_of(variant)
     if variant.format == Format.XML and variant.text is not None:
         return _from_xml(kind, variant.text, variant.domain_id)
     if variant.format == Format.BINARY and variant.blob is not None and kind in _BINARY:
         return _BINARY[kind](CdrReader(variant.blob, little_endian=little_endian), variant)
     raise RemoteProtocolError(f"a {kind.name.lower()} in form {variant.format}: not understood")
+
+
+_kept_definition = lru_cache(KEPT)(_parse)
 
 
 def _from_xml(kind: ObjectKind, text: str, domain_id: int) -> Definition:

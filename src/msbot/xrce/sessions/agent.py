@@ -93,6 +93,11 @@ class AgentSession(Session[AgentEvent]):
         self._epoch_ns = epoch_ns
         self._on_data = on_data
 
+    def release(self) -> None:
+        """The session is over: give back the memory that it shares with others, and forget the owner."""
+        super().release()
+        self._on_data = None
+
     def send_status(self, request_id: int, object_id: int, status: int, stream_id: int) -> None:
         """Answer a CREATE or DELETE that came on `stream_id`, or refuse a read (then use stream 0x80).
 
