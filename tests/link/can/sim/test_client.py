@@ -7,15 +7,17 @@ import contextlib
 import os
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from msbot.errors import ConfigError, LinkDown, LinkFull
 from msbot.link.can.adapters.driver import CanDriver
 from msbot.link.can.controller import BusState
+from msbot.link.can.protocol.bits import frame_bits
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.sim import client as sim_client
-from msbot.link.can.sim.client import SimAdapter, SimBusWish, WhenAbsent
+from msbot.link.can.sim.client import LOST_WORDS, SimAdapter, SimBusWish, WhenAbsent
 from msbot.link.can.sim.model.bus import MAILBOXES, SimBus
 from msbot.link.can.sim.model.messages import BusFrame, FrameSent, Restart, Welcome, encode
 from msbot.link.can.sim.names import NamedBus, existing_bus, find_bus, publish, withdraw
@@ -56,6 +58,26 @@ async def test_frames_go_both_ways(folder: Path) -> None:
         assert (ear.frames[0][0], client.frames[0][0]) == (Frame(0x123, b"to"), Frame(0x124, b"fro"))
         assert client.frames[0][1] == pytest.approx(asyncio.get_running_loop().time(), abs=30)
         assert client.rooms >= 1
+
+
+async def test_who_is_too_slow_for_the_bus_is_less_than_a_second_behind_and_told_so(folder: Path) -> None:
+    a_second = 500_000 // frame_bits(Frame(0x123, bytes(8))).nominal_bits
+    async with served(folder) as (server, _), running(SimAdapter(WISH, node="A", folder=folder)) as client:
+        (program,) = server._programs
+        bus: Any = client.bus
+        reading = bus._channel._transport
+        reading.pause_reading()
+        frames = 0
+        while not server.counters.dropped and frames < 100 * a_second:
+            frames += 1
+            program._heard(Frame(0x123, bytes(8)), float(frames))
+            if not frames % 100:
+                await asyncio.sleep(0)  # what the system takes, it takes
+        assert frames < a_second
+        reading.resume_reading()
+        (lost,) = server.counters.dropped.values()
+        await client.until(lambda: len(client.frames) == frames - lost and bus.dropped == {LOST_WORDS: 1})
+        assert [at for _, at in client.frames] == sorted(at for _, at in client.frames)
 
 
 async def test_what_is_known_of_the_bus(folder: Path) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import socket
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -36,7 +37,7 @@ from msbot.link.can.sim.model.messages import (
     encode,
 )
 from msbot.link.can.sim.names import NamedBus, check_name, existing_bus, find_bus, rates_words, withdraw
-from msbot.link.can.sim.server import SimBusServer
+from msbot.link.can.sim.server import SimBusServer, keep_little
 
 BITRATE: Final = 500_000
 DATA_BITRATE: Final = 2_000_000
@@ -263,6 +264,7 @@ class SimBusClient(asyncio.Protocol):
         """See `asyncio.Protocol`."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
+        keep_little(transport, socket.SO_RCVBUF)
         transport.write(encode(self._hello))
 
     def data_received(self, data: bytes) -> None:

@@ -15,6 +15,7 @@ import hmac
 import logging
 import os
 import secrets
+import socket
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -45,8 +46,11 @@ MAX_PROGRAMS: Final = 256
 """Connections at a time; more are refused."""
 HELLO_S: Final = 2.0
 """Time to send Hello."""
-UNREAD_OCTETS: Final = 256 * 1024
-"""Octets that may wait for one program; beyond, it loses frames."""
+UNREAD_OCTETS: Final = 16 * 1024
+"""Octets that may wait for one program here; beyond, it loses frames."""
+SOCKET_OCTETS: Final = 16 * 1024
+"""Octets that the system may hold for it in each of the two sockets. Left to itself, it holds half a minute of a busy
+bus: a program that is too slow for the bus would be that far behind, and nobody would know."""
 
 NO_HELLO: Final = "no Hello in time"
 WRONG_KEY: Final = "wrong key"
@@ -179,6 +183,7 @@ class SimBusConnection(asyncio.Protocol):
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         transport.set_write_buffer_limits(UNREAD_OCTETS)
+        keep_little(transport, socket.SO_SNDBUF)
         if not self._server.joined(self):
             self._refuse("too many programs are on this bus")
             return
@@ -318,3 +323,10 @@ class SimBusConnection(asyncio.Protocol):
         self.close()
         if transport is not None:
             transport.abort()
+
+
+def keep_little(transport: asyncio.Transport, side: int) -> None:
+    """Let the system hold little in a socket: `SO_SNDBUF` or `SO_RCVBUF`."""
+    connection = transport.get_extra_info("socket")
+    if connection is not None:  # tests have transports without one
+        connection.setsockopt(socket.SOL_SOCKET, side, SOCKET_OCTETS)
