@@ -164,13 +164,12 @@ class WebSocketClientLink(BaseLink):
             pass  # its code and reason are examined below
         finally:
             writing.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await writing
             self._connection = None
             self._waiting.clear()
             self._octets = 0
             words = f"connection closed: {connection.close_reason or connection.close_code or 'broken'}"
             self._signal_handler(Signal.LINK_DOWN, self.remote, words, loop.time())
+            await asyncio.wait([writing])  # not `await writing`: whoever cancels us just now must not be overheard
         is_refused = REFUSED <= (connection.close_code or 0) < REFUSED + 100
         return (connection.close_reason or "the page has ended the connection") if is_refused else ""
 
