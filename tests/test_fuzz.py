@@ -31,6 +31,7 @@ EXECUTIONS = {
     "message": 4000,
     "toml": 25,
     "parsers": 700,
+    "page": 1,
 }
 """About a second each."""
 

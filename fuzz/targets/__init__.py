@@ -9,6 +9,7 @@ from fuzz.targets.client import ClientTarget
 from fuzz.targets.codec import CodecTarget
 from fuzz.targets.compact import CompactTarget
 from fuzz.targets.message import MessageTarget
+from fuzz.targets.page import PageTarget
 from fuzz.targets.parsers import ParserTarget
 from fuzz.targets.part import PartTarget
 from fuzz.targets.requests import RequestTarget
@@ -33,5 +34,6 @@ TARGETS: dict[str, Target] = {
         MessageTarget(),
         TomlTarget(),
         ParserTarget(),
+        PageTarget(),
     )
 }

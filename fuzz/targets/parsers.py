@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-import tempfile
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -16,6 +14,8 @@ import click
 
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
+from fuzz.targets.own_files import OWN
+from fuzz.targets.parser import Parser, file_of, lines
 from msbot.cli.bus.frame_filter import FilterType
 from msbot.cli.bus.frame_log import FrameReader
 from msbot.config import Library, load_library
@@ -69,16 +69,6 @@ PIECES = (
     b"[[", b"]]", b"\r\n", b":", b"/", b"#", b"%", b"..", b"0x", b"18446744073709551616", b"'", b"`", b"(", b")", b"<",
 )  # fmt: skip
 """What parsers stumble on."""
-
-
-@dataclass(frozen=True, slots=True)
-class Parser:
-    """One of them."""
-
-    read: Callable[[bytes], Iterable[str]]
-    """Reads octets, and tells what was seen; may raise what MsBOT raises on purpose."""
-    samples: Callable[[], Iterable[bytes]]
-    """What is right."""
 
 
 class ParserTarget:
@@ -142,19 +132,8 @@ def samples_of(name: str) -> tuple[bytes, ...]:
 
 
 @cache
-def _folder() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="msbot-fuzz-")
-
-
-@cache
 def _library() -> Library:
     return load_library()
-
-
-def _file(octets: bytes, suffix: str) -> Path:
-    path = Path(_folder().name) / f"fuzz{suffix}"
-    path.write_bytes(octets)
-    return path
 
 
 def _text(octets: bytes) -> str:
@@ -163,10 +142,6 @@ def _text(octets: bytes) -> str:
 
 def _files(pattern: str) -> Callable[[], Iterable[bytes]]:
     return lambda: [path.read_bytes() for path in sorted(ROOT.glob(pattern))]
-
-
-def _lines(*lines: str) -> Callable[[], Iterable[bytes]]:
-    return lambda: [line.encode() for line in lines]
 
 
 def _words(function: Callable[[str], object]) -> Callable[[bytes], Iterable[str]]:
@@ -208,7 +183,7 @@ def _filter(octets: bytes) -> Iterable[str]:
 def _frame_log(suffix: str) -> Callable[[bytes], Iterable[str]]:
     def read_log(octets: bytes) -> Iterable[str]:
         reader = FrameReader()
-        count = sum(1 for _ in reader.read(str(_file(octets, suffix))))
+        count = sum(1 for _ in reader.read(str(file_of(octets, suffix))))
         return (f"{min(count, 5)} frames", plain(reader.first_problem, 30))
 
     return read_log
@@ -220,7 +195,7 @@ def _foreign_logs(suffix: str) -> Callable[[], Iterable[bytes]]:
     def write() -> Iterable[bytes]:
         import can
 
-        path = _file(b"", suffix)
+        path = file_of(b"", suffix)
         with can.Logger(path) as logger:
             for number in range(4):
                 logger(can.Message(timestamp=1.5 + number, arbitration_id=number + 0x100, data=bytes(2 * number),
@@ -231,7 +206,7 @@ def _foreign_logs(suffix: str) -> Callable[[], Iterable[bytes]]:
 
 
 def _capture(octets: bytes) -> Iterable[str]:
-    return [type(found).__name__ for found in read_capture(_file(octets, ".pcap"))][:20]
+    return [type(found).__name__ for found in read_capture(file_of(octets, ".pcap"))][:20]
 
 
 def _captures() -> Iterable[bytes]:
@@ -264,7 +239,7 @@ def _ethernet() -> bytes:
 
 
 def _recording(octets: bytes) -> Iterable[str]:
-    path = _file(octets, ".mcap")
+    path = file_of(octets, ".mcap")
     reader, decoder = RecordingReader(path), Decoder()
     for message in reader.messages():
         yield f"{message.topic[:20]} {decoder.fields(message) is None}"
@@ -501,30 +476,30 @@ def _address(octets: bytes) -> Iterable[str]:
     return (f"{':' in host} {port.bit_length()} {len(options)}",)
 
 
-PARSERS: dict[str, Parser] = {
+PARSERS: dict[str, Parser] = OWN | {
     "world": Parser(_words(lambda text: parse_world(text, "fuzz.toml")), _files("src/msbot/sim/arena/worlds/*.toml")),
     "mission": Parser(
         _words(lambda text: parse_mission(text, "fuzz.toml")), _files("src/msbot/lab/missions/ready/*.toml")
     ),
-    "lesson": Parser(lambda octets: (f"{len(read_lesson(_file(octets, '.md')).steps)} steps",), _files("lessons/*.md")),
+    "lesson": Parser(
+        lambda octets: (f"{len(read_lesson(file_of(octets, '.md')).steps)} steps",), _files("lessons/*.md")
+    ),
     "router": Parser(
-        lambda octets: (type(read_router_file(_file(octets, ".toml"))).__name__,),
-        _lines(
+        lambda octets: (type(read_router_file(file_of(octets, ".toml"))).__name__,),
+        lines(
             'listen = ["tcp/0.0.0.0:7447"]\nconnect = ["tcp/10.0.0.1:7447"]\n[[allow]]\n'
             'interfaces = ["eth0"]\nwho = ["a"]\nkeys = ["ROVER/**"]\nmay = ["send"]\n'
         ),
     ),
-    "people": Parser(
-        _people, _lines("name,role,password\nada,teacher,correct-horse-7\nbob,,\n", "a;b\n", "ada\nbob\n")
-    ),
-    "description": Parser(_description, _lines(_DESCRIPTION)),
-    "picture": Parser(_picture, _lines('<svg xmlns="http://www.w3.org/2000/svg"><g><path d="M0 0"/></g></svg>')),
-    "blocks": Parser(_blocks, _lines('{"blocks":{"blocks":[{"type":"a","fields":{"x":1.5}}]},"view":"blocks"}', "{}")),
-    "wish": Parser(_words(read_wish), _lines("10min", "2h", "30min,500MB", "off", "lesson.mcap", "1.5 GB")),
-    "condition": Parser(_words(read_condition), _lines("eyes is active", "eyes.distance < 0.5", "wheels.left >= -1e3")),
+    "people": Parser(_people, lines("name,role,password\nada,teacher,correct-horse-7\nbob,,\n", "a;b\n", "ada\nbob\n")),
+    "description": Parser(_description, lines(_DESCRIPTION)),
+    "picture": Parser(_picture, lines('<svg xmlns="http://www.w3.org/2000/svg"><g><path d="M0 0"/></g></svg>')),
+    "blocks": Parser(_blocks, lines('{"blocks":{"blocks":[{"type":"a","fields":{"x":1.5}}]},"view":"blocks"}', "{}")),
+    "wish": Parser(_words(read_wish), lines("10min", "2h", "30min,500MB", "off", "lesson.mcap", "1.5 GB")),
+    "condition": Parser(_words(read_condition), lines("eyes is active", "eyes.distance < 0.5", "wheels.left >= -1e3")),
     "lesson_condition": Parser(
         _words(read_lesson_condition),
-        _lines(
+        lines(
             "eyes is active",
             "eyes.distance < 0.5",
             "not (stopped)",
@@ -536,29 +511,29 @@ PARSERS: dict[str, Parser] = {
             "slot eyes exists",
         ),
     ),
-    "space": Parser(_words(parse_space), _lines("memory", "dds:3", "zenoh:tcp/127.0.0.1:7447", "zenoh", "dds:0?x=1")),
-    "endpoint": Parser(_words(check_endpoint), _lines("tcp/127.0.0.1:7447", "tls/a.b:1", "udp/[::1]:5")),
-    "address": Parser(_address, _lines("127.0.0.1:8888?baud=5", "[::1]:1", ":8888", "localhost:65535?node=1&baud=2")),
+    "space": Parser(_words(parse_space), lines("memory", "dds:3", "zenoh:tcp/127.0.0.1:7447", "zenoh", "dds:0?x=1")),
+    "endpoint": Parser(_words(check_endpoint), lines("tcp/127.0.0.1:7447", "tls/a.b:1", "udp/[::1]:5")),
+    "address": Parser(_address, lines("127.0.0.1:8888?baud=5", "[::1]:1", ":8888", "localhost:65535?node=1&baud=2")),
     "can_address": Parser(
-        _words(parse_target), _lines("can0", "vcan0?fd=1&bitrate=500000", "slcan@/dev/ttyUSB0?x=y", "sim:bus")
+        _words(parse_target), lines("can0", "vcan0?fd=1&bitrate=500000", "slcan@/dev/ttyUSB0?x=y", "sim:bus")
     ),
-    "key": Parser(_words(parse_key), _lines("00112233445566778899aabbccddeeff", "00:11", "abc")),
-    "uid": Parser(_words(uid_of), _lines("0011223344556677", "00:11:22:33:44:55:66:77", "eyes")),
+    "key": Parser(_words(parse_key), lines("00112233445566778899aabbccddeeff", "00:11", "abc")),
+    "uid": Parser(_words(uid_of), lines("0011223344556677", "00:11:22:33:44:55:66:77", "eyes")),
     "frame": Parser(
         _frame,
-        _lines("123#DEADBEEF", "1ABCDEF0#11.22", "123#R4", "123#0011223344556677_F", "123##1DEAD", "20000004#00"),
+        lines("123#DEADBEEF", "1ABCDEF0#11.22", "123#R4", "123#0011223344556677_F", "123##1DEAD", "20000004#00"),
     ),
     "candump": Parser(
         _candump,
-        _lines(
+        lines(
             "(1700000000.123456) can0 123#DEADBEEF",
             " (1700000000.123456)  can0  123   [4]  DE AD BE EF",
             " vcan0  RX - -  123  [02]  DE AD",
             "can0  123  {F} 00 11 22 33 44 55 66 77",
         ),
     ),
-    "filter": Parser(_filter, _lines("100:780", "7FF", "1ABCDEF0~1FFFFFFF", "node=3")),
-    "log": Parser(_frame_log(".log"), _lines("(1.5) can0 123#DEAD\n\n(1.6) can0 123##1AA\nnothing\n")),
+    "filter": Parser(_filter, lines("100:780", "7FF", "1ABCDEF0~1FFFFFFF", "node=3")),
+    "log": Parser(_frame_log(".log"), lines("(1.5) can0 123#DEAD\n\n(1.6) can0 123##1AA\nnothing\n")),
     "asc": Parser(_frame_log(".asc"), _foreign_logs(".asc")),
     "trc": Parser(_frame_log(".trc"), _foreign_logs(".trc")),
     "csv": Parser(_frame_log(".csv"), _foreign_logs(".csv")),
@@ -567,15 +542,15 @@ PARSERS: dict[str, Parser] = {
     "recording": Parser(_recording, _recordings),
     "idl": Parser(
         _idl,
-        _lines(
+        lines(
             "module a { module msg { const long N = 2*(3+1); @final struct B { @key long x; sequence<string<5>, 3> y; "
             "octet z[N]; }; enum E { P, Q }; union U switch(long) { case 1: float f; }; typedef sequence<long> L; }; };"
         ),
     ),
-    "ros": Parser(_ros, _lines(_ROS, "string name\n---\nbool ok\n")),
+    "ros": Parser(_ros, lines(_ROS, "string name\n---\nbool ok\n")),
     "arena": Parser(
         _arena,
-        _lines(
+        lines(
             '{"arena": 1, "password": "x", "robot": "second"}',
             '{"seat": "eyes", "can": ["distance", "motor.left"]}',
             '{"do": {"wheels": {"motor.left": 50, "motor.right": true}}}',
@@ -586,8 +561,8 @@ PARSERS: dict[str, Parser] = {
     "nodes": Parser(_nodes, _node_samples),
     "ros_form": Parser(_ros_form, lambda: [one().encode() for one in STANDARD_MESSAGES.values()]),
     "seal": Parser(_seal, _seals),
-    "stop_answer": Parser(_stop_answer, _lines('{"meant": true, "robot": "R", "stopped": true, "silent": []}')),
-    "mdns": Parser(_mdns, _lines("ROVER|1|0.1.0|7b|1", "R|||", "ROVER\x1b|1")),
-    "token": Parser(_token, _lines("R/0/light/Light/@graph/w/" + "00" * 16 + "/3/0.5")),
-    "ticket": Parser(_ticket, _lines("ABC-DEF", "abcdefghijkl")),
+    "stop_answer": Parser(_stop_answer, lines('{"meant": true, "robot": "R", "stopped": true, "silent": []}')),
+    "mdns": Parser(_mdns, lines("ROVER|1|0.1.0|7b|1", "R|||", "ROVER\x1b|1")),
+    "token": Parser(_token, lines("R/0/light/Light/@graph/w/" + "00" * 16 + "/3/0.5")),
+    "ticket": Parser(_ticket, lines("ABC-DEF", "abcdefghijkl")),
 }

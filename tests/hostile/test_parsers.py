@@ -8,11 +8,16 @@ from pathlib import Path
 
 import pytest
 
+from fuzz.case import Step
+from fuzz.targets import TARGETS
 from fuzz.targets.parsers import PARSERS, read, samples_of
 from msbot.cli.bus.frame_log import FrameReader
 from msbot.errors import ConfigError
 from msbot.runtime.json_reading import read_json
-from msbot.runtime.printable import printable
+from msbot.runtime.printable import printable, whole
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.users import MemoryUsers
+from tests.web.access.test_accounts import PlainHasher, user
 
 DEEP = b"[" * 100_000
 
@@ -37,6 +42,33 @@ def _blf_with_a_damaged_container() -> bytes:
         pytest.param("asc", b"date Wed\x1b[31m\nbase hex", id="escape sequence in a log"),
         pytest.param("recording", b"\x89MCAP\r\r\n" + bytes(40), id="a version that controls the terminal"),
         pytest.param("recording", b"\x89MCAP0\r\n" + bytes(40), id="octets that are no record"),
+        pytest.param("pass", b"\xff", id="a proof that is no text behind the right name and time"),
+        pytest.param(
+            "sessions",
+            b'{"at": 1e12, "device_key": "%s", "sessions": [{"key": "a", "name": "bob", "csrf": '
+            b'"x", "age_s": "old", "idle_s": 1, "guest_of": ""}]}' % (b"00" * 32),
+            id="an age in words",
+        ),
+        pytest.param("sessions", b'{"at": 1%s, "sessions": []}' % (b"0" * 400), id="a time that no float is"),
+        pytest.param("stop_request", b'{"do": "stop", "who": "\\udcff", "reason": "\\ud800"}', id="half a reason"),
+        pytest.param("stop_request", b'{"do": "go", "expires": 1%s}' % (b"0" * 400), id="a GO without end"),
+        pytest.param(
+            "stop_record",
+            b'{"number": 1e999, "holds": true, "by": "", "reason": "", "at_ns": 1}',
+            id="the infinite STOP",
+        ),
+        pytest.param("status_file", b'{"port": 1e999, "token": "", "pid": 1}', id="the infinite port"),
+        pytest.param(
+            "bus_file",
+            b'{"name": "x", "port": 1e999, "key": "", "pid": 1, "data_bitrate": null}',
+            id="the infinite port of a bus",
+        ),
+        pytest.param("rollouts", b"{}", id="no list of roll-outs"),
+        pytest.param("rollouts", b'[{"at": 1%s, "blueprint": "", "done": []}]' % (b"0" * 400), id="when was that?"),
+        pytest.param("request", b'window {"seconds": 1%s}' % (b"0" * 400), id="a number that is none"),
+        pytest.param("request", b'undo {"edit": 1%s}' % (b"0" * 400), id="the edit of that number"),
+        pytest.param("request", b'stop {"reason": "\\ud800"}', id="half a reason in a request"),
+        pytest.param("request", b'stop {"\\u001b[31m": 1}', id="an argument that controls the terminal"),
     ],
 )
 def test_what_was_found_is_read_or_refused_in_printable_words(parser: str, octets: bytes) -> None:
@@ -76,3 +108,33 @@ def test_every_sample_is_read(name: str) -> None:
     assert samples_of(name)
     for sample in samples_of(name):
         assert read(name, sample)
+
+
+def test_a_program_that_is_none_of_ours_answers_at_the_port_of_one_that_has_ended() -> None:
+    for answer in (b"[1]", b"7", b'{"format": 1}', b'{"format": 1}\n{"end": 0}'):
+        assert read("status", answer)
+
+
+def test_words_are_made_whole_without_touching_what_is() -> None:
+    assert whole("plain \U0001f916") == "plain \U0001f916"
+    assert whole("a\udcffb\ud800") == "a?b?"
+
+
+@pytest.mark.parametrize(
+    ("verb", "octets", "status"),
+    [
+        pytest.param("head POST /login", b"origin: http://[", 403, id="an origin that is no address"),
+        pytest.param("head POST /login", b"content-length: " + b"9" * 5000, 400, id="a length of 5,000 digits"),
+        pytest.param("form POST /pass", b"ticket=YWRh.ffffffff.%ED%A0%80", 403, id="half a character in a ticket"),
+        pytest.param("call POST /api/stop", b'{"reason": "\\ud800"}', 422, id="half a character in a body"),
+    ],
+)
+def test_what_was_found_in_requests_is_answered(verb: str, octets: bytes, status: int) -> None:
+    seen = TARGETS["page"].run((Step(verb, octets, (2,)),))
+    assert any(word.endswith(f" {status}") for word in seen), seen
+
+
+async def test_a_device_cookie_that_is_no_text_of_ours_signs_in_like_none() -> None:
+    accounts = Accounts(MemoryUsers(user("ada", password="correct horse")), clock=lambda: 5.0, hasher=PlainHasher())
+    for device in ("\xe4", "\udcff", accounts.device_of("ada")):
+        assert (await accounts.sign_in("ada", "correct horse", "10.0.0.1", device)).name == "ada"

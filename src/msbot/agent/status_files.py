@@ -99,7 +99,7 @@ def find_files(folder: Path) -> Iterator[StatusFile]:
         try:
             content = read_json(path.read_text())
             file = StatusFile(path, int(content["port"]), str(content["token"]), int(content["pid"]))
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, OverflowError):
             continue  # being written, being removed, or not ours
         if is_running(file.pid):
             yield file

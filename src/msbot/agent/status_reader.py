@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import socket
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -97,7 +97,8 @@ def running_processes(folder: Path | None = None) -> Iterator[RunningProcess]:
             if head.get("format") != FORMAT:
                 raise ValueError("it is of another version, or no agent")
             details = head["details"]
-            assert isinstance(details, dict)
+            if not isinstance(details, dict):
+                raise ValueError("it is of another version, or no agent")
             yield RunningProcess(file, str(head["what"]), str(head["name"]), details)
         except ConnectionRefusedError:
             file.path.unlink(missing_ok=True)  # its process number belongs to another process by now
@@ -117,7 +118,7 @@ def read_statuses(folder: Path | None = None) -> list[AgentStatus]:
             statuses.append(_read(file))
         except ConnectionRefusedError:
             file.path.unlink(missing_ok=True)  # its process number belongs to another process by now
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             logger.warning("process %d did not say how it is: %s", file.pid, error)
     return statuses
 
@@ -141,7 +142,16 @@ def _read(file: StatusFile) -> AgentStatus:
     with socket.create_connection(("127.0.0.1", file.port), timeout=ANSWER_S) as connection:
         connection.sendall(file.token.encode() + b"\n")
         with connection.makefile("rb") as stream:
-            lines = [read_json(line) for line in stream]
+            return status_in(file.pid, stream)
+
+
+def status_in(pid: int, answer: Iterable[bytes]) -> AgentStatus:
+    """The status in the lines of an answer.
+
+    Raises:
+        ValueError, KeyError, TypeError, AttributeError: it is none.
+    """
+    lines = [read_json(line) for line in answer]
     if not lines or lines[0].get("format") != FORMAT:
         raise ValueError("it is of another version, or no agent")
     if lines[-1] != {"end": len(lines) - 2}:
@@ -158,7 +168,7 @@ def _read(file: StatusFile) -> AgentStatus:
         for client in lines[1:-1]
     ]
     return AgentStatus(
-        pid=file.pid,
+        pid=pid,
         what=head["what"],
         name=head["name"],
         up_s=head["up_s"],

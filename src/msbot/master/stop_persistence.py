@@ -192,7 +192,7 @@ def _read(path: Path) -> StopRecord | None:
         )  # fmt: skip
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
         # Nobody knows what it said, so the robot starts stopped.
         _log.warning("%s cannot be read (%s): the robot starts with STOP", path, error)
         return StopRecord(1, True, "msbot", f"the file {path} with the last STOP cannot be read", 0)

@@ -24,6 +24,7 @@ from msbot.errors import ConfigError
 from msbot.master.master import Master
 from msbot.pnp import StopStatus
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.printable import whole
 from msbot.runtime.stop_datagram import CREDENTIALS, IS_ABSTRACT, IS_THERE, is_own, new_name, withdraw
 
 MAX_REQUEST: Final = 4096
@@ -93,7 +94,7 @@ class StopSocket:
     def _take(self, listening: socket.socket, octets: bytes, sender: str | bytes) -> None:
         try:
             request = read_json(octets)
-            do, who = request["do"], str(request.get("who") or "somebody")[:64]
+            do, who = request["do"], whole(str(request.get("who") or "somebody")[:64])
             known = self._details()
             is_robot = request.get("robot") in (None, known.get("robot"), known.get("serial_number"))
             if not is_robot or any(
@@ -103,7 +104,7 @@ class StopSocket:
                 return
             if do == "stop":
                 # STOP is said at once, before anything that could fail; the answer follows when it is stored.
-                self._master.say_stop(who, str(request.get("reason") or "")[:200])
+                self._master.say_stop(who, whole(str(request.get("reason") or "")[:200]))
             elif do == "go":
                 if monotonic() > float(request.get("expires") or inf):
                     _log.warning("a GO was not obeyed: it came while this program stood still, and nobody waits for it")
@@ -112,7 +113,7 @@ class StopSocket:
         except ConfigError as error:
             self._send(listening, sender, {"meant": True, "error": str(error)})
             return
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
             _log.debug("a request for STOP that makes no sense: %s", error)
             return
         if do in ("stop", "go"):

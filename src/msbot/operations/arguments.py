@@ -6,7 +6,11 @@ from collections.abc import Mapping
 
 from msbot.errors import ConfigError
 from msbot.operations.operation import Argument, ArgumentKind, Operation
+from msbot.runtime.printable import printable, whole
 from msbot.runtime.sentence import said
+
+MOST_WHOLE = 2**63
+"""No number is larger; JSON has such as no float and no database takes."""
 
 
 def read_arguments(operation: Operation, given: object) -> dict[str, object]:
@@ -27,7 +31,7 @@ def read_arguments(operation: Operation, given: object) -> dict[str, object]:
             said(
                 "{operation} knows no {unknown}; it takes {names}",
                 operation=operation.name,
-                unknown=", ".join(unknown),
+                unknown=printable(", ".join(unknown)),
                 names=", ".join(names) or "nothing",
             )
         )
@@ -79,15 +83,15 @@ def _of_kind(kind: ArgumentKind, value: object) -> str | list[str] | float | int
     is_truth = isinstance(value, bool)
     match kind:
         case ArgumentKind.TEXT if isinstance(value, str):
-            return value
+            return whole(value)
         case ArgumentKind.TEXTS if isinstance(value, list | tuple) and all(isinstance(one, str) for one in value):
-            return list(value)
+            return [whole(one) for one in value]
         case ArgumentKind.NUMBER if isinstance(value, int | float) and not is_truth:
-            return float(value)
+            return None if isinstance(value, int) and abs(value) > MOST_WHOLE else float(value)
         case ArgumentKind.WHOLE if isinstance(value, int) and not is_truth:
-            return value
+            return None if abs(value) > MOST_WHOLE else value
         case ArgumentKind.FLAG if isinstance(value, bool):
             return value
         case ArgumentKind.VALUE if isinstance(value, str | int | float):
-            return str(value).lower() if is_truth else str(value)
+            return str(value).lower() if is_truth else whole(str(value))
     return None

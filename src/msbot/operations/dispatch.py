@@ -41,6 +41,7 @@ from msbot.operations.undoing import StoredUndoing, Undoing
 from msbot.operations.wires import Wires
 from msbot.operations.worlds import Worlds
 from msbot.registry import Registry, RobotRecord
+from msbot.runtime.printable import whole
 from msbot.runtime.sentence import said
 
 
@@ -254,7 +255,9 @@ async def perform(operations: Operations, request: Mapping[str, object]) -> dict
             raise ConfigError(said("{do}: it is not said who asks for it", do=do))
         if not isinstance(arguments, dict):
             raise ConfigError(said("{do}: the arguments must be an object", do=do))
-        return (await operations.do(do, who=who, **arguments)).as_json()
+        if "who" in arguments:  # who asks is said beside the arguments; no operation has one of that name
+            read_arguments(OPERATIONS[do], arguments)
+        return (await operations.do(do, who=whole(who), **arguments)).as_json()
     except MsbotError as error:
         return {"error": str(error)}
 

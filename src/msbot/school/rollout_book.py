@@ -118,13 +118,14 @@ class RollOutBook:
     def _read(self) -> list[dict[str, Any]]:
         try:
             entries = read_json(self._path.read_text(encoding="utf-8"))
+            if not isinstance(entries, list):
+                raise TypeError("it is no list")
             for entry in entries:
                 _remembered(entry)
         except FileNotFoundError:
             return []
-        except (OSError, ValueError, TypeError, KeyError) as error:
+        except (OSError, ValueError, TypeError, KeyError, OverflowError) as error:
             raise ConfigError(f"cannot read which roll-outs there were, {self._path}: {error}; move it away") from error
-        assert isinstance(entries, list)
         return entries
 
     def _write(self, entries: list[dict[str, Any]]) -> None:

@@ -20,7 +20,7 @@ from msbot.web.access.attempts import Attempts, SignInRefused
 from msbot.web.access.class_list import Newcomer
 from msbot.web.access.guests import DEMO, Guests
 from msbot.web.access.passwords import LONGEST, Argon2Hasher, Hasher, check_password
-from msbot.web.access.sessions import Session, Sessions, digest_of
+from msbot.web.access.sessions import Session, Sessions, digest_of, told_octets
 from msbot.web.access.users import User, UserStore
 
 MAX_NAME = 64
@@ -110,7 +110,7 @@ class Accounts:
             SignInRefused: it is not the link's word, or somebody has used it.
             ConfigError: the name or the password is not acceptable.
         """
-        if not self._setup_token or not hmac.compare_digest(token.encode(), self._setup_token.encode()):
+        if not self._setup_token or not hmac.compare_digest(told_octets(token), self._setup_token.encode()):
             raise SignInRefused(
                 said("this set-up link is not valid (any more): start msbot again for a new one, or sign in")
             )
@@ -137,7 +137,7 @@ class Accounts:
         Raises:
             SignInRefused: it is not the link's word.
         """
-        if not self._entry_token or not hmac.compare_digest(token.encode(), self._entry_token.encode()):
+        if not self._entry_token or not hmac.compare_digest(told_octets(token), self._entry_token.encode()):
             raise SignInRefused(said("this link is of another run: copy the one that msbot has printed last"))
         return self.sessions.begin(DEMO, Role.ADMINISTRATOR, is_lasting=True)
 
@@ -155,7 +155,7 @@ class Accounts:
         Raises:
             SignInRefused: wrong name or password (never says which), or too many tries.
         """
-        known = device if device and hmac.compare_digest(device, self.device_of(name)) else ""
+        known = device if device and hmac.compare_digest(told_octets(device), self.device_of(name).encode()) else ""
         wait_s = self._attempts.admit(name, address, known, self._clock())
         if wait_s:
             await asyncio.sleep(wait_s)
@@ -184,7 +184,7 @@ class Accounts:
 
     def device_of(self, name: str) -> str:
         """What a browser keeps after signing in: it says that this person has used it before, nothing else."""
-        return hmac.new(self._device_key, name[:MAX_NAME].casefold().encode(), "sha256").hexdigest()
+        return hmac.new(self._device_key, told_octets(name[:MAX_NAME].casefold()), "sha256").hexdigest()
 
     @property
     def device_key(self) -> bytes:

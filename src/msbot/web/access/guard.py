@@ -31,6 +31,8 @@ CSRF_HEADER = "x-csrf-token"
 MAX_BODY = 1024 * 1024
 """Octets of a request's body; `restore` may have more."""
 MAX_RESTORE = 256 * 1024 * 1024
+LONGEST_NUMBER = 18
+"""Digits of a length in a header."""
 OPEN_PATHS = (
     "/login", "/setup", "/enter", "/join", "/pass", "/come", "/api/health", "/openapi.json", "/favicon.ico", "/web/",
     f"/_nicegui/{nicegui_version}/",
@@ -242,7 +244,11 @@ def _is_own_origin(headers: Headers) -> bool:
     origin = headers.get("origin")
     if origin is None:
         return headers.get("sec-fetch-site", "same-origin") in ("same-origin", "none")
-    return urlsplit(origin).netloc.casefold() == headers.get("host", "").casefold()
+    try:
+        place = urlsplit(origin).netloc
+    except ValueError:  # an unmatched bracket
+        return False
+    return place.casefold() == headers.get("host", "").casefold()
 
 
 def _most_of(path: str, session: Session | None) -> int:
@@ -254,7 +260,7 @@ def _most_of(path: str, session: Session | None) -> int:
 
 def _check_length(path: str, headers: Headers, session: Session | None) -> tuple[int, str] | None:
     length = headers.get("content-length", "0")
-    if not length.isascii() or not length.isdigit():
+    if not length.isascii() or not length.isdigit() or len(length) > LONGEST_NUMBER:
         return 400, "the header content-length is not a number"
     if int(length) > _most_of(path, session):
         return 413, f"at most {_most_of(path, session)} octets can be sent here"

@@ -16,6 +16,7 @@ import os
 import time
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from msbot.errors import ConfigError
 from msbot.runtime.json_reading import read_json
@@ -53,11 +54,11 @@ class SessionFile:
                 return
             content = read_json(self._path.read_text("utf-8"))
             away_s = max(0.0, time.time() - float(content["at"]))
-            kept = [KeptSession(**one) for one in content["sessions"]]
+            kept = [_kept(one) for one in content["sessions"]]
             device_key = bytes.fromhex(content["device_key"])
         except FileNotFoundError:
             return
-        except (OSError, ConfigError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ConfigError, ValueError, KeyError, TypeError, OverflowError) as error:
             _log.warning("the sessions of the run before are not taken over, people sign in again: %s", error)
             return
         if away_s < LONGEST_S and len(device_key) == 32:
@@ -95,6 +96,13 @@ class SessionFile:
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:
             file.write(text)
         new.replace(self._path)
+
+
+def _kept(one: dict[str, Any]) -> KeptSession:
+    return KeptSession(
+        str(one["key"]), str(one["name"]), str(one["csrf"]), float(one["age_s"]), float(one["idle_s"]),
+        str(one["guest_of"]),
+    )  # fmt: skip
 
 
 def remove_old(folder: Path, now_s: float) -> int:

@@ -19,7 +19,7 @@ from msbot.web.access.accounts import Accounts
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.guest_tickets import GuestTickets, Ticket
 from msbot.web.access.guests import DEMO
-from msbot.web.access.sessions import Session
+from msbot.web.access.sessions import Session, told_octets
 from msbot.web.access.users import User
 
 LONGEST_DAYS = 30
@@ -77,7 +77,7 @@ class Passes:
             user is None
             or user.role > Role.STUDENT
             or not self._now() < ends_at <= self._now() + LONGEST_DAYS * 86_400
-            or not hmac.compare_digest(self._proof(user, ends_at).encode(), proof.encode())
+            or not hmac.compare_digest(self._proof(user, ends_at).encode(), told_octets(proof))
         ):
             raise SignInRefused(said("this ticket is not valid (any more): ask your teacher for a new one"))
         return name

@@ -194,5 +194,5 @@ def _read(path: Path) -> NamedBus | None:
             None if data_bitrate is None else int(data_bitrate),
             bool(content["fd"]),
         )
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, OverflowError):
         return None  # not there, being removed, or not ours

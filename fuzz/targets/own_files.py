@@ -1,0 +1,203 @@
+"""Parsers of what MsBOT's own programs leave for or say to each other: a file may be damaged, a port be another's."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from fuzz.case import Violation
+from fuzz.targets.parser import Parser, file_of, lines
+from fuzz.virtual import play
+from msbot.agent.status_files import FORMAT, PREFIX, find_files
+from msbot.agent.status_reader import status_in
+from msbot.link.can.sim import names as bus_names
+from msbot.link.net import SocketPeer, WebSocketServerLink
+from msbot.link.net.websocket_server import Visitor
+from msbot.master import stop_persistence
+from msbot.master.stop_socket import StopSocket
+from msbot.operations.arguments import read_arguments
+from msbot.operations.rights import Role
+from msbot.operations.table import OPERATIONS
+from msbot.pnp.emergency_stop import StopStatus
+from msbot.runtime.json_reading import read_json
+from msbot.school.rollout_book import RollOutBook
+from msbot.web.access.accounts import Accounts
+from msbot.web.access.attempts import SignInRefused
+from msbot.web.access.kept_sessions import SessionFile
+from msbot.web.access.passes import Passes
+from msbot.web.access.users import MemoryUsers
+from tests.web.access.test_accounts import PlainHasher, user
+
+
+def _writable(text: str) -> None:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise Violation(f"no database takes {text!a:.100}") from None
+
+
+def _named(octets: bytes, folder: str, name: str) -> Path:
+    path = file_of(octets, ".json", folder=folder).with_name(name)
+    path.write_bytes(octets)
+    return path
+
+
+def _accounts() -> Accounts:
+    people = [user("ada", Role.ADMINISTRATOR), user("bob", Role.STUDENT)]
+    return Accounts(MemoryUsers(*people), clock=lambda: 5.0, hasher=PlainHasher())
+
+
+def _sessions(octets: bytes) -> Iterable[str]:
+    accounts = _accounts()
+    path = file_of(octets, ".json", folder="sessions")
+    SessionFile(accounts, path).bring_back()
+    for session in accounts.sessions.kept():
+        _writable(session.name)
+        yield f"{session.name in ('ada', 'bob')} {bool(session.guest_of)}"
+
+
+def _pass(octets: bytes) -> Iterable[str]:
+    passes = Passes(_accounts(), lambda: 5.0, lambda: 1e9)
+    text = octets.decode("utf-8", "surrogateescape")
+    right = passes.make("bob", 3)
+    for word in (text, right[: len(right) // 2] + text, f"{right.rpartition('.')[0]}.{text}"):
+        try:
+            yield passes.find(word)
+        except SignInRefused as refused:
+            yield str(refused)[:10]
+
+
+def _stop_request(octets: bytes) -> Iterable[str]:
+    said: list[tuple[str, ...]] = []
+    answers: list[object] = []
+
+    async def stored() -> StopStatus:
+        return StopStatus()
+
+    def say(*words: str) -> None:
+        for word in words:
+            _writable(word)
+        said.append(words)
+
+    master: Any = SimpleNamespace(say_stop=say, say_go=say, until_stop_is_stored=stored, stop=StopStatus())
+    listening: Any = SimpleNamespace(sendto=lambda answer, _: answers.append(answer))
+
+    async def take() -> None:
+        place = StopSocket(master, lambda: {"robot": "R", "serial_number": "1", "database": "/r.db"})
+        place._take(listening, octets, b"there")
+        await asyncio.sleep(1.0)
+
+    play(take())
+    return (f"{len(said)} {[len(words) for words in said]} {len(answers)}",)
+
+
+def _stop_record(octets: bytes) -> Iterable[str]:
+    record = stop_persistence._read(file_of(octets, ".json", folder="stop"))
+    if record is None:
+        raise Violation("the file is there")
+    return (f"{record.holds}",)
+
+
+def _status_file(octets: bytes) -> Iterable[str]:
+    return (f"{len(list(find_files(_named(octets, 'status', f'{PREFIX}1.json').parent)))}",)
+
+
+def _status(octets: bytes) -> Iterable[str]:
+    try:
+        return (f"{len(status_in(1, octets.splitlines()).clients)} clients",)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:  # what `read_statuses` says a sentence about
+        return (type(error).__name__,)
+
+
+def _bus(octets: bytes) -> Iterable[str]:
+    return (str(bus_names._read(file_of(octets, ".json", folder="bus")) is None),)
+
+
+def _rollouts(octets: bytes) -> Iterable[str]:
+    return (str(RollOutBook(_named(octets, "rollouts", "rollouts.json").parent).last() is None),)
+
+
+def _request(octets: bytes) -> Iterable[str]:
+    name, _, text = octets.partition(b" ")
+    operation = OPERATIONS.get(name.decode("utf-8", "replace"))
+    if operation is None:
+        return
+    try:
+        given = read_json(text)
+    except ValueError:
+        return
+    for value in read_arguments(operation, given).values():
+        for one in value if isinstance(value, list) else [value]:
+            _writable(str(one))
+    yield f"{operation.name} read"
+
+
+def _requests() -> Iterable[bytes]:
+    values = {"texts": ["AA.out", "BB.in"], "number": 1.5, "whole": 3, "flag": True, "value": 0.5}
+    for operation in OPERATIONS.values():
+        given = {one.name: values.get(one.kind.name.lower(), "AA") for one in operation.arguments}
+        yield f"{operation.name} {json.dumps(given)}".encode()
+
+
+def _part_packet(octets: bytes) -> Iterable[str]:
+    link = WebSocketServerLink("ws:fuzz")
+    heard: list[bytes] = []
+    link.attach(packet=lambda packet, _peer, _now: heard.append(packet))
+
+    async def come() -> tuple[str, ...]:
+        running = asyncio.create_task(link.run())
+        await asyncio.sleep(0)
+        peer: SocketPeer = link.join(Visitor("ann", "10.0.0.1"))
+        try:
+            pause_s, words = peer.took(octets, asyncio.get_running_loop().time())
+        except ValueError as error:
+            return (str(error)[:20],)
+        finally:
+            peer.gone("end")
+            running.cancel()
+        return (f"{pause_s > 0} {words[:10]} {heard == [octets]}",)
+
+    return play(come())
+
+
+_STATUS = json.dumps(
+    {"format": FORMAT, "what": "agent", "name": "a", "details": {}, "up_s": 1.5, "links": [], "topics": [],
+     "dropped": {}}
+) + '\n{"end": 0}'  # fmt: skip
+_SESSION = '{"key": "ab", "name": "bob", "csrf": "x", "age_s": 5.0, "idle_s": 1.0, "guest_of": ""}'
+
+OWN: dict[str, Parser] = {
+    "sessions": Parser(
+        _sessions, lines('{"at": 1e12, "device_key": "' + "00" * 32 + '", "sessions": [' + _SESSION + "]}")
+    ),
+    "pass": Parser(_pass, lines("Ym9i.3b9ef000.abcdef", ".ffffffff.", "\u0661.\u0661.\u0661")),
+    "stop_request": Parser(
+        _stop_request,
+        lines(
+            '{"do": "stop", "who": "ann", "reason": "smoke", "robot": null, "expires": 5.5}',
+            '{"do": "go", "who": "ann", "robot": "R", "serial_number": "1", "database": "/r.db"}',
+            '{"do": "status"}',
+        ),
+    ),
+    "stop_record": Parser(
+        _stop_record, lines('{"number": 3, "holds": true, "by": "ann", "reason": "x", "at_ns": 1700000000000000000}')
+    ),
+    "status_file": Parser(_status_file, lines(json.dumps({"port": 5555, "token": "abc", "pid": os.getpid()}))),
+    "status": Parser(_status, lines(_STATUS)),
+    "bus_file": Parser(
+        _bus,
+        lines(
+            '{"name": "classroom", "port": 5, "key": "00ff", "pid": 1, "bitrate": 500000, "data_bitrate": null, '
+            '"fd": false}'
+        ),
+    ),
+    "rollouts": Parser(_rollouts, lines('[{"at": 1.5, "blueprint": "robot.toml", "done": []}]', "[]")),
+    "request": Parser(_request, _requests),
+    "part_packet": Parser(_part_packet, lines("8100", "x" * 300)),
+}  # fmt: skip
+"""By name."""
