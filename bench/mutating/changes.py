@@ -157,7 +157,8 @@ class _Finder(ast.NodeVisitor):
         self._add(node, ast.Pass())  # what it says is not changed: texts are for people
 
     def visit_Return(self, node: ast.Return) -> None:
-        if node.value is not None and not (isinstance(node.value, ast.Constant) and node.value.value is None):
+        if node.value is not None and not (isinstance(node.value, ast.Constant) and not node.value.value):
+            # Not `return False`: who asks whether it is true sees no difference to None.
             self._add(node, ast.Return(ast.Constant(None)))
         self.generic_visit(node)
 

@@ -137,3 +137,10 @@ def test_forgetting_ends_the_tie_with_the_session() -> None:
     index.forget(record)
     assert index.sessions[1].record is None
     assert list(index.find("peer 1")) == []
+
+
+def test_an_identity_is_known_once_a_part_has_shown_it() -> None:
+    index = index_of(1)
+    assert index.has_identity(b"a") is False
+    enter(index, 1, b"a")
+    assert index.has_identity(b"a") is True

@@ -12,6 +12,7 @@ from msbot.link import InprocEnd, LossyLink, Peer
 from msbot.part import HelloWorld, Part
 from msbot.part.join import plug
 from msbot.part.join.joining import JoinState
+from msbot.part.join.seal import SEAL_OCTETS, Seal
 from msbot.pnp import Keys, PartState, Refusal
 from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce.messages import (
@@ -218,6 +219,28 @@ def test_a_beat_from_before_a_new_session_is_not_held_against_the_part() -> None
         assert ("AA", PartState.CHECKING) in scene.changes[-3:]
         assert scene.robot.service.requests.dropped["request without a good seal"] > 0
         assert "was refused" not in scene.why("AA")
+
+    tell(story)
+
+
+def test_until_a_part_uses_its_new_seal_the_old_one_is_not_held_against_it() -> None:
+    async def story(scene: Story) -> None:
+        (aa,) = (one for one in scene.robot.inventory.view(scene.now) if one.slot == "AA")
+        scene.robot.inventory.seals.put(aa.client_key, bytes(32))  # as when it has proved its key a second time
+        heard = len(scene.heard)
+        await asyncio.sleep(1.2)
+        assert len(scene.heard) == heard, "nothing with the old seal passes"
+        assert scene.robot.service.requests.dropped["request without a good seal"] > 0, "beats are counted as well"
+        assert "sample without a good seal" not in scene.robot.inventory.dropped
+        assert "was refused" not in scene.why("AA")
+        wire = scene.wires[0]
+        port, sample = [one for one in wire.recorded(up=True) if one[0] & 0xF == 5][-1]
+        wire.spoof(port, Seal(bytes(32), is_part=True).seal(port, sample[:-SEAL_OCTETS]), up=True)
+        await asyncio.sleep(0.01)
+        assert len(scene.heard) == heard + 1
+        await asyncio.sleep(0.3)
+        assert scene.robot.inventory.dropped["sample without a good seal"] > 0, "from now on, the old one is wrong"
+        assert "Samples in its name without a good seal, refused: " in scene.why("AA")
 
     tell(story)
 

@@ -82,7 +82,7 @@ async def test_the_end_of_the_program_is_not_overheard_while_a_connection_breaks
     link = WebSocketClientLink("ws://127.0.0.1:1", "msbot_x")
     link.attach(signal=lambda signal, *_: link.send(b"x", link.remote) if signal is Signal.LINK_UP else None)
     connection = Broken()
-    connection.end = asyncio.create_task(link._serve(cast(Any, connection)))
+    connection.end = asyncio.create_task(link._serve(cast("Any", connection)))
     with pytest.raises(asyncio.CancelledError):
         await connection.end
     assert not link.has_room(link.remote)

@@ -206,3 +206,25 @@ def test_a_relay_asks_until_it_is_welcome_and_takes_no_welcome_of_another() -> N
     made.from_master(encode(Welcome(BOOT, 7, 3)), 1.0)
     assert made.is_welcome
     assert events == [Welcomed(7)]  # the STOPs before its time are not repeated on its bus
+
+
+def test_a_confirmation_that_comes_twice_confirms_nothing_that_happened_since() -> None:
+    made = welcomed()
+    made.part_event(3, Happened.CAME, "", 1.0)
+    (beat,) = [message for message in drain(made) if isinstance(message, RelayBeat)]
+    made.from_master(encode(Heard(beat.count, 0, 0, 0)), 1.0)
+    made.part_event(3, Happened.GONE, "pulled out", 1.1)
+    later = [message for message in drain(made) if isinstance(message, RelayBeat)]
+    made.from_master(encode(Heard(beat.count, 0, 0, 0)), 1.2)
+    made.handle_timer(20.0)
+    told = [message for message in (*later, *drain(made)) if isinstance(message, RelayBeat)]
+    assert [(one.what, one.words) for one in told[-1].events] == [(Happened.GONE, "pulled out")]
+
+
+def test_all_that_waits_for_a_part_goes_to_it_in_order() -> None:
+    made = welcomed()
+    made.from_part(b"hello", 3)
+    (up,) = [message for message in drain(made) if isinstance(message, Up)]
+    for count, packet in enumerate((b"one", b"two", b"three")):
+        made.from_master(encode(Down(up.number, count, packet)), 0.0)
+    assert [made.to_part(anybody) for _ in range(4)] == [(3, b"one"), (3, b"two"), (3, b"three"), None]

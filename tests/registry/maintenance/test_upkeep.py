@@ -9,9 +9,9 @@ import pytest
 from sqlalchemy import Table, select, text
 
 from msbot.config import Blueprint, Library
-from msbot.errors import RegistryError
+from msbot.errors import ConfigError, RegistryError
 from msbot.pnp import Group, PartState
-from msbot.registry import ProgramSource, Registry, open_registry
+from msbot.registry import ProgramSource, Registry, lesson_ticks, open_registry
 from msbot.registry.database.tables import metadata
 from msbot.registry.maintenance import backup_check, upkeep
 from tests.registry.database.test_schema import NEXT, NOW, _migrations
@@ -62,6 +62,7 @@ def test_a_backup_holds_all_rows_and_is_one_file(full: Registry, address: str, t
     assert rows == sum(len(content) for content in before.values())
     assert [name for name, content in before.items() if not content and name not in ("settings", "master_leases")] == []
     assert sorted(path.name for path in tmp_path.glob("copy.db*")) == ["copy.db"]
+    assert target.read_bytes()[18:20] == b"\1\1"  # no write-ahead log beside it, which a copy on a stick would lack
     with open_registry(target) as copy:
         assert _content(copy) == before
 
@@ -184,3 +185,11 @@ def test_a_damaged_file_is_found(full: Registry, path: Path) -> None:
         connection.execute("UPDATE sqlite_master SET rootpage = ? WHERE name = 'ix_journal_robot_id'", (root,))
     with pytest.raises(RegistryError, match="is damaged"):
         upkeep.check(str(path))
+
+
+def test_no_more_ticks_of_lessons_are_kept_than_agreed(full: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lesson_ticks, "MOST_TICKS", 3)
+    full.lesson_ticks.note(["bob", "cid"], "ring", "1.1", 6)
+    with pytest.raises(ConfigError, match="more than 3 ticks"):
+        full.lesson_ticks.note(["dan"], "ring", "1.1", 7)
+    assert len(full.lesson_ticks.all()) == 3

@@ -35,6 +35,7 @@ from msbot.xrce.messages import (
     read_request_id,
     write_request_id,
 )
+from msbot.xrce.messages.submessage import MAX_LENGTH
 from tests.damage import damaged, read_or_refused
 from tests.xrce.captures import CAPTURES, recorded
 
@@ -313,3 +314,14 @@ def test_fixed_messages_are_two_octets() -> None:
             packet = bytes((session_id, 0, 0, 0)) + body
             assert len(compress(packet)) == 2
             assert decompress(compress(packet)) == packet
+
+
+def test_a_submessage_of_the_greatest_length_is_the_last_that_is_read() -> None:
+    sample = WriteData(0x000A, 0x0015, bytes(range(60)))
+    short = compress(encode_message(Header(0x81, 0x80, 5), [sample], pad_end=False))
+    assert short.endswith(bytes(range(60)))
+    longest = short[:-60] + bytes(MAX_LENGTH - 4)
+    whole = WriteData(0x000A, 0x0015, bytes(MAX_LENGTH - 4))
+    assert decompress(longest) == encode_message(Header(0x81, 0x80, 5), [whole], pad_end=True)
+    with pytest.raises(RemoteProtocolError, match=f"a submessage of {MAX_LENGTH + 1} octets"):
+        decompress(longest + b"x")

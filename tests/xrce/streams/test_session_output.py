@@ -183,3 +183,17 @@ def test_a_finished_message_has_a_number_of_its_own_before_it_is_booked() -> Non
         assert sender.finish_message(stream_id) == 2
     assert sender.finish_message(2) is None
     assert hexes(sender.pull(0.0)) == ["8101000061616161", "8101010062626262", "8180000061616161", "8180010062626262"]
+
+
+@pytest.mark.parametrize("order", [(0x80, 0x81), (0x81, 0x80)])
+def test_the_timer_is_that_of_the_stream_that_has_waited_longest(order: tuple[int, int]) -> None:
+    sender, _ = make_sender()
+    for stream_id in (0x80, 0x81):
+        reliable(sender, stream_id)
+    for now, stream_id in zip((0.0, 0.05), order, strict=True):
+        reliable(sender, stream_id, b"a")
+        sender.pull(now)
+        if not now:
+            first = sender.timer()
+    assert first is not None
+    assert sender.timer() == first

@@ -31,6 +31,16 @@ def test_a_bus_ends_with_its_last_user() -> None:
     assert find_bus("classroom") is None
 
 
+def test_each_user_counts_once() -> None:
+    for _ in range(3):
+        assert hold(WISH)
+    for _ in range(2):
+        release("classroom")
+        assert existing_bus("classroom").bitrate == 125_000
+    release("classroom")
+    assert find_bus("classroom") is None
+
+
 def test_a_bus_of_another_process_is_left_to_it() -> None:
     publish(NamedBus("classroom", 1, "ab" * 16, os.getppid(), 500_000, None, False))
     assert not hold(WISH)

@@ -60,6 +60,12 @@ def test_an_error_flag_is_noticed_at_the_sixth_equal_bit() -> None:
     assert noticed_at(FRAME, 30, level, RECESSIVE) == 71 - expected
 
 
+@pytest.mark.parametrize("broken", [-1, 0])
+def test_a_level_that_stays_dominant_from_the_first_bit_on_is_noticed_at_the_sixth(broken: int) -> None:
+    assert FRAME[0].level == DOMINANT
+    assert noticed_at(FRAME, broken, DOMINANT, DOMINANT) == 5
+
+
 @pytest.mark.parametrize(("field", "noticed"), [("CRC DELIMITER", "ACK DELIMITER"), ("ACK", "ACK DELIMITER")])
 def test_an_error_flag_in_the_tail_is_a_form_error(field: str, noticed: str) -> None:
     at = index_of([*FRAME], field)
