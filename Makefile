@@ -88,6 +88,8 @@ bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/agent.py --write
 	PYTHONPATH=. $(BIN)/python bench/dds.py --write
 	PYTHONPATH=. $(BIN)/python bench/scale.py --write
+	PYTHONPATH=. $(BIN)/python bench/growth.py --write
+	PYTHONPATH=. $(BIN)/python bench/startup.py --write
 	PYTHONPATH=. $(BIN)/python bench/takeover.py --write
 	PYTHONPATH=. $(BIN)/python bench/matrix.py --write
 	PYTHONPATH=. $(BIN)/python bench/ways.py --write

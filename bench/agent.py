@@ -130,19 +130,29 @@ def run(generator: Path, load: Load, seconds: int, *options: str) -> Result:
 @contextlib.contextmanager
 def agent(*options: str) -> Iterator[tuple[int, int]]:
     """`msbot agent udp4` on a free port and a core of its own: (port, process)."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = int(probe.getsockname()[1])
-    process = subprocess.Popen(
-        [*pinned(0), sys.executable, "-m", "msbot", "agent", "udp4", "-p", str(port), "-v", "1", *options],
-        stdout=subprocess.DEVNULL,
-    )
+    port = free_port()
+    process = start_agent(port, *options)
     try:
         wait_for(port)
         yield port, process.pid
     finally:
         process.send_signal(signal.SIGTERM)
         process.wait()
+
+
+def free_port() -> int:
+    """A port that nobody uses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def start_agent(port: int, *options: str) -> subprocess.Popen[bytes]:
+    """`msbot agent udp4` on a core of its own; the caller ends it."""
+    return subprocess.Popen(
+        [*pinned(0), sys.executable, "-m", "msbot", "agent", "udp4", "-p", str(port), "-v", "1", *options],
+        stdout=subprocess.DEVNULL,
+    )
 
 
 def wait_for(port: int) -> None:

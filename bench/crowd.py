@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import statistics
+import time
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -74,6 +75,9 @@ class Outcome:
     """Messages and frames that did not arrive, by reason."""
     load: float = 0.0
     """Busy part of the time at rest."""
+    rest_frames: int = 0
+    rest_cpu_s: float = 0.0
+    """Processor time of all together (bus, master, parts) for the frames at rest; it depends on the machine."""
 
     @property
     def last_s(self) -> float:
@@ -128,9 +132,12 @@ async def switch_on(
         await crowd.until_complete()
         if rest_s:
             await asyncio.sleep(SETTLED_S)
-            before = robot.driver.counters.busy_s
+            counters, used_s = robot.driver.counters, time.process_time()
+            busy_s, frames = counters.busy_s, counters.frames
             await asyncio.sleep(rest_s)
-            crowd.outcome.load = (robot.driver.counters.busy_s - before) / rest_s
+            crowd.outcome.rest_cpu_s = time.process_time() - used_s
+            crowd.outcome.rest_frames = counters.frames - frames
+            crowd.outcome.load = (counters.busy_s - busy_s) / rest_s
         robot.count_drops(crowd.outcome)
     return crowd.outcome
 

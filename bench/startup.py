@@ -1,9 +1,11 @@
-"""How long a student waits for `import msbot` and `msbot --help`.
+"""How long a student waits for `import msbot`, `msbot --help`, and the page of `msbot demo` and `msbot master`.
 
     python bench/startup.py [--runs N] [--write]
 
-Each row is a fresh process with its files in memory: on a busy machine go by the least processor time. `--write` puts
-the table into docs/explain/performance.md.
+Each row is a fresh process with its files in memory and its byte-code compiled, as it is after the first start: on a
+busy machine go by the least processor time. The page is there when a visitor who follows the printed link has got the
+home page with every slot of the robot in it; STOP works when the robot has answered on the socket that `msbot stop`
+uses. `--write` puts the table into docs/explain/performance.md. Linux.
 """
 
 from __future__ import annotations
@@ -14,16 +16,28 @@ import resource
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from http.cookiejar import CookieJar
 from pathlib import Path
+from urllib.request import HTTPCookieProcessor, build_opener
 
+from bench.agent import free_port
 from bench.machine import describe_machine
+from bench.many_parts import cpu_s
+from msbot.config import open_blueprint, write_sample
+from msbot.registry.database_identity import database_identity
+from msbot.runtime.stop_datagram import ask_masters
 
 PAGE = Path(__file__).parent.parent / "docs/explain/performance.md"
 BEGIN, END = "<!-- bench/startup.py begins -->", "<!-- bench/startup.py ends -->"
 COMMAND = [sys.executable, "-m", "msbot"]
+CACHE = str(Path(tempfile.gettempdir()) / f"msbot-bench-byte-code-{os.getuid()}")
+"""Where the byte-code of these starts is kept."""
+MASTER = ("master", "--link", f"udp:127.0.0.1:{free_port()}")
 
 
 @dataclass(frozen=True)
@@ -34,13 +48,84 @@ class Taken:
     processor_ms: float
 
 
+@dataclass(frozen=True)
+class Started:
+    """A robot that is starting."""
+
+    process: subprocess.Popen[str]
+    database: str
+    slots: tuple[str, ...]
+
+
+def compiled() -> dict[str, str]:
+    """The environment of a start whose byte-code is kept."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return {**environment, "PYTHONPYCACHEPREFIX": CACHE, "PYTHONUNBUFFERED": "1"}
+
+
 def process(*arguments: str) -> Taken:
     """A process from its start to its end."""
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run([*arguments], stdout=subprocess.DEVNULL, check=True)
+    subprocess.run([*arguments], stdout=subprocess.DEVNULL, check=True, env=compiled())
     real_s = time.perf_counter() - start
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return Taken(real_s * 1e3, (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime) * 1e3)
+
+
+def robot(until: Callable[[Started], None], *command: str) -> Taken:
+    """A robot with its page, from its start until something of it is there."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_sample(folder / "robot.toml", "rover")
+        database = str(folder / "robot.db")
+        slots = tuple(slot.name for slot in open_blueprint(folder / "robot.toml")[0].slots)
+        start = time.perf_counter()
+        with subprocess.Popen(
+            [*COMMAND, *command, "--db", database, "--port", "0"], cwd=folder, stdout=subprocess.PIPE, text=True,
+            env={**compiled(), "XDG_STATE_HOME": name},
+        ) as running:  # fmt: skip
+            try:
+                until(Started(running, database, slots))
+                real_s, used_s = time.perf_counter() - start, cpu_s(running.pid)
+            finally:
+                running.terminate()
+                running.communicate()
+    return Taken(real_s * 1e3, used_s * 1e3)
+
+
+def first_page(started: Started) -> str:
+    """What a visitor gets who follows the link."""
+    assert started.process.stdout is not None
+    for line in started.process.stdout:
+        if "The page is at " in line:
+            link = line.split()[-1]
+            break
+    else:
+        raise SystemExit("the robot has ended without a page")
+    with build_opener(HTTPCookieProcessor(CookieJar())).open(link) as answer:
+        return str(answer.read().decode())
+
+
+def page_is_there(started: Started) -> None:
+    """A visitor gets the home page, and every slot is in it."""
+    text = first_page(started)
+    missing = [name for name in started.slots if f"Open slot {name}" not in text]
+    if missing:
+        raise SystemExit(f"the first page does not have the slots {', '.join(missing)}")
+
+
+def form_is_there(started: Started) -> None:
+    """The first visitor of a new master gets the form that makes him its administrator."""
+    if 'type="password"' not in first_page(started):
+        raise SystemExit("the first page of a new master is not its form")
+
+
+def stop_works(started: Started) -> None:
+    """The robot answers where `msbot stop` asks."""
+    meant = {"do": "status", "database": database_identity(started.database)}
+    while not ask_masters(meant)[0]:
+        if started.process.poll() is not None:
+            raise SystemExit("the robot has ended without STOP")
 
 
 ROWS: tuple[tuple[str, str, Callable[[], Taken]], ...] = (
@@ -48,6 +133,10 @@ ROWS: tuple[tuple[str, str, Callable[[], Taken]], ...] = (
     ("`import msbot`", "40 ms", lambda: process(sys.executable, "-c", "import msbot")),
     ("`msbot --help`", "60 ms", lambda: process(*COMMAND, "--help")),
     ("`msbot parts --help`", "-", lambda: process(*COMMAND, "parts", "--help")),
+    ("`msbot demo`: STOP works", "-", partial(robot, stop_works, "demo")),
+    ("`msbot demo`: the page is there", "1,500 ms", partial(robot, page_is_there, "demo")),
+    ("`msbot master`: STOP works", "-", partial(robot, stop_works, *MASTER)),
+    ("`msbot master`: its page is there", "1,500 ms", partial(robot, form_is_there, *MASTER)),
 )
 
 

@@ -11,6 +11,7 @@ from click.shell_completion import CompletionItem
 from msbot.cli import CHANGING, COMMANDS
 from msbot.cli.first_page import SUMMARY
 from msbot.errors import MsbotError
+from msbot.runtime.made_to_stay import made_to_stay
 
 
 class LazyGroup(click.Group):
@@ -24,7 +25,8 @@ class LazyGroup(click.Group):
         """Import and return one command, or None when there is no such name."""
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"msbot.cli.{COMMANDS[cmd_name][0]}")
+        with made_to_stay():
+            module = importlib.import_module(f"msbot.cli.{COMMANDS[cmd_name][0]}")
         command = module.verb(cmd_name) if cmd_name in CHANGING else module.command
         assert isinstance(command, click.Command)
         return command

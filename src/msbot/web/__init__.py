@@ -6,3 +6,4 @@ Heavy to import (NiceGUI), so only commands that serve a page import it, and onl
 from msbot.runtime.late_modules import load_late
 
 load_late("aiohttp", "requests")  # for socket.io's client, which comes with its server and is used by nobody here
+load_late("ifaddr")  # for NiceGUI's list of its addresses, which asks a program of the system for a library

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -11,7 +10,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from msbot.cli.run.page import DEFAULT_PORT, PageWishes, made_to_stay, page_options, page_wishes, serve_page
+from msbot.cli.run.page import DEFAULT_PORT, PageWishes, page_options, page_wishes, serve_page
 from msbot.errors import ConfigError
 from msbot.runtime.virtual_time import run_virtual
 from msbot.web.access.accounts import Accounts
@@ -140,14 +139,3 @@ def test_who_can_reach_it_is_said_when_it_is_not_this_computer_only(tmp_path: Pa
     (_, (_, safe)) = said(wishes(host="0.0.0.0", certificate=tmp_path), 0.0, 5.0)
     assert safe == "Everybody in this computer's networks can reach it; a password protects it."
     assert len(said(wishes(host="::1"), 0.0, 5.0)) == 1
-
-
-def test_while_the_page_is_made_no_garbage_is_looked_for_and_afterwards_it_is() -> None:
-    def fail() -> None:
-        with made_to_stay():
-            assert not gc.isenabled()
-            raise ConfigError("the port is in use")
-
-    with pytest.raises(ConfigError):
-        fail()
-    assert gc.isenabled()

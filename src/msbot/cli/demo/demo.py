@@ -31,7 +31,7 @@ from msbot.cli.demo.world import PILOT, DemoWorld, WorldWishes, world_options
 from msbot.cli.options import lessons_option, metrics_option, space_option
 from msbot.cli.run.logs import LogWishes, log_event, log_options
 from msbot.cli.run.metrics import metrics_beside
-from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
+from msbot.cli.run.page import PageWishes, page_options, page_wishes, serve_page
 from msbot.cli.run.recording import RobotRecording, rec_option
 from msbot.config import SAMPLES, Blueprint, Library, open_blueprint
 from msbot.demo import DemoRobot, Wire
@@ -45,7 +45,7 @@ from msbot.link.can.sim import SimBusServer, check_free
 from msbot.master import StopSocket, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.registry import Registry, RobotRecord, RobotStore, StoredNodeIds, open_registry
-from msbot.ros.robot_in_ros import RobotInRos
+from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.patient_output import patient_output
 from msbot.runtime.task_errors import ungrouped
 from msbot.space import SharedSpace, SpaceAddress
@@ -215,7 +215,7 @@ async def _main(
                 with made_to_stay():
                     room = _make_page(robot, operations, library, (registry, store.robot, address), options,
                                       arena=world.living, desk=desk)  # fmt: skip
-                beside.append(serve_page(room, robot.master.ready, options.page, notes.add))
+                beside.append(serve_page(room, None, options.page, notes.add))
             beside.append(
                 _answering(robot, operations, address, page_address, lambda: registry.storage.health.trouble).run()
             )
@@ -230,6 +230,8 @@ async def _main(
             beside += [faults.run(), MissionLab(operations, faults).run()]
             beside += [desk.run(), start_lesson(desk, options.lesson, robot, notes.add)]
             if isinstance(space, SharedSpace):
+                from msbot.ros.robot_in_ros import RobotInRos
+
                 beside.append(RobotInRos(robot.master, operations, space).run())
             if options.bus is None or robot.bus_driver is None:
                 await _run_beside(_run(robot, options, notes, script), beside)

@@ -31,7 +31,7 @@ from msbot.cli.run.announce import announcer, class_to_announce
 from msbot.cli.run.bigger_robot import BiggerRobot, bigger_robot
 from msbot.cli.run.logs import LogWishes, log_event, log_options
 from msbot.cli.run.metrics import metrics_beside
-from msbot.cli.run.page import PageWishes, made_to_stay, page_options, page_wishes, serve_page
+from msbot.cli.run.page import PageWishes, page_options, page_wishes, serve_page
 from msbot.cli.run.recording import RobotRecording, rec_option
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.config import Blueprint, Library, open_blueprint
@@ -49,7 +49,7 @@ from msbot.registry import LeaseLost, MasterLease, Registry, RobotStore, open_re
 from msbot.registry.database_identity import database_identity
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.ros.description import read_description
-from msbot.ros.robot_in_ros import RobotInRos
+from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.patient_output import patient_output
 from msbot.space import SharedSpace, SpaceAddress
 from msbot.xrce import compress, decompress, is_whole
@@ -240,6 +240,8 @@ async def _main(  # noqa: PLR0917
         desk = LessonDesk(operations, LessonShelf(wishes.lessons))
         beside.append(desk.run())
         if isinstance(space, SharedSpace):
+            from msbot.ros.robot_in_ros import RobotInRos
+
             beside.append(RobotInRos(master, operations, space, description=description).run())
         if wishes.bigger is not None:
             beside.append(wishes.bigger.make(master).run())

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import gc
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -88,33 +86,22 @@ def page_wishes(
     )
 
 
-@contextmanager
-def made_to_stay() -> Iterator[None]:
-    """Suspend garbage collection while the page is loaded and made, and exempt all that was made from it for good.
-
-    This saves a sixth of the start-up time, and long pauses later while the robot runs.
-    """
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()
-        gc.enable()
-
-
-async def serve_page(room: WebRoom, ready: asyncio.Event, wishes: PageWishes, say: Callable[[str], None]) -> None:
-    """Serve the page until cancelled; say where it is as soon as the robot is up.
+async def serve_page(
+    room: WebRoom, ready: asyncio.Event | None, wishes: PageWishes, say: Callable[[str], None]
+) -> None:
+    """Serve the page until cancelled; say where it is as soon as it and the robot are up.
 
     Args:
         room: the page. It is made before the robot runs, because no beats are sent during that time.
-        ready: set when the robot is up.
+        ready: set when the robot is up; None: a visitor may see the robot while it comes up.
         wishes: the options.
         say: takes the lines for the person at the terminal.
     """
     async with asyncio.TaskGroup() as tasks:
         serving = tasks.create_task(room.run())
         await room.server.ready.wait()
-        await ready.wait()
+        if ready is not None:
+            await ready.wait()
         say(f"The page is at {room.server.link}")
         if wishes.host not in ("127.0.0.1", "localhost", "::1"):
             say("Everybody in this computer's networks can reach it; a password protects it"

@@ -1,0 +1,23 @@
+"""What is made at the start and stays."""
+
+import gc
+
+import pytest
+
+from msbot.errors import ConfigError
+from msbot.runtime.made_to_stay import made_to_stay
+
+
+def test_while_the_page_is_made_no_garbage_is_looked_for_and_afterwards_it_is() -> None:
+    def fail() -> None:
+        with made_to_stay():
+            assert not gc.isenabled()
+            raise ConfigError("the port is in use")
+
+    try:
+        with pytest.raises(ConfigError):
+            fail()
+        assert gc.isenabled()
+        assert gc.get_freeze_count() > 0
+    finally:
+        gc.unfreeze()
