@@ -96,25 +96,6 @@ def test_marks_itself_when_there_is_something_to_send() -> None:
     assert pair.marked == [pair.proxy]
 
 
-@pytest.mark.parametrize(
-    ("packet", "is_marked"),
-    [
-        ("81010000 07010500 00100015 78", False),  # a best-effort sample leaves nothing to be done for its sender
-        ("81010000 07010500 00100015 78 000000 02010800 000afffd 02000000", True),  # and a GET_INFO
-        ("81800300 07010500 00100015 78", True),  # a reliable sample is to be acknowledged
-        ("81000000 0a010500 0000000080", True),
-        ("81000000 0b010500 0000000080", True),
-        ("81000000 02010800 000afffd 02000000", True),
-    ],
-)
-def test_it_is_served_after_a_packet_only_if_that_may_matter(packet: str, is_marked: bool) -> None:
-    pair = Pair()
-    pair.add_readers(1)
-    pair.marked.clear()
-    pair.proxy.receive(bytes.fromhex(packet), 0.0)
-    assert pair.marked == [pair.proxy] * is_marked
-
-
 def test_a_blocked_client_takes_no_samples() -> None:
     pair = Pair()
     pair.add_readers(1)

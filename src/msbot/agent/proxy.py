@@ -136,7 +136,7 @@ class Proxy:
                 self._write(event.object_id, event.request_id, event.payload)
             elif not self.is_over:
                 self._handle(event)
-        if session.is_stirred and not self.is_marked:
+        if not self.is_marked:
             self._surroundings.mark(self)
 
     def timer(self) -> float | None:

@@ -71,9 +71,6 @@ class Session(ABC, Generic[Event]):
         """Largest message in bytes that is sent, header included."""
         self.last_heard = 0.0
         """When the last packet of the peer came; 0.0 before the first, unless the owner sets it."""
-        self.is_stirred = False
-        """Whether anything but best-effort samples has come since packets were pulled: only then there may be something
-        to send because of it, or another time for `handle_timer`."""
         self.counters = SessionCounters()
         self._settings = settings
         self._memory = Memory(settings.max_message, memory)
@@ -151,7 +148,6 @@ class Session(ABC, Generic[Event]):
         Pull no more than the link accepts now: the wait for acknowledgements begins when nothing is left, and samples
         that wait here can still be replaced by newer ones.
         """
-        self.is_stirred = False
         return self._sender.pull(now, limit)
 
     def timer(self) -> float | None:
@@ -244,7 +240,6 @@ class Session(ABC, Generic[Event]):
         return stream
 
     def _receive_reliable(self, stream_id: int, packet: bytes, offset: int) -> None:
-        self.is_stirred = True
         stream = self._reliable.get(stream_id) or self._reliable_input(stream_id)
         if stream is None:
             return
@@ -292,22 +287,18 @@ class Session(ABC, Generic[Event]):
                     self._take_fragment(packet[start:end], flags, stream_id, is_joined=offset == 0)
                 elif kind == _HEARTBEAT_ID:
                     self._take_heartbeat(Heartbeat.decode(packet, start, end, flags), stream_id)
-                else:
-                    self.is_stirred = True
-                    if not self._handle(kind, flags, packet[start:end], stream_id):
-                        return
+                elif not self._handle(kind, flags, packet[start:end], stream_id):
+                    return
             except RemoteProtocolError:
                 self.counters.dropped.count(BROKEN.get(kind, UNKNOWN_BROKEN))
                 return
             start = (end + 7) & ~3
 
     def _take_acknack(self, first: int, bitmap: int, stream_id: int) -> None:
-        self.is_stirred = True
         if self._sender.acknowledged(stream_id, first, bitmap, self.last_heard):
             self._events.append(WindowOpened(stream_id))
 
     def _take_heartbeat(self, heartbeat: Heartbeat, carrier_id: int) -> None:
-        self.is_stirred = True
         if carrier_id >= STREAM_RELIABLE:
             # They travel on stream NONE (XRCE 1.0 §8.3.5.12); one in a held message could trigger others without end.
             self.counters.dropped.count(INSIDE_STREAM)
