@@ -40,8 +40,10 @@ def _levels_of_loggers() -> Iterator[None]:
 
 
 FIRST = (
-    "web/browser", "web/api/test_routes.py", "e2e/test_crowd.py", "e2e", "registry/test_kill.py", "hostile",
-    "test_fuzz.py", "firmware", "homes/test_conformance.py", "space/dds", "web/test_server.py", "test_platforms.py",
+    "web/browser", "web/api/test_routes.py", "lessons/test_shipped_lessons.py", "part/test_faults.py", "e2e", "hostile",
+    "operations/test_running_operations.py", "firmware", "lab", "web/test_records.py", "registry/test_kill.py",
+    "test_fuzz.py", "space/zenoh", "space/dds", "hardware/test_keeper.py", "part/test_beginner.py", "cli/board",
+    "homes/test_conformance.py", "test_platforms.py",
 )  # fmt: skip
 """What takes longest begins first, so that at the end no worker waits for another one."""
 

@@ -15,16 +15,22 @@ from tools import hardware_table
 DRIVEN = [part_type for part_type in load_library() if part_type.driver.entry_point]
 
 
+@pytest.fixture(scope="module")
+def made() -> dict[Path, str]:
+    """Pages and pictures as they should be."""
+    return hardware_table.pages()
+
+
 @pytest.mark.parametrize("path", [hardware_table.REFERENCE, hardware_table.WIRING], ids=lambda path: path.name)
-def test_the_pages_are_up_to_date(path: Path) -> None:
-    assert path.read_text("utf-8") == hardware_table.pages()[path], "run `python tools/hardware_table.py`"
+def test_the_pages_are_up_to_date(path: Path, made: dict[Path, str]) -> None:
+    assert path.read_text("utf-8") == made[path], "run `python tools/hardware_table.py`"
 
 
 @pytest.mark.parametrize("part_type", DRIVEN, ids=lambda part_type: part_type.number)
-def test_the_picture_shows_every_wire_and_is_up_to_date(part_type: PartType) -> None:
+def test_the_picture_shows_every_wire_and_is_up_to_date(part_type: PartType, made: dict[Path, str]) -> None:
     path = hardware_table.PICTURES / f"{part_type.number}.svg"
     text = path.read_text("utf-8")
-    assert text == hardware_table.pages()[path], "run `python tools/hardware_table.py`"
+    assert text == made[path], "run `python tools/hardware_table.py`"
     words = {element.text for element in ElementTree.fromstring(text).iter() if element.text}
     assert {pin.name for pin in part_type.pins} <= words
     for wire in part_type.driver.pins:

@@ -9,13 +9,22 @@ from playwright.sync_api import Locator, Page
 
 MOST_TABS = 400
 """No page has as many things to come to."""
-_IN_EDITOR = "!!document.activeElement.closest('.cm-editor')"
+_SEEN_AGAIN = 50
+"""So many Tabs later a thing is looked up anew, since another one may bear its name by now."""
+_HAS_FOCUS = """(one) => one.isConnected
+  ? one === document.activeElement || one.contains(document.activeElement) : null"""
 _BEGIN = """() => {
   window.msReached = new Set();
   if (!window.msListens) document.addEventListener("focusin", (event) => window.msReached.add(event.target));
   window.msListens = true;
   window.msTabs = 0;
   document.activeElement.blur();
+}"""
+# Behind the last one comes the page itself; in a dialog the first one again.
+_AFTER_TAB = """() => {
+  const one = document.activeElement;
+  return { isRound: one === document.body || window.msReached.size < ++window.msTabs - 5,
+    isInEditor: !!one.closest(".cm-editor") };
 }"""
 # What a mouse could use: visible, not greyed out. One of a group in which arrows choose stands for all of it.
 _MISSED = """() => {
@@ -36,29 +45,33 @@ _MISSED = """() => {
 def out_of_reach(page: Page) -> list[str]:
     """What a mouse could use on a page and Tab never comes to; ideally nothing."""
     page.evaluate(_BEGIN)
+    is_in_editor = False
     for _ in range(MOST_TABS):
-        _press_tab(page)
-        # Behind the last one comes the page itself; in a dialog the first one again.
-        if page.evaluate("document.activeElement === document.body || msReached.size < msTabs - 5"):
+        if is_in_editor:
+            page.keyboard.press("Escape")
+        page.keyboard.press("Tab")
+        now = page.evaluate(_AFTER_TAB)
+        if now["isRound"]:
             break
+        is_in_editor = now["isInEditor"]
     else:
         raise AssertionError("Tab does not leave the page any more")
     missed: list[str] = page.evaluate(_MISSED)
     return missed
 
 
-def _press_tab(page: Page) -> None:
-    if page.evaluate(f"window.msTabs += 1, {_IN_EDITOR}"):
-        page.keyboard.press("Escape")
-    page.keyboard.press("Tab")
-
-
 def tab_to(page: Page, target: Locator) -> None:
     """Press Tab until something has the focus."""
     target.wait_for(state="visible")
-    for _ in range(MOST_TABS):
+    one = target.element_handle()
+    for count in range(1, MOST_TABS + 1):
         page.keyboard.press("Tab")
-        # Pages are drawn anew while they are used: each time it is the one that is there now.
-        if target.evaluate("one => one === document.activeElement || one.contains(document.activeElement)"):
+        # To look something up by its name takes longer than a Tab. Pages are drawn anew while they are used: what is
+        # gone is looked up again.
+        has_focus = page.evaluate(_HAS_FOCUS, one)
+        if has_focus is None or count % _SEEN_AGAIN == 0:
+            one = target.element_handle()
+            has_focus = page.evaluate(_HAS_FOCUS, one)
+        if has_focus:
             return
     raise AssertionError(f"Tab does not come to {target}")

@@ -15,7 +15,7 @@ from playwright.sync_api import TimeoutError as BrowserTimeout
 from tests.e2e.processes import running
 from tests.effort import THOROUGH
 from tests.lessons.lesson_stage import blocks_of_the_handbook
-from tests.web.browser.accessible import hurdles
+from tests.web.browser.accessible import hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, go, new_page
 from tests.web.browser.keyboard import tab_to
 from tests.web.browser.test_demo_pages import FITS
@@ -473,8 +473,7 @@ def test_for_everybody_and_on_a_phone(desk: Pupil) -> None:
         page.set_viewport_size({"width": width, "height": 844})
         page.wait_for_function(FITS)
     page.set_viewport_size({"width": 1280, "height": 900})
-    for dark in (False, True):
-        assert hurdles(page, dark=dark) == []
+    assert hurdles_by_day_and_night(page) == []
     page.get_by_text("The program in words, and keys").click()
     words = page.locator("#ms-blocks-outline").inner_text().split("\n")
     assert words[:2] == ["this program is the part PILOT – Pilot", "when a message arrives at line"]

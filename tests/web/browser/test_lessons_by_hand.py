@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.web.browser.accessible import hurdles
+from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, go
 from tests.web.browser.keyboard import out_of_reach, tab_to
 
@@ -165,8 +165,7 @@ def test_a_lesson_easy_to_read(learn: Page, demo: Site) -> None:
         for width in (1280, 390):
             page.set_viewport_size({"width": width, "height": 844})
             page.wait_for_function("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
-        for dark in (False, True):
-            assert hurdles(page, dark=dark) == []
+        assert hurdles_by_day_and_night(page) == []
 
 
 @pytest.mark.parametrize("path", ["/learn", "/", "/?slot=button", "/arrivals", "/bus", "/wires", "/program"])

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.processes import run, running
-from tests.web.browser.accessible import hurdles
+from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, go, new_page
 from tests.web.browser.test_demo_pages import FITS
 
@@ -77,8 +77,7 @@ def can_write(page: Page, *, yes: bool = True) -> None:
 def readable(page: Page, *, phone: bool = False) -> None:
     """Everybody can use a page, light and dark, and no part of it stands out; as wide as a phone, too, if so wanted."""
     page.mouse.move(0, 0)  # a button under it has another background
-    for dark in (False, True):
-        assert hurdles(page, dark=dark) == []
+    assert hurdles_by_day_and_night(page) == []
     if phone:
         page.set_viewport_size({"width": 390, "height": 844})
         page.wait_for_function(FITS)
