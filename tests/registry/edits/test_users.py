@@ -36,6 +36,13 @@ def test_a_user_is_added_changed_and_removed(registry: Registry) -> None:
     assert [edit.words for edit in registry.edits.latest(None, 3)] == words[:0:-1]
 
 
+def test_the_ticks_of_lessons_go_with_who_is_removed(registry: Registry) -> None:
+    Hand(registry).keep_user("bob", "student", "setup", password_hash="")
+    registry.lesson_ticks.note(["bob", "cid"], "ring", "1.1", 5)
+    Hand(registry).remove_user("bob", "ann")
+    assert [tick.person for tick in registry.lesson_ticks.all()] == ["cid"]
+
+
 def test_somebody_stays_administrator(registry: Registry) -> None:
     Hand(registry).keep_user("ann", "administrator", "setup", password_hash="salt")
     words = "ann is the only administrator: make somebody else administrator first"
