@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import ctypes.util
 import os
+import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -51,6 +52,12 @@ def _places(patient: Patient) -> Iterator[WrittenFolder]:
     folders = [("database", Path.cwd() if file is None else file.absolute().parent), ("recordings", state_folder())]
     for what, folder in folders:
         there = next(path for path in (folder, *folder.parents) if path.exists())
+        if not hasattr(os, "statvfs"):  # Windows, where a disk has no bound of its own for the number of files
+            usage = shutil.disk_usage(there)
+            yield WrittenFolder(
+                what, str(folder), usage.free / MB, usage.total / MB, 1.0, os.access(there, os.W_OK), False
+            )
+            continue
         room = os.statvfs(there)
         yield WrittenFolder(
             what=what,

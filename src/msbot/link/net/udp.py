@@ -122,9 +122,7 @@ class _UdpLink(BaseLink, ABC):
         opened = await self._open(loop)
         self._loop, self._socket, self._ended = loop, opened, loop.create_future()
         self._transmit = self._transmitter(opened)
-        readable = select.poll()
-        readable.register(opened, select.POLLIN)
-        self._look = partial(readable.poll, 0)
+        self._look = _looker(opened)
         loop.add_reader(opened, self._drain, opened, loop)
         self._signal_handler(Signal.LINK_UP, None, "opened", loop.time())
         try:
@@ -228,6 +226,15 @@ class _UdpLink(BaseLink, ABC):
         if self._was_full:
             self._was_full = False
             self._room_handler(None)
+
+
+def _looker(opened: socket.socket) -> Callable[[], object]:
+    """What says at once whether a socket has something to read."""
+    if not hasattr(select, "poll"):  # Windows
+        return lambda: select.select([opened], (), (), 0)[0]
+    readable = select.poll()
+    readable.register(opened, select.POLLIN)
+    return partial(readable.poll, 0)
 
 
 class UdpServerLink(_UdpLink):
