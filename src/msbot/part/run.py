@@ -21,6 +21,7 @@ from msbot.link.can import CanSettings, Codec
 from msbot.part.beginner import HandlerWatch, part_is_run
 from msbot.part.join.keys import KEY_VARIABLE, given_key
 from msbot.part.join.uid import parse_uid, stored_uid
+from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.task_errors import ungrouped
 from msbot.runtime.terminal_log import TerminalHandler
 from msbot.xrce import compress, decompress, is_whole
@@ -57,7 +58,7 @@ def run(*parts: Part, args: list[str] | None = None) -> None:
         _give_keys(parts, options.key)
         links = [open_link(options.link, can=replace(CAN, uid=part.uid)) for part in parts]
         with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(_run_all(list(zip(parts, links, strict=True))))
+            run_to_end(_run_all(list(zip(parts, links, strict=True))))
     except MsbotError as error:
         sys.stderr.write(f"{' '.join(str(error).split())}\n")
         raise SystemExit(2) from None

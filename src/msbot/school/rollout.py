@@ -5,7 +5,6 @@ What was done is remembered robot by robot (`rollout_book`); who does it, in whi
 
 from __future__ import annotations
 
-import asyncio
 import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,6 +18,7 @@ from msbot.agent import RunningProcess
 from msbot.config import Blueprint, Library, RobotProfile, blueprint_toml, differences
 from msbot.errors import ConfigError, MsbotError
 from msbot.registry.database_identity import database_identity
+from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.sentence import said
 from msbot.school.class_robots import ClassRobot, FarRobot, Read, directly, find_record, open_database
 from msbot.school.far_masters import CHANGE_S, LOOK_S, Answer, FarLine, FarRefusal, FarTrouble, ask_one
@@ -272,7 +272,7 @@ def _undo_stored(database: str, name: str, serial_number: str, request: dict[str
 
     with open_database(database) as registry:
         record = _record(registry, name, serial_number)
-        return asyncio.run(perform(stored_operations(registry, record), request))
+        return run_to_end(perform(stored_operations(registry, record), request))
 
 
 def _done(answer: Answer) -> RobotChange:

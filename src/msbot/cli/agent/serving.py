@@ -26,6 +26,7 @@ from msbot.errors import ConfigError
 from msbot.link import Link, Peer, Signal, open_link
 from msbot.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
 from msbot.ros.graph import RosGraph
+from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.patient_output import patient_output
 from msbot.space import MEMORY, SharedSpace, Space, SpaceAddress, open_space
 from msbot.xrce import References
@@ -136,7 +137,7 @@ def serve(
     if isinstance(link, TcpServerLink):
         _allow_connections()
     with contextlib.suppress(KeyboardInterrupt), patient_output():
-        asyncio.run(_main(link, wishes, references, discovery, hint, open_for or (lambda _: link)))
+        run_to_end(_main(link, wishes, references, discovery, hint, open_for or (lambda _: link)))
 
 
 def read_references(path: Path) -> References:

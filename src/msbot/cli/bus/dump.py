@@ -16,6 +16,7 @@ from msbot.cli.bus.source import Listening, is_log, open_bus
 from msbot.cli.bus.telling import Manner, tell_unknown, told_lines
 from msbot.link.can.protocol import NODES, CanIds, Frame, LogLine
 from msbot.pnp import FrameListener, FrameWords
+from msbot.runtime.event_loop import run_to_end
 
 COLOURS: Final = ("cyan", "green", "yellow", "magenta", "blue", "bright_cyan", "bright_green", "bright_yellow")
 """Colours of the frames to and from a node, by its number, on a terminal."""
@@ -132,7 +133,7 @@ def dump(
         finally:
             dumping.close()
         return
-    asyncio.run(_dump_bus(name, wishes, understand, say, complain))
+    run_to_end(_dump_bus(name, wishes, understand, say, complain))
 
 
 def _dump_log(name: str, dumping: Dump, complain: Callable[[str], None]) -> None:

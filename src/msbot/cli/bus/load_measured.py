@@ -11,6 +11,7 @@ from typing import Final
 from msbot.cli.bus.source import Listening, open_bus
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.link.can.protocol import NODES, CanIds, Frame, frame_bits, is_joining
+from msbot.runtime.event_loop import run_to_end
 
 WINDOW_S: Final = 1.0
 """The load is measured over one second."""
@@ -98,7 +99,7 @@ def show_load(
         LinkDown: the bus cannot be opened; the text names the remedy.
     """
     show = _as_json if as_json else _as_text
-    asyncio.run(_main(address, bitrate, data_bitrate, seconds, lambda *what: say(show(*what)), complain=complain))
+    run_to_end(_main(address, bitrate, data_bitrate, seconds, lambda *what: say(show(*what)), complain=complain))
 
 
 async def _main(

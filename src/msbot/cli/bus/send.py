@@ -10,6 +10,7 @@ from msbot.cli.bus.source import Listening, open_bus
 from msbot.errors import ConfigError, LinkDown, LocalProtocolError
 from msbot.link.can import BusState
 from msbot.link.can.protocol import Frame, check_frame, format_frame, parse_frame
+from msbot.runtime.event_loop import run_to_end
 
 PATIENCE_S: Final = 2.0
 """A frame that has not left the controller after this time was not acknowledged."""
@@ -31,7 +32,7 @@ def send(address: str, texts: Sequence[str], repeat: int, period_s: float, compl
         LinkDown: the bus cannot be opened, or nobody acknowledges.
     """
     frames = [parse_frame(text) for text in texts]
-    asyncio.run(_main(address, frames, repeat, period_s, complain))
+    run_to_end(_main(address, frames, repeat, period_s, complain))
 
 
 async def _main(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import logging
 
@@ -10,6 +9,7 @@ import click
 
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.link.can.sim import SimBus, SimBusDriver, SimBusServer, rates_words
+from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.patient_output import patient_output
 from msbot.runtime.terminal_log import TerminalHandler
 
@@ -23,7 +23,7 @@ def serve(name: str, bitrate: int, data_bitrate: int | None) -> None:
     """
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])
     with contextlib.suppress(KeyboardInterrupt), patient_output():
-        asyncio.run(_main(name, bitrate, data_bitrate))
+        run_to_end(_main(name, bitrate, data_bitrate))
 
 
 async def _main(name: str, bitrate: int, data_bitrate: int | None) -> None:

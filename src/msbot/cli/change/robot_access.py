@@ -171,6 +171,6 @@ def _on_database(path: str, robot: str | None, request: Mapping[str, object]) ->
         async def act() -> dict[str, object]:
             return await perform(stored_operations(registry, robots[0]), request)
 
-        import asyncio
+        from msbot.runtime.event_loop import run_to_end
 
-        return asyncio.run(act())
+        return run_to_end(act())

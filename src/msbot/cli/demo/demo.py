@@ -45,6 +45,7 @@ from msbot.link.can.sim import SimBusServer, check_free
 from msbot.master import StopSocket, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.registry import Registry, RobotRecord, RobotStore, StoredNodeIds, open_registry
+from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.patient_output import patient_output
 from msbot.runtime.task_errors import ungrouped
@@ -166,7 +167,7 @@ def command(
             robot = registry.robots.apply_blueprint(blueprint, library)
             store, node_ids = registry.runs.begin(robot), registry.runs.node_ids(robot, "demo")
             with patient_output():
-                asyncio.run(
+                run_to_end(
                     _main(options, blueprint, library, (registry, store, node_ids, address), Path(folder) / "rec")
                 )
 

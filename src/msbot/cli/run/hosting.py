@@ -15,6 +15,7 @@ from msbot.part import Part
 from msbot.part.join.keys import given_key
 from msbot.part.join.uid import parse_uid, stored_uid
 from msbot.part.run import CAN
+from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.terminal_log import TerminalHandler
 
 if TYPE_CHECKING:
@@ -60,4 +61,4 @@ def run_until_told(make: Callable[[], tuple[Endable, Coroutine[object, object, N
         await work
 
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(main())
+        run_to_end(main())

@@ -49,6 +49,7 @@ from msbot.registry import LeaseLost, MasterLease, Registry, RobotStore, open_re
 from msbot.registry.database_identity import database_identity
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.ros.description import read_description
+from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.patient_output import patient_output
 from msbot.space import SharedSpace, SpaceAddress
@@ -158,7 +159,7 @@ def _with_database(  # noqa: PLR0917 - what the command was given
         links = [open_link(address, serve=True, can=can) for address in addresses]
         try:
             with patient_output():
-                asyncio.run(
+                run_to_end(
                     _main(blueprint, library, links, where, (registry, store, db), page, beside, description, lease)
                 )
         except LeaseLost as error:

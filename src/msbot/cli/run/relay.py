@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import logging
 import platform
@@ -15,6 +14,7 @@ from msbot.cli.run.until_ended import run_until_signal
 from msbot.link import Link, open_link
 from msbot.link.can import CanSettings, Codec
 from msbot.link.relay import PartsRelay
+from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.patient_output import patient_output
 from msbot.runtime.terminal_log import TerminalHandler
 from msbot.xrce import compress, decompress, is_whole
@@ -40,7 +40,7 @@ def command(parts: str, master: str, name: str) -> None:
 
     open_parts(0)  # report mistakes before anything runs
     with contextlib.suppress(KeyboardInterrupt), patient_output():
-        asyncio.run(_main(open_parts, open_link(master), name))
+        run_to_end(_main(open_parts, open_link(master), name))
 
 
 async def _main(open_parts: Callable[[int], Link], way: Link, name: str) -> None:

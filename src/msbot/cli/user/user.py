@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import csv
 import json
 import os
@@ -18,6 +17,7 @@ import click
 from msbot.cli.options import db_option, existing_database, json_option, user_name
 from msbot.errors import ConfigError
 from msbot.operations.rights import Role, role_named
+from msbot.runtime.event_loop import run_to_end
 
 if TYPE_CHECKING:
     from msbot.web.access.accounts import Accounts
@@ -78,7 +78,7 @@ def add(
     assert name is not None
     with _accounts(db) as accounts:
         password = _password(from_stdin=from_stdin, generate=generate)
-        asyncio.run(accounts.add_user(name, role_named(role), password, who=user_name()))
+        run_to_end(accounts.add_user(name, role_named(role), password, who=user_name()))
     click.echo(f"{name} may sign in as {role_named(role).one}" + (f"; the password is {password}" if generate else ""))
 
 
@@ -91,7 +91,7 @@ def passwd(name: str, *, from_stdin: bool, generate: bool, db: str | None) -> No
     """Give NAME another password; sessions and API tokens with the old one end."""
     with _accounts(db) as accounts:
         password = _password(from_stdin=from_stdin, generate=generate)
-        asyncio.run(accounts.change_password(name, password, who=user_name()))
+        run_to_end(accounts.change_password(name, password, who=user_name()))
     click.echo(f"{name} has another password" + (f": {password}" if generate else ""))
 
 
@@ -102,7 +102,7 @@ def passwd(name: str, *, from_stdin: bool, generate: bool, db: str | None) -> No
 def change_role(name: str, role: str, db: str | None) -> None:
     """Give NAME another ROLE."""
     with _accounts(db) as accounts:
-        asyncio.run(accounts.change_role(name, role, who=user_name()))
+        run_to_end(accounts.change_role(name, role, who=user_name()))
     click.echo(f"{name} is {role_named(role).one} now")
 
 
@@ -113,7 +113,7 @@ def remove(names: tuple[str, ...], db: str | None) -> None:
     """Remove NAME, who can no longer sign in; several names remove several people."""
     with _accounts(db) as accounts:
         for name in names:
-            asyncio.run(accounts.remove_user(name, who=user_name()))
+            run_to_end(accounts.remove_user(name, who=user_name()))
             click.echo(f"{name} can no longer sign in")
 
 
@@ -124,7 +124,7 @@ def remove(names: tuple[str, ...], db: str | None) -> None:
 def new_token(name: str, purpose: str, db: str | None) -> None:
     """Make an API token with which programs do what NAME may do, and print it; PURPOSE says what it is for."""
     with _accounts(db) as accounts:
-        click.echo(asyncio.run(accounts.new_token(name, purpose, who=user_name())))
+        click.echo(run_to_end(accounts.new_token(name, purpose, who=user_name())))
 
 
 @command.command("revoke")
@@ -134,7 +134,7 @@ def new_token(name: str, purpose: str, db: str | None) -> None:
 def revoke(name: str, purpose: str, db: str | None) -> None:
     """Make the API token of NAME for PURPOSE worthless."""
     with _accounts(db) as accounts:
-        asyncio.run(accounts.remove_token(name, purpose, who=user_name()))
+        run_to_end(accounts.remove_token(name, purpose, who=user_name()))
     click.echo(f"the token of {name} for {purpose} is worthless now")
 
 
@@ -150,7 +150,7 @@ def _add_class(path: Path, tickets: Path | None, role: str, db: str | None) -> N
         rows = [(one.name, one.role.word, one.password) for one in people]
         if tickets is not None:
             _write_tickets(tickets, rows)
-        asyncio.run(accounts.add_people(people, who=user_name()))
+        run_to_end(accounts.add_people(people, who=user_name()))
     if tickets is None:
         _write_rows(sys.stdout, rows)
     click.echo(f"{len(rows)} people may sign in" + (f"; their passwords are in {tickets}" if tickets else ""), err=True)

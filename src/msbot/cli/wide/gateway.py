@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import logging
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.run.until_ended import run_until_signal
+from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.patient_output import patient_output
 from msbot.runtime.terminal_log import TerminalHandler
 from msbot.space import open_space
@@ -23,7 +23,7 @@ def command(file: Path) -> None:
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])
     rules = read_gateway_file(file)
     with contextlib.suppress(KeyboardInterrupt), patient_output():
-        asyncio.run(_main(rules))
+        run_to_end(_main(rules))
 
 
 async def _main(rules: GatewayRules) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.run.until_ended import run_until_signal
+from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.patient_output import patient_output
 
 
@@ -31,7 +32,7 @@ def command(file: Path | None) -> None:
     ):
         passes = f"{len(rules.allowed)} rule(s) say what passes" if rules.allowed else "everything passes"
         click.echo(f"router at {', '.join(rules.listen)}; {passes}; Ctrl-C ends it")
-        asyncio.run(run_until_signal(_wait()))
+        run_to_end(run_until_signal(_wait()))
 
 
 async def _wait() -> None:

@@ -17,6 +17,7 @@ from msbot.link.can.sim.client import SimBusWish
 from msbot.link.can.sim.driver import SimBusDriver
 from msbot.link.can.sim.names import find_bus
 from msbot.link.can.sim.server import SimBusServer
+from msbot.runtime.event_loop import run_to_end
 
 START_S: Final = 20.0
 """Time for the thread to begin and to end; a busy computer needs some of it."""
@@ -92,7 +93,7 @@ class BusThread(threading.Thread):
 
     def run(self) -> None:
         """Serve; see `threading.Thread`."""
-        asyncio.run(self._serve())
+        run_to_end(self._serve())
 
     async def _serve(self) -> None:
         loop = self._loop = asyncio.get_running_loop()
