@@ -16,7 +16,7 @@ from msbot.operations.rights import Role
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
 from msbot.web.access.users import MemoryUsers
-from msbot.web.open_pages import MADE_ANEW, OpenPages
+from msbot.web.open_pages import LEFT, MADE_ANEW, OpenPages
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 
 
@@ -114,3 +114,15 @@ async def test_an_upload_belongs_to_the_page_of_its_session(rig: Rig) -> None:
     assert not rig.pages.may_use(page, eve)
     assert not rig.pages.may_use(page, None)
     assert not rig.pages.may_use("nothing", teacher)
+
+
+async def test_a_page_that_is_left_is_not_kept_and_others_are(rig: Rig) -> None:
+    teacher, eve = (rig.accounts.sessions.begin(name, role) for name, role in
+                    (("teacher", Role.TEACHER), ("eve", Role.VIEWER)))  # fmt: skip
+    left, other = rig.open(teacher), rig.open(teacher)
+    await rig.connect("s1", teacher, left)
+    await rig.connect("s2", eve, rig.open(eve))
+    assert await rig.say(LEFT, "s2", other) is False, "nobody says it for somebody else"
+    await rig.say(LEFT, "s1", left)
+    assert Client.instances[left].page.reconnect_timeout == 0
+    assert Client.instances[other].page.reconnect_timeout is None

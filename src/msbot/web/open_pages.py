@@ -2,11 +2,13 @@
 
 NiceGUI treats anybody who knows a page's number as its owner. Here every message of a websocket is checked against the
 session of that very socket, and when a session ends or its role changes, the server closes its pages and sockets.
+A page whose connection is lost is kept for a while, one that was left or closed is not.
 """
 
 from __future__ import annotations
 
 import asyncio
+import copy
 import inspect
 from collections.abc import Awaitable, Callable
 from typing import cast
@@ -19,6 +21,8 @@ from msbot.web.access.sessions import Session
 
 MADE_ANEW = "Implicit handshake failed"
 """NiceGUI's own words to a browser whose page is not there any more, or is not its own: it loads the page again."""
+LEFT = "left"
+"""What `page.js` says when its page is left: nobody will come back to it."""
 _CHECKED = ("handshake", "event", "javascript_response", "ack", "log")
 """What a browser can say of a page; each names it by `client_id`."""
 
@@ -40,6 +44,7 @@ class OpenPages:
         handlers = core.sio.handlers["/"]
         for name in _CHECKED:
             core.sio.on(name, self._checked(handlers[name]))
+        core.sio.on(LEFT, self._checked(self._leave))
         core.sio.on("connect", self._connected(handlers["connect"]))
         core.sio.on("disconnect", self._disconnected(handlers["disconnect"]))
         accounts.sessions.on_end(self._close_pages)
@@ -82,6 +87,13 @@ class OpenPages:
             return await _call(handler, sid, message)
 
         return checked
+
+    @staticmethod
+    def _leave(_sid: str, message: dict[str, str]) -> None:
+        """Have the page closed as soon as its connection is."""
+        client = Client.instances[message["client_id"]]
+        client.page = copy.copy(client.page)  # of its own: the original is that of all pages of this address
+        client.page.reconnect_timeout = 0.0
 
     def _close_pages(self, session: Session) -> None:
         """Close a session's pages soon, but let running actions of these pages finish."""

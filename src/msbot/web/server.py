@@ -46,6 +46,7 @@ from msbot.web.part_socket import PartSocket
 from msbot.web.programs.browser_files import add_browser_files
 from msbot.web.service import Service
 
+STATIC = Path(str(files("msbot.web") / "static"))
 DEFAULT_PORT = 8080
 NEXT_PORTS = 20
 """Ports from that one on which are tried before any free one is taken."""
@@ -56,6 +57,10 @@ LATE_PATHS = ("/api", "/openapi", "/metrics")
 MAX_MESSAGE = 1024 * 1024
 """Octets of one message of a websocket."""
 _LONG_S = 1.0
+KEPT_S = 30.0
+"""How long a page whose connection is lost is kept, as it was: with an open menu, what is being typed, and the rest."""
+PING_S, PATIENCE_S = 4.0, 6.0
+"""How often pages are asked whether they are there, and how long a busy or far one may take to answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +89,7 @@ class _Server(uvicorn.Server):
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:  # noqa: ARG002 - uvicorn's signature
         await super().startup([])  # no socket for asyncio's own server: `PageAcceptor` looks after it
+        core.sio.eio.ping_interval, core.sio.eio.ping_timeout = PING_S, PATIENCE_S  # NiceGUI has set its own by now
         self.ready.set()
 
     def connection(self, connections: Connections) -> WatchedConnection:
@@ -191,11 +197,11 @@ class WebServer:
         add_browser_files(app)
         app.router.routes.append(PartSocket(self.parts, service.accounts).route())
         tell_problems(app)
-        app.mount("/web", StaticFiles(directory=str(files("msbot.web") / "static")), name="web")
+        app.mount("/web", StaticFiles(directory=STATIC), name="web")
         app.add_api_route("/handbook/pictures/{name:path}", picture_answer, include_in_schema=False)
         register_pages(service)
         ui.run_with(app, title=f"{service.robot_name} · MsBOT", dark=None, show_welcome_message=False, tailwind=False,
-                    favicon=Path(str(files("msbot.web") / "static" / "icon.svg")))  # fmt: skip
+                    reconnect_timeout=KEPT_S, favicon=STATIC / "icon.svg")  # fmt: skip
         app.router.lifespan_context = _undisturbed(app.router.lifespan_context)
         core.app.config.socket_io_js_transports = ["websocket"]  # the guard lets nothing else in
         # NiceGUI would build a whole page, with all that belongs to it, for every address that there is not.

@@ -13,15 +13,22 @@ AXE = Path(__file__).parent / "axe-core" / "axe.min.js"
 COLOURS = ("color-contrast", "link-in-text-block")
 """The rules about colours; all others find in the dark what they find in the light."""
 _RUN = """async ([dark, colours]) => {
-  // Again until it holds: the page may be about to set what its visitor has chosen, also while axe looks.
-  let found;
+  // Again until it holds: the page may be about to set what its visitor has chosen, also while axe looks. And on a busy
+  // machine the robot may answer late for a moment, which makes the page grey: nobody has to read it then.
+  const isDead = () => document.documentElement.classList.contains('ms-dead');
+  let found, wasDead;
+  const watch = new MutationObserver(() => { wasDead = wasDead || isDead(); });
+  watch.observe(document.documentElement, { attributeFilter: ['class'] });
   do {
+    while (isDead()) await new Promise((done) => setTimeout(done, 50));
+    wasDead = false;
     window.Quasar?.Dark.set(dark);
     await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
     found = await axe.run({ exclude: [['.cm-editor'], ['#popup'], ['.q-loading-bar']] }, {
     rules: colours ? {} : { 'label-content-name-mismatch': { enabled: false } }, preload: false,
     runOnly: colours || ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa'], resultTypes: ['violations'] });
-  } while (window.Quasar && document.body.classList.contains('body--dark') !== dark);
+  } while (wasDead || window.Quasar && document.body.classList.contains('body--dark') !== dark);
+  watch.disconnect();
   return found.violations.flatMap((rule) => rule.nodes.map((node) =>
     [rule.id, node.target.join(' '), node.html.slice(0, 160),
      (node.any[0] || node.all[0] || node.none[0] || {}).message].join(': ')));

@@ -19,6 +19,7 @@ from tests.e2e.processes import Process, running
 ARGUMENTS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
+    "--js-flags=--no-opt --no-maglev",  # pages are left before compiling them twice pays
 ]  # fmt: skip
 PATIENCE_MS = 60_000
 """How long a test waits for the page; the machine may be busy. Nothing in the product is this slow."""

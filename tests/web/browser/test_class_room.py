@@ -10,7 +10,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 
 from msbot.web.access.attempts import FREE_TRIES
 from tests.e2e.processes import Process, run, running
@@ -41,6 +41,8 @@ class ClassRoom:
         self._stack = stack
         self._port = free_port()
         self.base = f"http://127.0.0.1:{self._port}"
+        self.signed_in: dict[str, BrowserContext] = {}
+        """The browsers of people who have signed in, with what they have loaded."""
         assert run("init", cwd=folder).returncode == 0
         blueprint = folder / "robot.toml"
         blueprint.write_text(blueprint.read_text() + FREE_SLOT)
@@ -91,13 +93,16 @@ def fill_in(page: Page, **fields: str) -> None:
 
 @contextmanager
 def visit(browser: Browser, room: ClassRoom, name: str, path: str = "/") -> Iterator[Page]:
-    """Somebody who has signed in by the form, on the page they wanted."""
-    page = new_page(browser)
+    """Somebody on the page they wanted; the first time they are asked to sign in before."""
+    is_new = name not in room.signed_in
+    page = new_page(browser) if is_new else room.signed_in[name].new_page()
     page.goto(room.base + path)
-    fill_in(page, name=name, password=PASSWORD)
+    if is_new:
+        fill_in(page, name=name, password=PASSWORD)
+    room.signed_in[name] = page.context
     expect(page.get_by_role("button", name=re.compile("STOP"))).to_be_visible()
     yield page
-    page.context.close()
+    page.close()
 
 
 @pytest.fixture(scope="module")

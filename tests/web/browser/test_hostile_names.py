@@ -122,14 +122,8 @@ def test_names_are_shown_as_text_on_every_page(browser: Browser, site: Site) -> 
     page.locator("[name=password]").fill(PASSWORD)
     page.locator("button").click()
     shown = ""
-    paths = [
-        *PAGES,
-        "/library/EVIL",
-        f"/?slot={quote(evil('slot'))}",
-        "/settings",
-        "/journal",
-        f"/bus?find={quote(evil('x'))}",
-    ]
+    instead = {"/library/SG90": "/library/EVIL", "/bus": f"/bus?find={quote(evil('x'))}"}
+    paths = [*(instead.get(path, path) for path in PAGES), f"/?slot={quote(evil('slot'))}"]
     for path in paths:
         page.goto(site.base + path)
         expect(page.get_by_role("heading", level=1)).to_be_visible()

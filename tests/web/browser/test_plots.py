@@ -47,7 +47,8 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield Site(process)
 
 
-def test_curves_live_held_and_back_by_keyboard_with_their_figures(page: Page, demo: Site, tmp_path: Path) -> None:
+def test_curves_live_held_and_back_by_keyboard_with_their_figures(blank: Page, demo: Site, tmp_path: Path) -> None:
+    page = blank
     go(page, demo.base + SHOWN)
     row = page.locator("#ms-plot-figures tr", has_text="ear.level.percent")
     expect(row.locator("td.at")).not_to_have_text("–")
@@ -83,7 +84,8 @@ def test_curves_live_held_and_back_by_keyboard_with_their_figures(page: Page, de
     expect(row).to_have_count(0)
 
 
-def test_the_recorder_s_time_is_shown_a_view_is_kept_and_a_picture_saved(page: Page, demo: Site) -> None:
+def test_the_recorder_s_time_is_shown_a_view_is_kept_and_a_picture_saved(blank: Page, demo: Site) -> None:
+    page = blank
     go(page, demo.base + SHOWN)
     page.wait_for_function(f"{FRAMES} > 3")
     page.get_by_text("10 min", exact=True).click()
@@ -105,7 +107,8 @@ def test_the_recorder_s_time_is_shown_a_view_is_kept_and_a_picture_saved(page: P
     assert height > 2 * down, "the names of the curves are below"
 
 
-def test_a_held_picture_follows_the_window_s_size_and_colours_and_shows_gaps_and_steps(page: Page, demo: Site) -> None:
+def test_a_held_picture_follows_the_window_s_size_and_colours_and_shows_gaps_and_steps(blank: Page, demo: Site) -> None:
+    page = blank
     go(page, demo.base + SHOWN)
     page.wait_for_function(f"{FRAMES} > 3")
     # What a robot rarely has: a value that is no number, and a setting that was changed.

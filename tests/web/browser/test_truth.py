@@ -16,11 +16,17 @@ DEAD = "document.documentElement.classList.contains('ms-dead')"
 
 
 @pytest.fixture
-def page(blank: Page, demo: Site) -> Page:
-    """The robot page on a phone."""
+def phone(blank: Page) -> Page:
+    """A tab on a phone."""
     blank.set_viewport_size({"width": 390, "height": 844})
-    go(blank, demo.base)
     return blank
+
+
+@pytest.fixture
+def page(phone: Page, demo: Site) -> Page:
+    """The robot page on it."""
+    go(phone, demo.base)
+    return phone
 
 
 def press_go(page: Page) -> None:
@@ -62,7 +68,8 @@ def test_stop_is_reachable_with_the_drawer_open_and_back_closes_the_drawer(page:
     press_go(page)
 
 
-def test_stop_is_reachable_over_dialogs_toasts_and_the_menu(page: Page, demo: Site) -> None:
+def test_stop_is_reachable_over_dialogs_toasts_and_the_menu(phone: Page, demo: Site) -> None:
+    page = phone
     go(page, f"{demo.base}/admin")
     page.get_by_role("button", name="Menu").click()
     page.locator("#ms-stop").click(trial=True)
@@ -75,7 +82,8 @@ def test_stop_is_reachable_over_dialogs_toasts_and_the_menu(page: Page, demo: Si
     page.locator("#ms-stop").click(trial=True)
 
 
-def test_a_refused_setting_goes_back_and_other_tabs_follow(page: Page, demo: Site) -> None:
+def test_a_refused_setting_goes_back_and_other_tabs_follow(phone: Page, demo: Site) -> None:
+    page = phone
     other = page.context.new_page()
     for tab in (page, other):
         go(tab, f"{demo.base}/?slot=fan")
@@ -93,7 +101,10 @@ def test_a_refused_setting_goes_back_and_other_tabs_follow(page: Page, demo: Sit
     other.close()
 
 
-def test_what_is_being_typed_stays_when_somebody_else_changes_something(page: Page, demo: Site) -> None:
+def test_what_is_being_typed_stays_when_others_change_something_and_when_the_connection_is_lost(
+    phone: Page, demo: Site
+) -> None:
+    page = phone
     other = page.context.new_page()
     for tab in (page, other):
         go(tab, f"{demo.base}/?slot=knob")
@@ -102,6 +113,17 @@ def test_what_is_being_typed_stays_when_somebody_else_changes_something(page: Pa
     other.get_by_label("period_s [s]").blur()
     expect(page.get_by_label("period_s [s]")).to_have_value("0.3")
     expect(page.get_by_label("change [%]")).to_have_value("7")
+    # Out of reach for a while.
+    page.context.set_offline(offline=True)
+    page.evaluate("window.stays = true, socket.io.engine.close()")
+    expect(page.locator("#ms-lost")).to_have_text(re.compile(r"is [4-9] s old"))
+    page.context.set_offline(offline=False)
+    page.wait_for_function(f"!{DEAD} && socket.connected")
+    other.get_by_label("period_s [s]").fill("0.4")
+    other.get_by_label("period_s [s]").blur()
+    expect(page.get_by_label("period_s [s]")).to_have_value("0.4")
+    expect(page.get_by_label("change [%]")).to_have_value("7")
+    assert page.evaluate("window.stays"), "the same page, not one made anew"
     page.get_by_label("change [%]").blur()
     expect(other.get_by_label("change [%]")).to_have_value(re.compile(r"7(\.0)?"))
     other.close()

@@ -143,7 +143,7 @@ class _ArenaPage:
     # What is shown.
 
     def _push(self) -> None:
-        if self._is_seen:
+        if self._is_seen and self._page.is_connected:
             ui.run_javascript(f"msbotArena.show({json.dumps(self._arena.state())})")
         if self._driven_at is not None and self._page.service.now() - self._driven_at > HELD_S:
             self._let_go()

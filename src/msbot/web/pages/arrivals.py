@@ -15,7 +15,7 @@ from msbot.web.api.says import Offer
 from msbot.web.api.session import parts_for
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import heading, show_dialog
+from msbot.web.pages.page_elements import heading, set_html, show_dialog
 from msbot.web.pages.simulator import simulator_panel
 from msbot.web.pages.slots_by_hand import slot_name
 from msbot.web.pages.topics_by_hand import free_name
@@ -34,7 +34,8 @@ def register(service: Service) -> None:
     def arrivals(request: Request) -> None:
         with page_frame(service, request, "/arrivals", "Arrivals") as page:
             _window(page)
-            _tray(page)
+            tray = Tray(page)
+            page.every_look(lambda: tray.show(page.service.views.arrivals()))
             if page.may(Right.OPERATE):
                 _spares(page)
 
@@ -88,47 +89,65 @@ def _window(page: Page) -> None:
     page.every_look(show)
 
 
-def _tray(page: Page) -> None:
-    more = ui.label("").props("role=status")
-    tray = ui.element("div").classes("grid")
-    shown: list[PartLine] = []
+class Tray:
+    """A card for each part that waits. A part's card stays the same one, or its open menu would close."""
 
-    def key(part: PartLine) -> PartLine:
-        return part.model_copy(update={"state_age_s": 0.0, "beat_age_s": None, "refused_claims": 0})
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._more = ui.label("").props("role=status")
+        self._tray = ui.element("div").classes("grid")
+        with self._tray:
+            self._nobody = ui.element("div").classes("panel")
+        with self._nobody:
+            ui.label(page.say("Nobody waits. Plug a part in: it shows up here when its slot is not clear."))
+        self._cards: dict[tuple[str, str], _Card] = {}
 
-    def show() -> None:
-        waiting = page.service.views.arrivals()
-        parts = waiting[:MOST_SHOWN]
-        more.set_text(
-            page.say("{count} parts wait; the newest {shown} are shown.", count=len(waiting), shown=len(parts))
+    def show(self, waiting: Sequence[PartLine]) -> None:
+        """Show these, in this order."""
+        parts = {(part.client_key, part.uid): part for part in waiting[:MOST_SHOWN]}
+        self._more.set_text(
+            self._page.say("{count} parts wait; the newest {shown} are shown.", count=len(waiting), shown=len(parts))
         )
-        more.set_visibility(len(waiting) > len(parts))
-        # Rebuilt only when something has changed, or an opened menu would close under the person's hand.
-        if shown == [key(part) for part in parts] and (parts or tray.default_slot.children):
-            return
-        shown[:] = [key(part) for part in parts]
-        tray.clear()
-        with tray:
-            if not parts:
-                with ui.element("div").classes("panel"):
-                    ui.label(page.say("Nobody waits. Plug a part in: it shows up here when its slot is not clear."))
-            for part in parts:
-                _card(page, part)
-
-    page.every_look(show)
+        self._more.set_visibility(len(waiting) > len(parts))
+        self._nobody.set_visibility(not parts)
+        for key in self._cards.keys() - parts.keys():
+            self._cards.pop(key).element.delete()
+        for place, (key, part) in enumerate(parts.items(), start=1):
+            if key not in self._cards:
+                with self._tray:
+                    self._cards[key] = _Card(self._page)
+            card = self._cards[key]
+            card.show(part)
+            if self._tray.default_slot.children.index(card.element) != place:
+                card.element.move(target_index=place)
 
 
-def _card(page: Page, part: PartLine) -> None:
-    with ui.element("div").classes(f"slot is-{part.state}").style("opacity:.6" if part.ignored else ""):
-        ui.html(
-            render(
-                "arrival", say=page.say, part=parts_for(page.session, [part])[0],
-                chip=state_chip(part.state, page.say(part.state)), is_unknown=part.refusal == "unknown_part",
-            ),
-            sanitize=False,
-        )  # fmt: skip
-        with ui.element("div").classes("row"):
-            _deeds(page, part)
+class _Card:
+    """A part that waits."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._deeds_of: object = None
+        self.element = ui.element("div")
+        with self.element:
+            self._facts = ui.html("", sanitize=False)
+            self._row = ui.element("div").classes("row")
+
+    def show(self, part: PartLine) -> None:
+        """Show the part as it is now; what can be done with it is laid out anew only when that is something else."""
+        page = self._page
+        self.element.classes(replace=f"slot is-{part.state}").style(replace="opacity:.6" if part.ignored else "")
+        set_html(self._facts, render(
+            "arrival", say=page.say, part=parts_for(page.session, [part])[0],
+            chip=state_chip(part.state, page.say(part.state)), is_unknown=part.refusal == "unknown_part",
+        ))  # fmt: skip
+        is_checked = part.says is not None and part.says.checked
+        deeds_of = part.part, part.part_number, part.refusal == "blocked", is_checked
+        if deeds_of != self._deeds_of:
+            self._deeds_of = deeds_of
+            self._row.clear()
+            with self._row:
+                _deeds(page, part)
 
 
 def _deeds(page: Page, part: PartLine) -> None:

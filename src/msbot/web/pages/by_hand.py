@@ -94,6 +94,7 @@ class _Lever:
         if self._held.value:
             self._renewing.active = False
             await self._let_go()
+            self._held.value = False  # and whoever comes back to the page sees that
 
 
 Changed = Callable[[str, Scalar], Awaitable[None]]

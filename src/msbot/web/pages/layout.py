@@ -190,6 +190,14 @@ class Page:
         self.tasks.add(task)
         task.add_done_callback(self.tasks.discard)
 
+    def every(self, seconds: float, act: Callable[[], object]) -> None:
+        """Do something periodically while the page is connected: what is said meanwhile would pile up."""
+
+        def look() -> object:
+            return act() if self.is_connected else None
+
+        ui.timer(seconds, look)
+
     def _call(self, refresh: Refresh) -> None:
         if refresh in self.reading:
             return
@@ -212,6 +220,11 @@ class Page:
     def is_gone(self) -> bool:
         """Whether the browser's page was closed: nothing can be shown on it any more."""
         return self.client is not None and self.client.is_deleted
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the browser hears at once what it is told."""
+        return self.client is None or self.client.has_socket_connection
 
     def closed(self) -> None:
         """Show nothing any more: the browser's page was closed, maybe while something was being read for it."""
@@ -307,8 +320,8 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         if path in PATHS:
             page.looking_back = LookingBack(page, request.query_params.get("at", ""), reads=path != "/plots")
         yield page
-    ui.timer(LOOK_S, page.refresh)
-    ui.timer(CHECK_S, page.check_session)
+    page.every(LOOK_S, page.refresh)
+    page.every(CHECK_S, page.check_session)
 
 
 def _menu(page: Page, path: str) -> None:

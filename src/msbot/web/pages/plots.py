@@ -92,7 +92,7 @@ class _Plots:
         for event, handler in (("plots_window", self._looked), ("plots_live", self._go_live),
                                ("plots_seen", self._seen)):  # fmt: skip
             ui.on(event, handler)
-        ui.timer(PUSH_S, self._push)
+        page.every(PUSH_S, self._push)
         page.every_look(self._show_figures)
         page.every_look(self._show_known)
         if page.looking_back is not None:

@@ -120,7 +120,7 @@ class _Desk:
         self._blocks.lay_out_editor(self._editor)
         held = (run, stop, self._blocks.switch, self._choice, *keeping)
         UnderTeacher(self._page, self._blocks, held, lambda: (self._name, self._source))
-        ui.timer(0.5, self._follow_look)
+        self._page.every(0.5, self._follow_look)
         assert self._page.client is not None
         self._page.client.on_disconnect(self._left)
         await self._list()

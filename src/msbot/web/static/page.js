@@ -9,6 +9,7 @@ function msbotSignIn() {
 
 const msbot = (() => {
   const ASK_MS = 600, PATIENCE_MS = 1200, DEAD_MS = 1800, LOOK_MS = 200, RETRY_MS = 1000, RELOAD_MS = 8000, TWICE_MS = 800;
+  const KEPT_MS = 30000; // As long the server keeps a page for its websocket to come back.
   let heardAt = Date.now(), lookedAt = Date.now(), hasSocket = false, socketAt = Date.now(), isAsking = false;
   let isDead = false, stopTimer = null, escapeAt = 0;
 
@@ -47,8 +48,9 @@ const msbot = (() => {
     const age = now - Math.min(heardAt, socketAt);
     isDead = age > DEAD_MS;
     document.documentElement.classList.toggle("ms-dead", isDead);
-    // The robot is there and the websocket is not: a page that is made anew has one.
-    if (now - heardAt < DEAD_MS && now - socketAt > RELOAD_MS) location.reload();
+    // The robot is there and the websocket is not: a page that is made anew has one. But what is typed there is lost.
+    const patience = window.socket && window.socket.active ? KEPT_MS : RELOAD_MS;
+    if (now - heardAt < DEAD_MS && now - socketAt > patience) location.reload();
     say("ms-lost", isDead ? words("lost").replace("{seconds}", Math.round(age / 1000)) : "", "bad");
   }
 
@@ -94,19 +96,22 @@ const msbot = (() => {
 
   // Drawers and dialogs: Back closes the one on top before it leaves the page.
   const closers = [];
+  const mark = (id) => `${performance.timeOrigin} ${id}`;  // a page that was loaded before had the same numbers
+  const isNow = (id) => !!history.state && history.state.msbot === mark(id);
   function opened(id, address) {
     closers.push(id);
-    history.pushState({ msbot: id }, "", address || location.href);
+    history.pushState({ msbot: mark(id) }, "", address || location.href);
   }
   function closed(id) {
     const at = closers.lastIndexOf(id);
     if (at < 0) return;
     closers.splice(at, 1);
-    if (history.state && history.state.msbot === id) history.back();
+    if (isNow(id)) history.back();
   }
   function back() {
-    const id = closers.pop();
-    if (id !== undefined) emitEvent(`ms_close_${id}`);
+    // One that was closed by its button went back by itself: what lies under it stays.
+    if (!closers.length || isNow(closers.at(-1))) return;
+    emitEvent(`ms_close_${closers.pop()}`);
   }
 
   addEventListener("click", refuse, true);
@@ -114,6 +119,7 @@ const msbot = (() => {
   addEventListener("popstate", back);
   addEventListener("online", ask);
   addEventListener("pageshow", () => { look(); ask(); });
+  addEventListener("pagehide", () => window.socket && socket.emit("left", { client_id: window.clientId }));
   document.addEventListener("visibilitychange", () => { look(); ask(); });
   addEventListener("DOMContentLoaded", () => {
     document.getElementById("ms-stop").addEventListener("click", stop);
