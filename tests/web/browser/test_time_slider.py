@@ -22,6 +22,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield Site(process)
 
 
+AT_MS = "Number(new URL(location.href).searchParams.get('at'))"
 SLIDE_TO = """(slider, to) => {
   slider.value = (to - Date.now()) / 1000;
   slider.dispatchEvent(new Event("input"));
@@ -29,13 +30,14 @@ SLIDE_TO = """(slider, to) => {
 
 
 def look_back(page: Page, to_ms: float) -> None:
-    """In one move, as with a mouse, and the last second by keyboard, half a second with each press."""
+    """In one move, as with a mouse, and the rest by keyboard, half a second with each press."""
     slider = page.locator("#ms-moment-at")
     slider.evaluate(SLIDE_TO, to_ms + 1000)
-    slider.focus()
-    for _ in range(2):
-        page.keyboard.press("ArrowLeft")
     page.wait_for_function(IS_PAST)
+    slider.focus()
+    while (at_ms := page.evaluate(AT_MS)) > to_ms:
+        page.keyboard.press("ArrowLeft")
+        page.wait_for_function(f"{AT_MS} < {at_ms}")
     expect(page.locator("#ms-moment-says")).to_contain_text("The past:")
 
 

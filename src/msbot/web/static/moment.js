@@ -2,6 +2,7 @@
 const msbotMoment = (() => {
   const ASK_MS = 150, LIVE_S = 0.5, EACH_MS = 1000, MINUTE_S = 60;
   let ahead = 0, begin = 0, at = null, zone = 0, words = {}, paths = [], asking = null, wanted = null;
+  let told = 0;  // the "now" that the slider's seconds count from: a press half a second later means the same moment
 
   const part = (name) => document.getElementById(name ? `ms-moment-${name}` : "ms-moment");
   const now = () => Date.now() + ahead;
@@ -48,8 +49,9 @@ const msbotMoment = (() => {
   function tell() {
     if (!part()) return;
     const slider = part("at"), when = wanted === null ? at : wanted;
-    slider.min = Math.floor((begin - now()) / 1000);
-    slider.value = when === null ? 0 : (when - now()) / 1000;
+    told = now();
+    slider.min = Math.floor((begin - told) / 1000);
+    slider.value = when === null ? 0 : (when - told) / 1000;
     const text = when === null ? words.now : words.past.replace("{time}", hour(when));
     const ago = when === null ? "" : words.ago.replace("{span}", span((now() - when) / 1000));
     slider.setAttribute("aria-valuetext", `${text} ${ago}`);
@@ -83,7 +85,7 @@ const msbotMoment = (() => {
   function listen() {
     part("at").addEventListener("input", (event) => {
       const seconds = Number(event.target.value);
-      ask(seconds > -LIVE_S ? null : now() + seconds * 1000);
+      ask(seconds > -LIVE_S ? null : told + seconds * 1000);
     });
     part("earlier").addEventListener("click", () => step(-1));
     part("later").addEventListener("click", () => step(1));
