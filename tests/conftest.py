@@ -3,6 +3,7 @@ event loop waits for a database, and the order of the whole suite."""
 
 import logging
 import os
+import signal
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,11 @@ os.environ["MSBOT_REC"] = "off"
 
 # Tests run beside each other: a STOP of one must not reach the robots of another.
 os.environ[GROUP_VARIABLE] = f"test{os.getpid()}"
+
+# A suite that runs in the background of a script, or by `nohup`, has these ignored, and so would all that it starts.
+for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, usual)
 
 settings.register_profile("msbot", deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("thorough", settings.get_profile("msbot"), max_examples=2000)
