@@ -68,6 +68,21 @@ def test_stop_is_reachable_with_the_drawer_open_and_back_closes_the_drawer(page:
     press_go(page)
 
 
+def test_back_closes_one_thing_after_another_however_they_were_closed_and_opened(page: Page, demo: Site) -> None:
+    go(page, f"{demo.base}/bus")
+    is_open = "ids => String(((history.state || {}).msbot || {open: []}).open) === String(ids)"
+    page.evaluate("[91, 92, 93].forEach(id => msbot.opened(id)); msbot.closed(92)")
+    page.go_back()  # closes 93, and passes the place where 92 was
+    page.wait_for_function(is_open, arg=[91])
+    page.go_back()
+    page.wait_for_function(is_open, arg=[])
+    page.evaluate("msbot.opened(91); msbot.closed(91); msbot.opened(92)")  # before the history has gone back
+    page.wait_for_function(is_open, arg=[92])
+    page.go_back()
+    page.wait_for_function(is_open, arg=[])
+    assert page.url == f"{demo.base}/bus"
+
+
 def test_stop_is_reachable_over_dialogs_toasts_and_the_menu(phone: Page, demo: Site) -> None:
     page = phone
     go(page, f"{demo.base}/admin")

@@ -94,24 +94,46 @@ const msbot = (() => {
     event.stopImmediatePropagation();
   }
 
-  // Drawers and dialogs: Back closes the one on top before it leaves the page.
-  const closers = [];
-  const mark = (id) => `${performance.timeOrigin} ${id}`;  // a page that was loaded before had the same numbers
-  const isNow = (id) => !!history.state && history.state.msbot === mark(id);
+  // Drawers and dialogs: Back closes the one on top before it leaves the page. Each has an entry in the history, which
+  // says what was open then. One that is closed by its button leaves its entry, at once or when Back comes to it.
+  const closers = [], addresses = new Map();
+  let leaving = 0;  // history.back() comes later than it is called; more may have been opened until then
+  function entry() {  // a page that was loaded before had the same numbers
+    const found = history.state && history.state.msbot;
+    return found && found.page === performance.timeOrigin ? found.open : [];
+  }
+  function enter() {
+    history.pushState({ msbot: { page: performance.timeOrigin, open: [...closers] } }, "", addresses.get(closers.at(-1)));
+  }
+  function leave() {
+    leaving += 1;
+    history.back();
+  }
   function opened(id, address) {
     closers.push(id);
-    history.pushState({ msbot: mark(id) }, "", address || location.href);
+    addresses.set(id, address || location.href);
+    enter();
+  }
+  function forget(at) {
+    const [id] = closers.splice(at, 1);
+    addresses.delete(id);
+    return id;
   }
   function closed(id) {
     const at = closers.lastIndexOf(id);
     if (at < 0) return;
-    closers.splice(at, 1);
-    if (isNow(id)) history.back();
+    forget(at);
+    if (!leaving && entry().at(-1) === id) leave();
   }
   function back() {
-    // One that was closed by its button went back by itself: what lies under it stays.
-    if (!closers.length || isNow(closers.at(-1))) return;
-    emitEvent(`ms_close_${closers.pop()}`);
+    const open = entry();
+    if (leaving) {
+      leaving -= 1;
+      if (closers.length && !open.includes(closers.at(-1))) return enter();  // it was opened meanwhile
+    } else {
+      while (closers.length && !open.includes(closers.at(-1))) emitEvent(`ms_close_${forget(closers.length - 1)}`);
+    }
+    if (open.length && !closers.includes(open.at(-1))) leave();
   }
 
   addEventListener("click", refuse, true);
