@@ -239,7 +239,8 @@ function prompt(isRaw) {
 
 if (settings.lib) {
   for (const folder of ["/lib", "/lib/msbot"]) flash.set(folder, null);
-  for (const name of readdirSync(settings.lib)) flash.set(`/lib/msbot/${name}`, readFileSync(join(settings.lib, name)));
+  const modules = readdirSync(settings.lib).filter((name) => name.endsWith(".py"));  // not what Python keeps beside them
+  for (const name of modules) flash.set(`/lib/msbot/${name}`, readFileSync(join(settings.lib, name)));
 }
 for (const [path, text] of Object.entries(settings.files)) flash.set(path, text);
 await start();
