@@ -171,8 +171,10 @@ class _UdpLink(BaseLink, ABC):
         start = clock()
         lingering.woken(start)
         while True:
-            is_fine = self._take_burst(opened, clock)
-            self._burst_end_handler()
+            try:
+                is_fine = self._take_burst(opened, clock)
+            finally:
+                self._burst_end_handler()
             if not is_fine or clock() - start > STAY_S:
                 return
             if not self._look() and not lingering.watch(self._look, clock):
