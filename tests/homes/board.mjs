@@ -239,7 +239,7 @@ function prompt(isRaw) {
 
 if (settings.lib) {
   for (const folder of ["/lib", "/lib/msbot"]) flash.set(folder, null);
-  const modules = readdirSync(settings.lib).filter((name) => name.endsWith(".py"));  // not what Python keeps beside them
+  const modules = readdirSync(settings.lib).filter((name) => /\.m?py$/.test(name)); // not what Python keeps beside them
   for (const name of modules) flash.set(`/lib/msbot/${name}`, readFileSync(join(settings.lib, name)));
 }
 for (const [path, text] of Object.entries(settings.files)) flash.set(path, text);
