@@ -9,9 +9,6 @@ BIN := $(VENV)/bin
 ARGS ?=
 ENGINE ?= uml
 
-# Hundreds of programs are started; each would compile all its modules anew.
-unexport PYTHONDONTWRITEBYTECODE
-
 # The tests start hundreds of processes: where Python may not keep what it has compiled, each compiles all it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
