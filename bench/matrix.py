@@ -376,7 +376,14 @@ def table(rows: list[Row]) -> str:
     """For people."""
     lines = ["| what happens | right within 3 s | well again after: median, 95 %, longest | |", "|---|---|---|---|"]
     load = ", ".join(f"{one:.1f}" for one in os.getloadavg())
-    return "\n".join([*lines, *(row.words() for row in rows), "", f"On {describe_machine()}; load {load}."])
+    return "\n".join(
+        [
+            *lines,
+            *(row.words() for row in rows),
+            "",
+            f"On {time.strftime('%Y-%m-%d')}, {describe_machine()}; load {load}.",
+        ]
+    )
 
 
 def main() -> None:
