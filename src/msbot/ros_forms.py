@@ -10,12 +10,12 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 from msbot import ros2
 from msbot.errors import ConfigError, LocalProtocolError, RemoteProtocolError
 from msbot.part import Message
 from msbot.part.messages.message import Field, fields_of
+from msbot.runtime.lazy_dataclass import dataclass
 
 USUAL: dict[str, tuple[type[Message], dict[str, str]]] = {
     "HelloWorld": (ros2.String, {"message": "data"}),

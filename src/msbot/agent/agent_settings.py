@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 
 _MAY_BE_ZERO = ("domain_255", "any_text_is_a_name", "packs")
 

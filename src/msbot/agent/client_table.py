@@ -11,10 +11,11 @@ messages would be mistaken for repetitions and lost without a trace.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msbot.agent.proxy import Proxy
 from msbot.link import Link, Peer
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
 from msbot.xrce.messages import SESSION_NONE
 

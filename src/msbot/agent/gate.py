@@ -6,10 +6,10 @@ never in the path of a sample.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 from msbot.link import Peer
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.endpoints import DataReader, DataWriter, Endpoint, Replier, Requester
 from msbot.agent.topic_attachment import EndpointHost
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space import Owner, Qos, Topic
 from msbot.xrce.messages import ObjectKind
 from msbot.xrce.objects import Definition, ParticipantDef, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef

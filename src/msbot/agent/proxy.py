@@ -6,7 +6,7 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import count
 from typing import TYPE_CHECKING, Protocol
 
@@ -22,6 +22,7 @@ from msbot.agent.statistics import PUSHED_OUT, ClientView, ObjectView, SessionWe
 from msbot.agent.topic_attachment import ReadSide, Shape
 from msbot.errors import RemoteProtocolError
 from msbot.link import Peer
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
 from msbot.space import Guid, Space
 from msbot.xrce import AgentSession, References, Status

@@ -12,11 +12,11 @@ import logging
 import os
 import secrets
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.errors import ConfigError
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.user_folders import check_owner, is_running, running_folder
 
 _log = logging.getLogger(__name__)

@@ -6,7 +6,7 @@ import json
 import logging
 import socket
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,6 +14,7 @@ from msbot.agent.statistics import ClientView, ObjectView, StreamView
 from msbot.agent.status_files import DESCRIBE, FORMAT, StatusFile, find_files, status_folder
 from msbot.errors import ConfigError
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.lazy_dataclass import dataclass
 
 MASTER: Final = "master"
 """What a master says that it is."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from msbot.config import ParameterKind
 from msbot.errors import ConfigError
 from msbot.registry import PartRecord, Registry
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

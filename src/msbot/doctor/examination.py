@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from msbot.doctor.checks.bus import check_can, check_i2c, check_serial
@@ -16,6 +15,7 @@ from msbot.doctor.finding import CannotSee, Finding, NotNeeded, NotSeen
 from msbot.doctor.gather import bus, installation, machine, network, robot, storage
 from msbot.doctor.patient import Patient
 from msbot.errors import ConfigError, MsbotError
+from msbot.runtime.lazy_dataclass import dataclass
 
 F = TypeVar("F")
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msbot.config import Blueprint, Library
 from msbot.doctor.finding import NotSeen
 from msbot.link.can.adapters import CanInterface, Wanted
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

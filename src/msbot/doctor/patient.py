@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from msbot.agent import AgentStatus
 from msbot.errors import ConfigError
 from msbot.link import parse_host_and_port
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space import SpaceAddress
 
 PAGE_PORT = 8080

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 from msbot.config import BusKind, PartType, Scalar
 from msbot.errors import ConfigError
 from msbot.hardware.machine import Machine
 from msbot.hardware.wiring import PartWiring, require_driver
+from msbot.runtime.lazy_dataclass import dataclass
 
 Values = Mapping[str, Scalar]
 """Sources of a model by name."""

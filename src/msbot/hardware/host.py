@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -24,6 +23,7 @@ from msbot.hardware.parts_file import HostedPart, read_parts
 from msbot.hardware.wiring import PartWiring
 from msbot.link import Link
 from msbot.part import Part
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.sim import make_simulator
 from msbot.sim.arena.door import Door
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from msbot.hardware.faults import HardwareFault
 from msbot.hardware.i2c import SmBus, open_smbus
+from msbot.runtime.lazy_dataclass import dataclass
 
 KEEPER = "from msbot.hardware.keeper import main; main()"
 """Its program; `-m msbot.hardware.keeper` would do the same after a warning, since the package imports that file."""

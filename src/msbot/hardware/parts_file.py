@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.config import Library, PartType
@@ -11,6 +10,7 @@ from msbot.config.toml.problems import Problems
 from msbot.config.toml.table import Table
 from msbot.errors import ConfigError
 from msbot.hardware.wiring import PartWiring, make_wiring
+from msbot.runtime.lazy_dataclass import dataclass
 
 MOST_PARTS = 64
 """Most parts of one file: a Raspberry Pi has 28 pins, and each part has a session of its own with the master."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.config import BusKind, Library
@@ -13,6 +12,7 @@ from msbot.hardware.drivers.kernel import IIO, W1
 from msbot.hardware.faults import HardwareFault
 from msbot.hardware.i2c import SmBus
 from msbot.hardware.machine import Machine
+from msbot.runtime.lazy_dataclass import dataclass
 
 FIRST, LAST = 0x08, 0x77
 READ_ONLY = (range(0x30, 0x38), range(0x50, 0x60))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msbot.config import BusKind, DriverPin, DriverSpec, PartType, Scalar
 from msbot.config.toml.problems import suggestion
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 
 DEFAULT_I2C_BUS = 1
 """The bus on pins 3 and 5 of a Raspberry Pi."""

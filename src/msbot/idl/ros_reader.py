@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msbot.idl.model import (
     BASICS,
@@ -24,6 +24,7 @@ from msbot.idl.model import (
     Value,
 )
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.lazy_dataclass import dataclass
 
 Finder = Callable[[Name, SourcePlace], None]
 """Adds a type that a file needs; raises ConfigError when it cannot be found."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from enum import Enum
 
 from msbot.idl.model import SourcePlace
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 class TokenKind(Enum):

@@ -6,11 +6,11 @@ and on dark pages.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from html import escape
 from itertools import accumulate
 
 from msbot.link.can.protocol import Frame, WireBit, format_frame, wire_bits
+from msbot.runtime.lazy_dataclass import dataclass
 
 CELL = 22
 """Width of a bit."""

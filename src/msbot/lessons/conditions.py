@@ -10,12 +10,12 @@ import operator
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Final, Protocol
 
 from msbot.errors import ConfigError
 from msbot.lab.faults.conditions import Condition as PlainCondition
 from msbot.lab.faults.conditions import NumberCondition, StateCondition, read_condition
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 LONGEST: Final = 200

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.lessons.conditions import Condition
 from msbot.operations.fault_wish import FaultWish
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from typing import Final
 
@@ -26,6 +26,7 @@ from msbot.link.can.sim import SimBusDriver
 from msbot.operations.dispatch import RunningOperations
 from msbot.registry import EditKind
 from msbot.registry.lesson_ticks import BEGUN
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import joined, said
 from msbot.runtime.worker import Workshop
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 from msbot.lessons.lesson import Lesson
 from msbot.registry.lesson_ticks import BEGUN, Tick
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msbot.errors import ConfigError
 from msbot.lessons.conditions import ConditionMemory, RobotNow
 from msbot.lessons.lesson import Lesson, LessonCheck, LessonQuestion
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import joined, said
 
 

@@ -9,8 +9,9 @@ TCP (eProsima): 16-bit little-endian length, then the packet; a length of 0 is s
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
 
 FLAG = 0x7E

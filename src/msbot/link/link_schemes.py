@@ -9,7 +9,6 @@ from __future__ import annotations
 import ipaddress
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from msbot.errors import ConfigError
 from msbot.link.can.can_address import (
@@ -30,6 +29,7 @@ from msbot.link.net.websocket_client import open_websocket
 from msbot.link.serial.lines import CLIENT_ADDRESS
 from msbot.link.serial.port import AUTO, DEFAULT_BAUDRATE, SerialClientLink, SerialServerLink
 from msbot.link.serial.pty import PtyServerLink
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
@@ -20,6 +19,7 @@ from msbot.link import Link
 from msbot.master.master import Master
 from msbot.part import JoinState, Message, Part
 from msbot.part.join.plug import UID_OCTETS
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.sim.message_classes import message_class
 from msbot.space import Qos, Reader, Sample, Topic, Writer
 

@@ -10,7 +10,6 @@ import asyncio
 import logging
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 
 from msbot.config import Direction, FieldKind, Port, Scalar
 from msbot.errors import ConfigError, RegistryError
@@ -21,6 +20,7 @@ from msbot.part import Message
 from msbot.part.messages.message import fields_of
 from msbot.pnp import HeldPort, StopStatus, message_words
 from msbot.registry import EditKind
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.sim.message_classes import message_class
 from msbot.space import Qos, Topic, Writer

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 from msbot.config import Blueprint, Library, blueprint_mark
 from msbot.errors import ConfigError, MsbotError
@@ -41,6 +40,7 @@ from msbot.operations.undoing import StoredUndoing, Undoing
 from msbot.operations.wires import Wires
 from msbot.operations.worlds import Worlds
 from msbot.registry import Registry, RobotRecord
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import whole
 from msbot.runtime.sentence import said
 

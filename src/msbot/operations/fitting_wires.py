@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from msbot.config import Blueprint, Direction, Library, Port, SlotPort
+from msbot.runtime.lazy_dataclass import dataclass
 
 MOST_OFFERED = 24
 

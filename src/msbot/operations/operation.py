@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 from msbot.operations.rights import Right
 
@@ -36,8 +36,7 @@ class Kept(Enum):
     NOTHING = "nothing"
 
 
-@dataclass(frozen=True, slots=True)
-class Argument:
+class Argument(NamedTuple):
     """One argument of an operation."""
 
     name: str
@@ -66,8 +65,7 @@ class Argument:
         return self.parameter or self.name
 
 
-@dataclass(frozen=True, slots=True)
-class Operation:
+class Operation(NamedTuple):
     """One thing that can be done to a robot, or asked about it."""
 
     name: str

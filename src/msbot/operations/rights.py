@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum, IntEnum
+from typing import NamedTuple
 
 from msbot.errors import ConfigError
 from msbot.runtime.sentence import said
@@ -78,8 +78,7 @@ _LEAST = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Asker:
+class Asker(NamedTuple):
     """Who asks for an operation, and what they may do."""
 
     name: str

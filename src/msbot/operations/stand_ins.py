@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import logging
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msbot.config import Library
 from msbot.errors import ConfigError, MsbotError
@@ -19,6 +19,7 @@ from msbot.operations.outcome import Outcome
 from msbot.operations.placement import Placement
 from msbot.operations.running_robot import RunningRobot
 from msbot.pnp import PartInfo, PartState
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.sim import SimulatedPart, make_simulator
 

@@ -7,13 +7,13 @@ location transparency, thesis 2.2.7.3).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 from msbot.errors import ConfigError, LinkFull, LocalProtocolError
 from msbot.part.client.client import Client
 from msbot.part.client.entities import Entity
 from msbot.part.join.plug import BindingDirection, PortBinding
 from msbot.part.messages.message import Message
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from msbot.xrce.objects import EndpointQos
 

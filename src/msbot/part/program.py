@@ -6,7 +6,6 @@ The program knows nothing of a robot: `program_runner` reads these tables, even 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 from msbot.errors import ConfigError
@@ -14,6 +13,7 @@ from msbot.part.handler_guard import check_handler
 from msbot.part.messages.message import Message
 from msbot.part.periodic_calls import Every
 from msbot.part.settings import Follower, V, Value, check_kind, read_value
+from msbot.runtime.lazy_dataclass import dataclass
 
 Action = Callable[[], object]
 """A student's function without arguments; what it returns is ignored."""

@@ -10,7 +10,7 @@ import asyncio
 import logging
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from random import Random
 
@@ -31,6 +31,7 @@ from msbot.part.ports import Ports
 from msbot.part.program import Program, When
 from msbot.part.safe_state import Safety
 from msbot.part.settings import Settings
+from msbot.runtime.lazy_dataclass import dataclass
 
 _log = logging.getLogger("msbot.part")
 

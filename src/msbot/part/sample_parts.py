@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 from random import Random
 
 from msbot.errors import ConfigError
 from msbot.part.boards.gpio import PINS, PinDirection, SimGpio, UsbGpio
 from msbot.part.messages.hello import HelloWorld
 from msbot.part.part import Part
+from msbot.runtime.lazy_dataclass import dataclass
 
 ROBOT = "MSBOT_MASTER"
 """The robot they are made for (thesis 3.12.1)."""

@@ -7,13 +7,13 @@ hand); the part just gets the value in force.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TypeVar
 
 from msbot.errors import ConfigError
 from msbot.part.handler_guard import Guard
 from msbot.part.join.plug import SAFE_MARK, Setting
+from msbot.runtime.lazy_dataclass import dataclass
 
 Value = bool | int | float | str
 """What a setting can be."""

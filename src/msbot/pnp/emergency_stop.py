@@ -9,7 +9,8 @@ it drives may still move. A part that says goodbye has set its ports to their sa
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+from msbot.runtime.lazy_dataclass import dataclass
 
 MOST_NAMES = 16
 """People who are remembered besides whoever said STOP first."""

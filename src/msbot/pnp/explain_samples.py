@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from struct import pack, unpack
 from typing import Final
@@ -25,6 +24,7 @@ from msbot.part.messages.message import fields_of
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.overheard_seals import OverheardSeals, Read
 from msbot.pnp.packet_words import inventory_sentence, submessage_sentence
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import Sentence, said
 from msbot.xrce import explain
 from msbot.xrce.messages import (

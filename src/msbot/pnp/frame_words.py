@@ -6,11 +6,11 @@ For the page and for `msbot bus`, which listen to the same bus. Pure; never rais
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
 
 from msbot.link.can.protocol import DOWN, UP, CanDecoder, CanIds, Frame, LegacyDecoder, frame_sentence, node_of
 from msbot.pnp.explain_samples import Overhearer, PacketWords
 from msbot.pnp.packet_words import piece_sentence
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import Sentence
 from msbot.xrce import decompress, is_whole
 

@@ -6,9 +6,10 @@ its configuration; when nobody holds the port any more it is bound to its wire a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from msbot.pnp.model import Configuration, SlotBinding
+from msbot.runtime.lazy_dataclass import dataclass
 
 TOPIC_PREFIX = "msbot_hand_"
 """Prefix of the topics of held ports; a blueprint cannot use such a name."""

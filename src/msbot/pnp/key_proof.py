@@ -20,7 +20,6 @@ an old proof, or one without a question   `REPLAYED`
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from random import Random
 from typing import TypeVar
 
@@ -30,6 +29,7 @@ from msbot.part.join.plug import Refusal
 from msbot.pnp.model import Claim, PartStore
 from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.slot_matching import NO_UID, Match
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 GOOD_FOR_S = 10.0

@@ -8,7 +8,7 @@ the profile: a part on a bus reads it once, and the BEACON shows when it has cha
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from random import Random
 from typing import Final
 
@@ -19,6 +19,7 @@ from msbot.part.join.plug import Beat, BeatReply
 from msbot.part.join.seal import Seal
 from msbot.part.sample_parts import SAMPLE_PARTS
 from msbot.pnp.profile import Profile
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages import (
     FIRST_REQUEST,
     SESSION_DEFAULT,

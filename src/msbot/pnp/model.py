@@ -7,7 +7,6 @@ master, `MemoryStore` in tests and robots without a database.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 from msbot.config import Described, PartType, Slot
@@ -15,6 +14,7 @@ from msbot.errors import ConfigError
 from msbot.part.join.plug import Nature, Refusal
 from msbot.pnp.emergency_stop import StopRecord
 from msbot.pnp.part_events import PartEvent, PartState
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 MAX_TEXT = 254

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 Evidence = tuple[tuple[str, str], ...]

@@ -7,7 +7,8 @@ anything about parts.
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+
+from msbot.runtime.lazy_dataclass import dataclass
 
 PROFILE_TOPIC = "msbot_masterTopic"
 """Name of the profile's topic, as in the thesis' programs."""

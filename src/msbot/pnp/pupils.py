@@ -8,8 +8,8 @@ all this: a held part hears it, and confirms it, like any other.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 

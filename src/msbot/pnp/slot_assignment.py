@@ -7,7 +7,6 @@ service tells the part; one that missed the message learns of it with its next c
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from msbot.errors import RegistryError
 from msbot.part.join.plug import Refusal
@@ -17,6 +16,7 @@ from msbot.pnp.model import Claim, PartStore
 from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.slot_matching import Matcher
 from msbot.pnp.state_changes import StateChanges
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 FRESH_S = 3.0

@@ -15,14 +15,13 @@ The rules, in this order; every rule that is tried leaves a line of evidence, so
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from msbot.config import PartType, Slot
 from msbot.errors import RegistryError
 from msbot.part.join.plug import Refusal
 from msbot.pnp.model import MAX_TEXT, Claim, PartStore
 from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.pupils import Pupils
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 UID_BYTES = 8

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import partial
 
 from sqlalchemy import Connection, delete, func, insert, select
@@ -11,6 +10,7 @@ from sqlalchemy import Connection, delete, func, insert, select
 from msbot.errors import ConfigError
 from msbot.registry.database.storage import Storage
 from msbot.registry.database.tables import lesson_ticks
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 BEGUN = ""

@@ -7,10 +7,10 @@ of one form reads nothing sensible in the other, and so ROS 2 nodes of both kind
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from msbot.errors import RemoteProtocolError
 from msbot.ros.node_names import NodeName
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space import Guid
 from msbot.xrce.messages import CdrReader, CdrWriter
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+
+from msbot.runtime.lazy_dataclass import dataclass
 
 LONGEST = 255
 """Longest name or namespace (rmw_dds_common)."""

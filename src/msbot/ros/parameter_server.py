@@ -12,7 +12,6 @@ import logging
 import secrets
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 
 from msbot.config import Scalar
@@ -42,6 +41,7 @@ from msbot.ros2 import (
     SetParametersAtomically_Response,
     SetParametersResult,
 )
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
 from msbot.space import Guid, Owner, Qos, Reader, Sample, Space, Topic, Writer
 

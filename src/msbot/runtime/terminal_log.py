@@ -12,8 +12,9 @@ import logging
 import re
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TextIO, TypeVar
+
+from msbot.runtime.lazy_dataclass import dataclass
 
 SAME = 5
 REPEAT_S = 60.0

@@ -17,10 +17,10 @@ import sys
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import BinaryIO, ParamSpec, TypeVar
 
 from msbot.errors import ConfigError, MsbotError
+from msbot.runtime.lazy_dataclass import dataclass
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")

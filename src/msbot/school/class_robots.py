@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from hashlib import sha256
 from typing import TYPE_CHECKING, ParamSpec, Protocol, TypeVar
 
 from msbot.agent import MASTER, RunningProcess, running_processes
 from msbot.registry.database_identity import database_identity
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.school.access import FarAccess
 from msbot.school.far_masters import LOOK_S, Asking, FarTrouble, read_status
 

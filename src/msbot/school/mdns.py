@@ -14,13 +14,13 @@ import socket
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from hashlib import sha256
 from ipaddress import ip_address
 from typing import TYPE_CHECKING, Final
 
 from msbot.errors import ConfigError
 from msbot.runtime.daemon_threads import DaemonThreads
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import printable
 from msbot.runtime.sentence import said
 

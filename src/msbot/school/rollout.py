@@ -9,7 +9,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from msbot.config import Blueprint, Library, RobotProfile, blueprint_toml, diffe
 from msbot.errors import ConfigError, MsbotError
 from msbot.registry.database_identity import database_identity
 from msbot.runtime.event_loop import run_to_end
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.school.class_robots import ClassRobot, FarRobot, Read, directly, find_record, open_database
 from msbot.school.far_masters import CHANGE_S, LOOK_S, Answer, FarLine, FarRefusal, FarTrouble, ask_one

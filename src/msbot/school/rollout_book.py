@@ -10,13 +10,14 @@ import threading
 import time
 from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from msbot.errors import ConfigError
 from msbot.runtime.folder_lock import alone_in
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.user_folders import state_folder
 
 MOST_ROLLOUTS = 20

@@ -9,10 +9,11 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 
 from msbot.errors import ConfigError, MsbotError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 

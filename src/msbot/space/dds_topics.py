@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.contract import Topic
 
 ROBOTS = "msbot/"

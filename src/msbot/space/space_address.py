@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 import re
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.contract import Space
 from msbot.space.dds_topics import ROBOTS, DdsTopicsOf, as_it_is
 from msbot.space.memory import MemorySpace

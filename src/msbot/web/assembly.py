@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from urllib.parse import urlsplit
 
@@ -18,6 +17,7 @@ from msbot.operations.bus_objects import known_object
 from msbot.operations.dispatch import RunningOperations
 from msbot.part import Message
 from msbot.registry import Registry, RobotRecord, RobotStore
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.sim import message_class
 from msbot.sim.arena.living_arena import LivingArena
 from msbot.space import SpaceAddress

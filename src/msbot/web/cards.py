@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 from msbot.agent import SessionWear
 from msbot.config import Binding, Blueprint, Library, PartType, Port, Slot, scalar_text
 from msbot.pnp import PartInfo, PartState, SelfDescription, StopStatus
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.web.api.models import (
     PartLine,

@@ -11,7 +11,7 @@ import logging
 import tempfile
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final, ParamSpec, TypeVar
@@ -22,6 +22,7 @@ from msbot.operations.rights import Right
 from msbot.registry.database_identity import database_identity
 from msbot.runtime.daemon_threads import DaemonThreads
 from msbot.runtime.kept_worker import KeptWorker
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.runtime.worker import WorkLimits
 from msbot.school.access import AccessBook

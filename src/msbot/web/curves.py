@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 
 from msbot.agent import Worst
 from msbot.config import Blueprint, Library
@@ -31,6 +30,7 @@ from msbot.lab.curves.names import (
 )
 from msbot.lab.curves.units import units_of
 from msbot.master import Master
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.web.live import HISTORY_S, Live
 from msbot.web.timeline import Timeline
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import chain
 
 from msbot.errors import ConfigError
 from msbot.runtime.daemon_threads import DaemonThreads
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.school.access import AccessBook, FarAccess
 from msbot.school.class_robots import ClassRobot, FarRobot, far_robots
 from msbot.school.far_masters import LOOK_S, STOP_S, Answer, Asking, FarTrouble, read_status, say_stop

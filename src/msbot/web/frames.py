@@ -9,13 +9,13 @@ from __future__ import annotations
 import csv
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from io import StringIO
 from itertools import islice
 
 from msbot.link.can.protocol import CanIds, Frame, LogLine, format_frame, format_log_line, node_of, show_frame
 from msbot.part import Message
 from msbot.pnp import KNOWN_TYPES, FrameListener, KnownObject, Overhearer
+from msbot.runtime.lazy_dataclass import dataclass
 
 KEPT = 4000
 """Frames that are kept."""

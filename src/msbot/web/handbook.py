@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path, PurePosixPath
 
 from msbot.runtime.carried_files import carried_folder
+from msbot.runtime.lazy_dataclass import dataclass
 
 CHAPTERS = (("tutorial", "Tutorial"), ("howto", "How to"), ("explain", "Explanation"), ("reference", "Reference"))
 """Folders of the handbook with their titles, in the order of reading."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from importlib.resources import files
 from string import Formatter
@@ -18,6 +18,7 @@ from typing import Any
 
 from starlette.requests import HTTPConnection
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import Sentence
 
 COOKIE = "msbot_language"

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.stop_datagram import ask_masters
 
 Ask = Callable[[Mapping[str, object]], tuple[list[dict[str, object]], int]]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from msbot.config import Binding, Blueprint, Library, RobotProfile, Scalar, Slot, SlotPort
@@ -24,6 +23,7 @@ from msbot.part.join.plug import Nature
 from msbot.pnp import KnownObject, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopConfirmation, StopStatus
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import from_json
 from msbot.sim import message_class
 from msbot.space import MemorySpace, Sample

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 from msbot.config import groups_by_slots
@@ -12,6 +11,7 @@ from msbot.lessons.progress import PersonInLesson
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Asker, Right, Role
 from msbot.registry import ProgramSource
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import counted, said
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.class_list import Newcomer, new_password, read_list

@@ -8,7 +8,6 @@ import shutil
 import tempfile
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO, NoReturn
@@ -26,6 +25,7 @@ from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.runtime.daemon_threads import DaemonThreads
 from msbot.runtime.kept_worker import KeptWorker
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.runtime.worker import WorkLimits
 from msbot.web.access.users import User

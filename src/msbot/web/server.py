@@ -16,7 +16,6 @@ import socket
 import ssl
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -33,6 +32,7 @@ from starlette.types import Lifespan
 
 from msbot.errors import ConfigError
 from msbot.link.net import WebSocketServerLink
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.web.access.cookies import cookie_names
 from msbot.web.access.guard import ANY_ADDRESS, AccessGuard
 from msbot.web.access.sign_in_pages import make_forms

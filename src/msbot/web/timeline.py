@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from msbot.lab.curves.measuring import Beats
 from msbot.pnp import PartEvent, PartInfo
+from msbot.runtime.lazy_dataclass import dataclass
 
 KEPT_SPANS = 500
 KEPT_BEATS = 300

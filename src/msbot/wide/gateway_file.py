@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from msbot.config.toml.document import read_document
 from msbot.config.toml.problems import Problems
 from msbot.config.toml.table import Table
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space import ZENOH, Qos, SpaceAddress, Topic, is_service_topic, parse_space, robot_partition
 
 MOST_CROSSINGS = 1000

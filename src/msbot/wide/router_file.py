@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.config.toml.document import read_document
 from msbot.config.toml.problems import Problems
 from msbot.config.toml.table import Table
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space import TlsFiles, check_endpoint
 from msbot.space.zenoh import Allowed
 

@@ -8,11 +8,11 @@ submessage ends is left to `located_submessages`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages.ids import (
     SESSION_NONE,
     Format,

@@ -10,7 +10,7 @@ import math
 import os
 import platform
 from collections.abc import Callable, Coroutine, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from msbot.link import Link, Peer, Signal, open_link
 from msbot.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
 from msbot.ros.graph import RosGraph
 from msbot.runtime.event_loop import run_to_end
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.patient_output import patient_output
 from msbot.space import MEMORY, SharedSpace, Space, SpaceAddress, open_space
 from msbot.xrce import References

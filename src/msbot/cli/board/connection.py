@@ -13,11 +13,11 @@ import io
 import struct
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from msbot.cli.board.ports import NEEDED
 from msbot.errors import ConfigError, LinkDown, MsbotError
+from msbot.runtime.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from mpremote.transport_serial import SerialTransport

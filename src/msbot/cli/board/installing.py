@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msbot.cli.board.connection import Board, BoardFile, Facts
 from msbot.errors import ConfigError
 from msbot.runtime.board_package import FOLDER, OF_GENERIC_BOARDS, package_files
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.lazy_dataclass import dataclass
 
 SETTINGS = "msbot.json"
 LINKS = ("can", "serial", "udp", "ws")

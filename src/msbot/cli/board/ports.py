@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from serial.tools.list_ports_common import ListPortInfo

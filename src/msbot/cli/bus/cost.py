@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from msbot.link.can.protocol import Frame, FrameBits, parse_frame, phase_bits, wire_bits
+from msbot.runtime.lazy_dataclass import dataclass
 
 TITLES = ("frame", "nominal bits", "data bits", "of these stuffed", "µs on the wire")
 

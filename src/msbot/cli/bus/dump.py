@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +16,7 @@ from msbot.cli.bus.telling import Manner, tell_unknown, told_lines
 from msbot.link.can.protocol import NODES, CanIds, Frame, LogLine
 from msbot.pnp import FrameListener, FrameWords
 from msbot.runtime.event_loop import run_to_end
+from msbot.runtime.lazy_dataclass import dataclass
 
 COLOURS: Final = ("cyan", "green", "yellow", "magenta", "blue", "bright_cyan", "bright_green", "bright_yellow")
 """Colours of the frames to and from a node, by its number, on a terminal."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 import click
 
 from msbot.link.can.protocol import NODES, CanIds, Frame
+from msbot.runtime.lazy_dataclass import dataclass
 
 _IDS = CanIds()
 _WORDS = re.compile(r"([0-9A-Fa-f]{1,8})(?:([:~])([0-9A-Fa-f]{1,8}))?")

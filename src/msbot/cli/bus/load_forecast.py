@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.config import Blueprint, open_blueprint
 from msbot.link.can.protocol import Framing
 from msbot.pnp import Flow, Forecast, forecast
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce import compress
 
 BITRATES = (125_000, 250_000, 500_000, 1_000_000)

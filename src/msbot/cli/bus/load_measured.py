@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Final
 
 from msbot.cli.bus.source import Listening, open_bus
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.link.can.protocol import NODES, CanIds, Frame, frame_bits, is_joining
 from msbot.runtime.event_loop import run_to_end
+from msbot.runtime.lazy_dataclass import dataclass
 
 WINDOW_S: Final = 1.0
 """The load is measured over one second."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from msbot.agent import MASTER, RunningProcess, running_processes
@@ -12,6 +12,7 @@ from msbot.cli.options import user_name
 from msbot.config import FieldKind, MessageType
 from msbot.errors import ConfigError
 from msbot.pnp import KnownObject
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 @dataclass(slots=True)

@@ -11,7 +11,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Coroutine, Iterable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -46,6 +45,7 @@ from msbot.master import StopSocket, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.registry import Registry, RobotRecord, RobotStore, StoredNodeIds, open_registry
 from msbot.runtime.event_loop import run_to_end
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.patient_output import patient_output
 from msbot.runtime.task_errors import ungrouped

@@ -6,12 +6,12 @@ import asyncio
 import contextlib
 import re
 from collections.abc import Awaitable, Callable, Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import click
 
 from msbot.errors import MsbotError
+from msbot.runtime.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from msbot.demo import DemoRobot

@@ -7,7 +7,6 @@ import shutil
 import sys
 import time
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ import click
 from msbot.cli.change.robot_access import perform
 from msbot.cli.options import library_option, robot_options
 from msbot.errors import ConfigError, LocalProtocolError
+from msbot.runtime.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from msbot.lab.curves.curve import Curve

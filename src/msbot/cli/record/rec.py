@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, json_option, r
 from msbot.cli.record.ring_folders import rings_left
 from msbot.errors import ConfigError
 from msbot.registry.database_identity import database_identity
+from msbot.runtime.lazy_dataclass import dataclass
 
 SUFFIX = ".mcap"
 JUST_NOW_S = 0.8

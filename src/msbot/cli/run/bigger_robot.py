@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import click
 
@@ -12,6 +12,7 @@ from msbot.link import Link, open_link
 from msbot.link.can import CanSettings, Codec
 from msbot.master import ExportedPort, Master, RobotAsPart, exported_ports
 from msbot.part.join.keys import given_key
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce import compress, decompress, is_whole
 
 _CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import pkgutil
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import wraps
 from typing import TypeVar
 
@@ -13,6 +12,7 @@ import click
 
 import msbot
 from msbot.pnp.part_events import PartEvent
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.log_forms import ALWAYS, FIELDS, JournalFormatter, JsonFormatter, goes_to_journal
 from msbot.runtime.terminal_log import TerminalHandler
 

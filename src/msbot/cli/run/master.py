@@ -7,7 +7,7 @@ import contextlib
 import importlib
 import logging
 from collections.abc import Coroutine, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -50,6 +50,7 @@ from msbot.registry.database_identity import database_identity
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.ros.description import read_description
 from msbot.runtime.event_loop import run_to_end
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.patient_output import patient_output
 from msbot.space import SharedSpace, SpaceAddress

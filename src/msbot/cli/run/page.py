@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import click
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from msbot.web.assembly import WebRoom

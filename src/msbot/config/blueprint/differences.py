@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 from msbot.config.blueprint.model import Blueprint, InDds, Options, RobotProfile, RosOptions, Slot, Timing
 from msbot.config.library.library import scalar_text
 from msbot.config.toml.table import Scalar
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import joined, said
 
 LATER = said("holds from the master's next start on")

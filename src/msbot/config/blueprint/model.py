@@ -7,10 +7,11 @@ a silent part is noticed (timing). It names no hardware: the registry knows whic
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from msbot.config.toml.table import Scalar
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ part type names in the same order.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msbot.runtime.lazy_dataclass import dataclass
 
 I2C_WIRES = ("scl", "sda")
 """The wires of every chip on I2C; several chips may share them."""

@@ -8,10 +8,10 @@ reference manual 29.3 (ADC2 cannot measure while Wi-Fi is on, so only ADC1, GPIO
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from msbot.config.library.board_drivers import BOARD_DRIVERS
 from msbot.config.library.board_wiring import WiredPart
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import Sentence, said
 
 

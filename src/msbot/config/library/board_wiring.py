@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from msbot.config.library.board_drivers import ADDRESS, BOARD_DRIVERS, I2C_WIRES
 from msbot.config.library.library import Library
@@ -17,6 +16,7 @@ from msbot.config.library.part_types import DriverSpec, PartType
 from msbot.config.toml.problems import suggestion
 from msbot.config.toml.table import Scalar
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 MOST_PARTS = 8

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from msbot.config.library.library import Library
 from msbot.config.library.message_types import MessageType, standard_message_types
@@ -17,6 +16,7 @@ from msbot.config.library.reader import add_message_types, open_library_file, re
 from msbot.config.toml.document import Document, parse_document
 from msbot.config.toml.problems import KeyPath, Problems, quoted
 from msbot.config.toml.values import toml_table, toml_value
+from msbot.runtime.lazy_dataclass import dataclass
 
 FILE = "what the part says"
 """Its name in messages."""

@@ -6,7 +6,6 @@ One TOML file describes one part type. MsBOT brings more than thirty; a robot ma
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -34,6 +33,7 @@ from msbot.config.library.versions import split_number
 from msbot.config.toml.document import Document, parse_document, read_document
 from msbot.config.toml.problems import MOST_LISTED, Problems, TextPlace, did_you_mean, nearest, quoted
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 __all__ = [

@@ -8,7 +8,7 @@ identical.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from functools import cache
 from importlib.resources import files
@@ -16,6 +16,7 @@ from importlib.resources import files
 from msbot.config.toml.document import parse_document
 from msbot.config.toml.problems import Problems, kind_words
 from msbot.config.toml.table import Scalar, Table
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 class FieldKind(Enum):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 
 from msbot.config.library.message_types import MessageType
@@ -11,6 +11,7 @@ from msbot.config.library.simulator import Simulator
 from msbot.config.library.versions import ANY_VERSION, Versions
 from msbot.config.toml.problems import kind_words
 from msbot.config.toml.table import Scalar
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import Sentence, said
 
 

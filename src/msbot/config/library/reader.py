@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from msbot.config.library.driver_reader import read_driver
 from msbot.config.library.message_types import MessageType, read_message_types
@@ -23,6 +22,7 @@ from msbot.config.library.versions import ANY_VERSION, VERSION_SIGN, Versions, p
 from msbot.config.toml.document import Document
 from msbot.config.toml.problems import Problems, kind_words, suggestion
 from msbot.config.toml.table import Table
+from msbot.runtime.lazy_dataclass import dataclass
 
 FORBIDDEN_IN_PORTS = "."
 """A port is named `SLOT.port` in a binding."""

@@ -11,12 +11,12 @@ the latest message at a port that subscribes, and `#port` for the number of mess
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum
 
 from msbot.config.toml.problems import kind_words
 from msbot.config.toml.table import Scalar
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 
 Operand = float | str
 """A number, or the name of a source that gives one."""

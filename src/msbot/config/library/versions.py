@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+
+from msbot.runtime.lazy_dataclass import dataclass
 
 VERSION_SIGN = "@"
 """Separates part number and version in what a part shows."""

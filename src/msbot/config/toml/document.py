@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 import tomllib
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 from msbot.config.toml.limits import MOST_BYTES, too_much
 from msbot.config.toml.line_numbers import key_lines
 from msbot.config.toml.problems import KeyPath, Problems, TextPlace
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 

@@ -7,11 +7,11 @@ Each problem says where it is (file, line, path of the key), what is wrong, and 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from datetime import date, datetime, time
 from difflib import get_close_matches
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import printable
 from msbot.runtime.sentence import joined, said
 

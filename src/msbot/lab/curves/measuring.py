@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from msbot.agent import Acknowledgements, Agent, Worst
 from msbot.pnp import PartInfo
+from msbot.runtime.lazy_dataclass import dataclass
 
 STEP_S: Final = 0.1
 LOOK_S: Final = 1.0

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -34,6 +33,7 @@ from msbot.lab.recordings.reading import NS, OWN, Decoder, RecordedMessage, Reco
 from msbot.lab.recordings.telling import flat_fields, frame_of
 from msbot.link.can.protocol import busy_seconds
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.lazy_dataclass import dataclass
 
 MOST_POINTS: Final = 2_000_000
 """Of all curves together; some 200 MB."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from msbot.errors import ConfigError
 from msbot.link.can.protocol import Frame
+from msbot.runtime.lazy_dataclass import dataclass
 
 REMEDY: Final = "pip install 'msbot[pcap]'"
 ENDINGS: Final = (".pcap", ".pcapng", ".cap")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from random import Random
 from typing import Final
 
 from msbot.link.can.protocol import CanIds, Frame, format_frame, frame_bits, node_of, wire_bits
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import Sentence, said
 from msbot.xrce import FoundField, read_fields
 from msbot.xrce.messages import (

@@ -6,11 +6,11 @@ import math
 import operator
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Final, Protocol
 
 from msbot.errors import ConfigError
 from msbot.pnp.part_events import PartState
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 _OPERATORS: Final[Mapping[str, Callable[[float, float], bool]]] = {

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from random import Random
 from typing import Final
 
 from msbot.errors import ConfigError
 from msbot.lab.faults.conditions import Condition
 from msbot.lab.faults.kinds import FaultKind, contradiction
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 FOR_S: Final = 60.0

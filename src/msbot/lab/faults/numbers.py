@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from msbot.config import FieldKind
 from msbot.errors import ConfigError, RemoteProtocolError
 from msbot.operations.running_robot import RunningRobot
 from msbot.part import Message
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.sim import message_class
 from msbot.space import Qos, Reader, Sample, Topic

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from typing import Final
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import JsonSentence, from_json, to_json
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msbot.lab.faults.kinds import KINDS
 from msbot.lab.missions.facts import Fact, What
 from msbot.lab.missions.mission import DrawnFault, Mission, Task
 from msbot.lab.missions.repairs import REPAIRS
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from random import Random
 from typing import Final
 
 from msbot.lab.faults.kinds import KINDS, contradiction
 from msbot.operations.fault_wish import FaultWish
+from msbot.runtime.lazy_dataclass import dataclass
 
 LONGEST_S: Final = 3600.0
 TIME_S: Final = 300.0

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from msbot.errors import RemoteProtocolError
 from msbot.lab.missions.facts import Fact, What, facts_from_json
 from msbot.lab.missions.grading import Grade, grade
 from msbot.lab.missions.mission import DrawnFault, Mission, drawn
 from msbot.lab.missions.mission_file import parse_mission
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

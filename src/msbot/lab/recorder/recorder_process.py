@@ -12,13 +12,14 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 from msbot.lab.recorder.recorder import Recorder
 from msbot.lab.recorder.ring import RingLimits
+from msbot.runtime.lazy_dataclass import dataclass
 
 DRAIN_S: Final = 0.2
 """How often what was heard is handed over: so much is lost when the robot is killed."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
+
+from msbot.runtime.lazy_dataclass import dataclass
 
 NAME: Final = re.compile(r"ring-(\d{8}T\d{6})-(\d{6})\.mcap")
 SEGMENTS: Final = 10

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 
 RING_S: Final = 600.0
 RING_OCTETS: Final = 256 << 20

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from mcap.records import Channel
@@ -12,6 +12,7 @@ from mcap.writer import Writer
 from msbot.errors import ConfigError
 from msbot.lab.recordings.new_file import new_file, whole_or_none
 from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
+from msbot.runtime.lazy_dataclass import dataclass
 
 ChannelKey = tuple[str, str, bytes, tuple[tuple[str, str], ...]]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Callable, Generator, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO, Final, cast
 
@@ -17,6 +17,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from msbot.errors import ConfigError
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import printable
 
 LARGEST_RECORD: Final = 64 << 20

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -12,6 +11,7 @@ from msbot.errors import ConfigError
 from msbot.lab.recordings.reading import OWN, RecordingReader
 from msbot.lab.replay.piece import NS
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.lazy_dataclass import dataclass
 
 REPLAYED: Final = ("set", "reset", "bind", "unbind", "publish", "let_go", "stop", "go")
 """Operations whose arguments mean the same in another robot of the same slots. Others name edits by their numbers,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -12,6 +11,7 @@ from msbot.lab.recorder.recording_file import ENCAPSULATION
 from msbot.lab.recordings.reading import OWN, RecordedMessage, RecordingReader
 from msbot.part.join.plug import TEXT_OCTETS
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.lazy_dataclass import dataclass
 
 NS: Final = 1_000_000_000
 MOST_OCTETS: Final = 256 << 20

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from random import Random, SystemRandom
 from typing import Final
 from zlib import crc32
@@ -29,6 +29,7 @@ from msbot.link.can.protocol.ids import UID_SIZE, CanIds
 from msbot.link.can.protocol.legacy_frames import DOWN, UP
 from msbot.link.can.protocol.node_ids import NodeIds
 from msbot.link.contract import Link
+from msbot.runtime.lazy_dataclass import dataclass
 
 CAN_EXAMPLE: Final = "can:can0?bitrate=500000"
 CANFD_EXAMPLE: Final = "canfd:can0"

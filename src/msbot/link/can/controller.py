@@ -7,11 +7,11 @@ link, where they can be interleaved, overtaken by STOP, and counted.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
 from msbot.link.can.protocol.frames import Frame
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 class BusState(Enum):

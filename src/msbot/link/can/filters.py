@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 from msbot.link.can.protocol.ids import NODES, CanIds
+from msbot.runtime.lazy_dataclass import dataclass
 
 STANDARD_BITS: Final = 0x7FF
 EXTENDED_BITS: Final = 0x1FFFFFFF

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from msbot.errors import RemoteProtocolError
 from msbot.link.can.controller import CanBusInfo
 from msbot.link.can.protocol.frames import COUNTER, REPEAT_S, Frame, FrameJoiner, split
 from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION
 from msbot.link.contract import LinkCounters
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

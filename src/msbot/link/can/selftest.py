@@ -6,11 +6,11 @@ import asyncio
 import contextlib
 from collections import deque
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
 from typing import Final
 
 from msbot.link.can.controller import CanBus
 from msbot.link.can.protocol.frames import Frame
+from msbot.runtime.lazy_dataclass import dataclass
 
 CAN_ID: Final = 0x321
 A: Final = b"\xa5"

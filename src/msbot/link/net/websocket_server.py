@@ -11,13 +11,13 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Hashable
-from dataclasses import dataclass
 
 from msbot.errors import LinkDown, LinkFull
 from msbot.link.base import BaseLink
 from msbot.link.byte_frames import MAX_PACKET
 from msbot.link.contract import LinkInfo, Peer, Signal
 from msbot.link.net.rate_budget import RateBudget
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 MOST = 256

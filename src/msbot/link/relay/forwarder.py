@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Final
 
 from msbot.errors import RemoteProtocolError
@@ -35,6 +35,7 @@ from msbot.link.relay.messages import (
     decode,
     encode,
 )
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
 
 BEAT_S: Final = 0.5

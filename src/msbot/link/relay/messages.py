@@ -7,11 +7,11 @@ sessions, and those are never on a reliable stream. Numbers are big-endian.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import printable
 
 MARK: Final = b"\x00\xffR"

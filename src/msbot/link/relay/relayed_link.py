@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Hashable
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from msbot.errors import LinkDown, LinkFull
@@ -30,6 +29,7 @@ from msbot.link.relay.messages import (
     Welcome,
     encode,
 )
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 WINDOW: Final = 8

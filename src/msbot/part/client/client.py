@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from random import Random
 
 from msbot.errors import LinkFull, LocalProtocolError, RequestError
@@ -17,6 +16,7 @@ from msbot.part.client.agent_watch import Stall
 from msbot.part.client.connection import Connection
 from msbot.part.client.entities import Entity, EntityTable, RunningRead
 from msbot.part.client.settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages import STREAM_RELIABLE, DeliveryControl, ObjectKind, ObjectVariant, status_words
 from msbot.xrce.objects import (
     RELIABLE_QOS,

@@ -10,9 +10,9 @@ import asyncio
 import logging
 import socket
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from msbot.errors import LinkDown, RemoteProtocolError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages import (
     OBJECT_AGENT,
     REQUEST_DISCOVERY,

@@ -7,9 +7,9 @@ parents first, together with their reads; nobody else has to remember anything.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from msbot.errors import LocalProtocolError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce import Status
 from msbot.xrce.messages import DeliveryControl, ObjectKind, ObjectVariant, make_object_id
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from typing import Self
 
 from msbot.errors import ConfigError
 from msbot.link import LinkInfo
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages import SESSION_DEFAULT, SESSION_NONE
 
 

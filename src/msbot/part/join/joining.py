@@ -15,8 +15,9 @@ None, and calls `handle_timer` when `timer()` says so.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from enum import Enum
+
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 class JoinState(Enum):

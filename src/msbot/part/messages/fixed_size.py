@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import TypeAlias
+
+from msbot.runtime.lazy_dataclass import dataclass
 
 Leaf: TypeAlias = tuple[str, str]
 """Path of a number inside a message (`linear.x`), and its code in a `struct` format."""

@@ -15,12 +15,12 @@ Fields are written in the order of the class, those of a base class first. What 
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Self, TypeVar, dataclass_transform, get_origin, get_type_hints
 
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part.messages.fixed_size import FixedSize, fixed_size
 from msbot.part.messages.wire_types import FieldCodec, codec_for
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages import CdrReader, CdrWriter
 
 LARGEST_PADDING = 3

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import IntEnum
 from typing import Annotated, Any, get_args, get_origin
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages import CdrReader, CdrWriter
 
 

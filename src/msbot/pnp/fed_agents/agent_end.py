@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Final
 
 from msbot.agent import ClientInfo
@@ -44,6 +44,7 @@ from msbot.pnp.fed_agents.messages import (
     short,
 )
 from msbot.pnp.profile import PROFILE_TOPIC, Profile
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
 
 BEAT_S: Final = 0.5

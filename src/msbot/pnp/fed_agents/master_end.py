@@ -9,7 +9,7 @@ lost, for that reason, and come in anew when it is back.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from random import Random
 from typing import Final, Protocol
 
@@ -41,6 +41,7 @@ from msbot.pnp.fed_agents.messages import (
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.model import Configuration
 from msbot.pnp.profile import Profile
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from sqlalchemy import Connection, func, select
 
@@ -11,6 +10,7 @@ from msbot.pnp import PartState
 from msbot.registry.database.statements import journal_entry, list_robots
 from msbot.registry.database.tables import edits, journal, parts, robots, slots
 from msbot.registry.records import JournalEntry, RobotRecord
+from msbot.runtime.lazy_dataclass import dataclass
 
 _REGISTERED = [state.value for state in PartState if state.is_registered]
 

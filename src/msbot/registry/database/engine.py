@@ -7,7 +7,6 @@ import os
 import re
 import sqlite3
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
@@ -17,6 +16,7 @@ from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 
 from msbot.errors import RegistryError
 from msbot.registry.database.database_errors import ELSE, told_as_registry_error
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 WRITE = "msbot_write"

@@ -6,7 +6,6 @@ import logging
 import re
 import sqlite3
 from contextlib import closing
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from msbot.errors import RegistryError
 from msbot.registry.database.database_errors import told_as_registry_error
 from msbot.registry.database.engine import WRITE, Address, make_private
 from msbot.registry.database.tables import metadata
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 _VERSION_TABLE = "alembic_version"

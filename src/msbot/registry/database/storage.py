@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
 from time import monotonic
 from typing import ParamSpec, TypeVar
 
@@ -17,6 +16,7 @@ from msbot.registry.database.database_file import DatabaseFile
 from msbot.registry.database.engine import WAIT_S, WRITE, Address
 from msbot.registry.database.writer import Writer
 from msbot.runtime.daemon_threads import DaemonThreads
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 SLOWEST_S = 5.0

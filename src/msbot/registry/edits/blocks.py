@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Self
 
 from sqlalchemy import Connection, delete, select
@@ -12,6 +12,7 @@ from msbot.registry.database.statements import upsert
 from msbot.registry.database.tables import blocks
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.records import EditKind, EditRecord
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 from sqlalchemy import ColumnElement, Connection, Row, delete, select
@@ -11,6 +10,7 @@ from sqlalchemy import ColumnElement, Connection, Row, delete, select
 from msbot.registry.blueprint import blueprint_snapshot as snapshot
 from msbot.registry.database.tables import edits
 from msbot.registry.records import UNDOABLE, EditKind, EditRecord
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import from_json, to_json
 
 EDITS_KEPT = 10_000

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple, Self
 
 from sqlalchemy import Connection, or_, select, update
@@ -13,6 +13,7 @@ from msbot.registry.database.tables import parts, slots
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.edits.slot_values import find_slot
 from msbot.registry.records import EditKind, EditRecord, uid_text
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Self
 
 from sqlalchemy import Connection, delete, select
@@ -15,6 +15,7 @@ from msbot.registry.database.tables import library, settings, slots
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.records import EditKind, EditRecord, ValueRecord
 from msbot.registry.running.configurations import ORIGINS
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 HAND = "hand"

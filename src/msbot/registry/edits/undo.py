@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Self
 
 from sqlalchemy import Connection, Row, select, update
@@ -20,6 +19,7 @@ from msbot.registry.edits.part_places import Belonging, PlaceCell
 from msbot.registry.edits.slot_values import ValueCell
 from msbot.registry.edits.wires import TopicCell, TopicsCell
 from msbot.registry.records import UNDOABLE, EditKind, EditRecord, RobotRecord
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 

@@ -7,7 +7,7 @@ of the master does not bring it back. A wire that a person makes stays until the
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, replace
 from typing import Any, Self
 
 from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
@@ -20,6 +20,7 @@ from msbot.registry.database.tables import bindings, library, slots
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.edits.slot_values import find_slot, read_parameters
 from msbot.registry.records import EditKind, EditRecord
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlite3
 import sys
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from sqlalchemy import func, select
@@ -16,6 +16,7 @@ from msbot.registry.database.schema import own_migrations, read_version
 from msbot.registry.database.tables import journal, robots
 from msbot.registry.maintenance import consistency
 from msbot.registry.registry import BUSY_TIMEOUT_S
+from msbot.runtime.lazy_dataclass import dataclass
 
 MB = 1_000_000
 WAIT_S = 0.5

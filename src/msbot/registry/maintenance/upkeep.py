@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 from sqlalchemy import Connection, Engine, delete, func, insert, select, text
@@ -24,6 +23,7 @@ from msbot.registry.maintenance import consistency as findings
 from msbot.registry.maintenance.backup_check import check_backup
 from msbot.registry.registry import BUSY_TIMEOUT_S, open_registry
 from msbot.registry.running import run_lock
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 _ROWS = 1000

@@ -6,7 +6,6 @@ What people change, here or in another process, is reloaded by the writer's thre
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from sqlalchemy import Connection, func, select
 
@@ -21,6 +20,7 @@ from msbot.registry.edits.user_statements import list_users
 from msbot.registry.records import UserRecord
 from msbot.registry.running import stop_record
 from msbot.registry.running.configurations import read_configurations
+from msbot.runtime.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,10 @@ import hashlib
 import math
 import struct
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from random import Random
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.sim.arena.wheels import GRAVITY, SENSE_STEPS, STEP_S, push
 from msbot.sim.arena.world import Box, Colour, Point, RobotPlan, WorldPlan
 

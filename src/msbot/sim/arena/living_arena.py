@@ -9,11 +9,11 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from msbot.config import SENSES
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.sim.arena.inhabitant import Inhabitant
 from msbot.sim.arena.wheels import SENSE_STEPS, STEP_S
 from msbot.sim.arena.world import Point

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
-from dataclasses import dataclass
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.sim.arena.world import Chassis, Looks, PartPlace, Point
 
 LINE_WIDTH_M = 0.07

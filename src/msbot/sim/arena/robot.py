@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from random import Random
 
 import pymunk
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.sim.arena.places import Spot, place_of
 from msbot.sim.arena.wheels import Wheel, make_wheels
 from msbot.sim.arena.world import Outline, PartPlace, Point, RobotPlan

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.sim.arena.arena import Arena
 from msbot.sim.arena.robot import ArenaRobot
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from random import Random
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.sim.arena.world import Chassis, ChassisKind, Point
 
 STEP_S = 0.005

@@ -5,8 +5,10 @@ A robot's own frame: x ahead, y to its left, the origin in the middle of its cha
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
+
+from msbot.runtime.lazy_dataclass import dataclass
 
 Point = tuple[float, float]
 

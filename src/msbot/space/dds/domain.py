@@ -5,9 +5,9 @@ from __future__ import annotations
 import ctypes
 import os
 from ctypes import byref
-from dataclasses import dataclass
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.dds.library import PRECONDITION_NOT_MET, DdsLibrary
 from msbot.space.dds.network import Network, check_domain
 from msbot.space.dds.raw_type import Serialiser, descriptor, type_by_sample, type_of

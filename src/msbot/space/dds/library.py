@@ -14,10 +14,10 @@ import os
 import re
 from collections.abc import Iterator
 from ctypes import POINTER, c_bool, c_char_p, c_int, c_int32, c_int64, c_size_t, c_ssize_t, c_uint32, c_uint64, c_void_p
-from dataclasses import dataclass
 from pathlib import Path
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 
 REMEDY = "pip install 'msbot[dds]', or apt install libddsc0debian, or let CYCLONEDDS_HOME name where Cyclone DDS is"
 

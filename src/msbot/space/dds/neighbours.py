@@ -5,9 +5,9 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterator
 from ctypes import c_void_p
-from dataclasses import dataclass
 from functools import partial
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.contract import Guid, Qos
 from msbot.space.dds.domain import Domain
 from msbot.space.dds.library import (

@@ -12,9 +12,9 @@ import socket
 import struct
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.space_address import MAX_DOMAIN
 
 MAX_PARTICIPANTS = 60

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from struct import Struct
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.contract import Guid, Qos
 from msbot.space.zenoh.keys import flags, qos_of
 

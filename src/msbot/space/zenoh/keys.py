@@ -7,9 +7,9 @@ makes itself known by a liveliness token below that key, which says what it offe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from urllib.parse import quote, unquote
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.contract import Guid, Qos
 
 ROOT = "msbot"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import errno
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.space_address import TlsFiles
 from msbot.space.zenoh.keys import GRAPH, ROOT
 from msbot.space.zenoh.library import load, session_config

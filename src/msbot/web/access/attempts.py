@@ -12,9 +12,8 @@ Three rules, so that guessing is slow and nobody is locked out by somebody else:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from msbot.errors import MsbotError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 FREE_TRIES = 5

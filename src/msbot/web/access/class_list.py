@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import secrets
-from dataclasses import dataclass
 
 from msbot.errors import ConfigError
 from msbot.operations.rights import Role, role_named
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.web.access.passwords import check_password
 

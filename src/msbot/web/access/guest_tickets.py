@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from msbot.errors import ConfigError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.sessions import digest_of

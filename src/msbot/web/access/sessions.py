@@ -10,9 +10,10 @@ import hashlib
 import secrets
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msbot.operations.rights import Right, Role
+from msbot.runtime.lazy_dataclass import dataclass
 
 IDLE_S = 8 * 3600.0
 """A session that is not used for this long ends: a school day."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 from fastapi import Request
@@ -14,6 +13,7 @@ from nicegui.events import GenericEventArguments
 from msbot.errors import LocalProtocolError
 from msbot.lab.frame_picture import frame_picture
 from msbot.link.can.protocol import parse_frame, wire_bits
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.web.api.bus_lines import BusFigures, FrameLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame

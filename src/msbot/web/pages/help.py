@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 from fastapi import Request, Response
 from nicegui import ui
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.web import handbook
 from msbot.web.service import Service
 

@@ -7,7 +7,7 @@ import inspect
 import logging
 from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import datetime
 from functools import partial
 from typing import Any
@@ -18,6 +18,7 @@ from nicegui import Client, ui
 from msbot.errors import ConfigError, MsbotError, NotThere
 from msbot.lessons.shelf import SIMPLE
 from msbot.operations.rights import Right
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.web.access.accounts import SignedOut
 from msbot.web.access.sessions import Session

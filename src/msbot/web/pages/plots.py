@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from urllib.parse import parse_qsl, urlencode
 
@@ -21,6 +20,7 @@ from msbot.errors import MsbotError
 from msbot.lab.curves.curve import Figures, Point, figures_of, thinned
 from msbot.lab.curves.names import is_wanted
 from msbot.pnp.explain_samples import value_words
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.web.html import render
 from msbot.web.live import HISTORY_S
 from msbot.web.pages.layout import Page, page_frame

@@ -7,8 +7,8 @@ does with it is in `static/wires.js`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.web.api.models import TopicLine, WirePort
 from msbot.web.html import Markup, render
 from msbot.web.language import Language

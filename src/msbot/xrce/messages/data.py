@@ -7,10 +7,10 @@ clients send nothing else, and the genuine agent drops everything else.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages.cdr import CdrReader, CdrWriter
 from msbot.xrce.messages.ids import SubmessageId
 from msbot.xrce.messages.submessage import LITTLE_ENDIAN, MAX_LENGTH, frame

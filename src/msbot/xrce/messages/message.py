@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from typing import TypeAlias
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages.data import Data, DeliveryControl, ReadData, WriteData
 from msbot.xrce.messages.ids import SESSION_NONE, SubmessageId
 from msbot.xrce.messages.objects import Create, Delete, ObjectVariant, StatusReply

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Self
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages.cdr import CdrReader, CdrWriter
 from msbot.xrce.messages.ids import Format, ObjectKind, SubmessageId
 from msbot.xrce.messages.submessage import LITTLE_ENDIAN, frame, need

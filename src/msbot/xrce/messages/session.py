@@ -7,11 +7,11 @@ endian, no padding after it) and decodes itself from `packet[start:end]`, the pa
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar, Self
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages.cdr import CdrReader, CdrWriter
 from msbot.xrce.messages.ids import COOKIE, VENDOR, VERSION, ObjectKind, SubmessageId
 from msbot.xrce.messages.submessage import LITTLE_ENDIAN, frame, need

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import ClassVar, Self
 
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages.ids import SubmessageId
 from msbot.xrce.messages.submessage import LITTLE_ENDIAN, frame, need
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages.cdr import CdrWriter
 from msbot.xrce.messages.ids import Format, ObjectKind
 from msbot.xrce.messages.objects import ObjectVariant

@@ -11,8 +11,10 @@ MISMATCH, or with REPLACE the endpoint moves to the new topic.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TypeAlias
+
+from msbot.runtime.lazy_dataclass import dataclass
 
 FurtherQos: TypeAlias = tuple[tuple[str, str], ...]
 """Quality of service that no data space here supports: it is only compared."""

@@ -5,8 +5,7 @@ There is one event for every message, so events are plain classes with slots. Th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages.ids import OBJECT_CLIENT, STREAM_NONE
 from msbot.xrce.messages.message import ObjectVariant, ReadData
 

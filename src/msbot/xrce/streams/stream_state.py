@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.streams.sequence_numbers import NOTHING_YET
 
 

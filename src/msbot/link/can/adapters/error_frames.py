@@ -6,10 +6,10 @@ details, octets 6 and 7 the error counters (ISO 11898-1:2015 12.1.4) where the d
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 from msbot.link.can.controller import BusState
+from msbot.runtime.lazy_dataclass import dataclass
 
 TX_TIMEOUT: Final = 0x001
 LOST_ARBITRATION: Final = 0x002

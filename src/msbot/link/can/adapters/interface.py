@@ -11,13 +11,13 @@ import errno
 import os
 import socket
 from collections.abc import Iterator
-from dataclasses import dataclass
 from struct import Struct
 from struct import error as StructError
 from typing import Final
 
 from msbot.link.can.adapters.socketcan_frames import FD_SIZE
 from msbot.link.can.controller import BusState
+from msbot.runtime.lazy_dataclass import dataclass
 
 _HEADER: Final = Struct("=IHHII")
 _LINK: Final = Struct("=BxHiII")

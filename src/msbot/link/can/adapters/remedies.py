@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import errno
-from dataclasses import dataclass
 from typing import Final
 
 from msbot.link.can.adapters.interface import CanInterface
+from msbot.runtime.lazy_dataclass import dataclass
 
 ELSEWHERE: Final = (
     "SocketCAN is a part of Linux: on this system use an adapter through python-can, "

@@ -17,12 +17,13 @@ is the plain, bit-by-bit description. The tests compare the two.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, lru_cache
 from typing import NamedTuple
 
 from msbot.errors import LocalProtocolError
 from msbot.link.can.protocol.frames import FD_LENGTHS, Frame, check_frame
+from msbot.runtime.lazy_dataclass import dataclass
 
 INTERMISSION = 3
 """Recessive bits between two frames."""

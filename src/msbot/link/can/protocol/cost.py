@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from msbot.link.can.protocol.bits import frame_bits
 from msbot.link.can.protocol.frames import COUNTER, Frame, split
 from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION, EPOCHS, Beacon, CanIds, beacon_frame
 from msbot.link.can.protocol.join_master import BEACON_PERIOD_S
+from msbot.runtime.lazy_dataclass import dataclass
 
 BEACONS_HZ: Final = 1 / BEACON_PERIOD_S
 _EPOCHS_TRIED: Final = 64

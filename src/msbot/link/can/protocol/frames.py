@@ -13,9 +13,8 @@ certain lengths, a last frame longer than 8 bytes says after the header how many
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from msbot.errors import LocalProtocolError
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
 
 FIRST = 0x80

@@ -7,13 +7,13 @@ Readers are tolerant: a frame that does not look exactly like one of ours gives 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from struct import Struct
 from typing import Final
 from zlib import crc32
 
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.link.can.protocol.frames import Frame
+from msbot.runtime.lazy_dataclass import dataclass
 
 NODES: Final = 120
 """Addresses on one bus: node ids 1 to 120."""

@@ -16,7 +16,7 @@ another one's frames: any node can send those.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from random import Random
 from typing import Final
 
@@ -37,6 +37,7 @@ from msbot.link.can.protocol.ids import (
     read_question,
 )
 from msbot.link.can.protocol.node_ids import NodeIds
+from msbot.runtime.lazy_dataclass import dataclass
 
 BEACON_PERIOD_S: Final = 1.0
 LISTEN_S: Final = 0.2

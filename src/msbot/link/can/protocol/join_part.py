@@ -21,13 +21,13 @@ repetitions do not add to the load of a busy bus (docs/decisions/0005).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from random import Random
 from typing import Final
 
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.protocol.ids import NODES, Assign, Beacon, CanIds, check_uid, join_frame, read_assign, read_beacon
+from msbot.runtime.lazy_dataclass import dataclass
 
 BEACON_TIMEOUT_S: Final = 3.5
 """Without a beacon for this long a part has lost its master."""

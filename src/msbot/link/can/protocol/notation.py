@@ -16,11 +16,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import Final
 
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.link.can.protocol.frames import Frame, check_frame, pad_fd
+from msbot.runtime.lazy_dataclass import dataclass
 
 PADDING: Final = b"\xcc"
 """Padding for CAN FD data of a length that no frame has (zeros would cost stuff bits)."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Final
@@ -38,6 +37,7 @@ from msbot.link.can.sim.model.messages import (
 )
 from msbot.link.can.sim.names import NamedBus, check_name, existing_bus, find_bus, rates_words, withdraw
 from msbot.link.can.sim.server import SimBusServer, keep_little
+from msbot.runtime.lazy_dataclass import dataclass
 
 BITRATE: Final = 500_000
 DATA_BITRATE: Final = 2_000_000

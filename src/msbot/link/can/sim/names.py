@@ -12,13 +12,14 @@ import json
 import os
 import re
 import secrets
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
 from msbot.errors import ConfigError, LinkDown
 from msbot.runtime.folder_lock import alone_in
 from msbot.runtime.json_reading import read_json
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.user_folders import check_owner, is_running, running_folder
 
 DEFAULT_NAME: Final = "classroom"

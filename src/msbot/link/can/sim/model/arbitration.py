@@ -13,7 +13,7 @@ the intermission, which would be taken for an SOF, is left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from msbot.link.can.protocol.bits import INTERMISSION, FrameBits, WireBit, frame_bits, wire_bits
 from msbot.link.can.protocol.frames import Frame
@@ -24,6 +24,7 @@ from msbot.link.can.sim.model.error_counters import (
     ErrorCounters,
     noticed_at,
 )
+from msbot.runtime.lazy_dataclass import dataclass
 
 Noise = Callable[[int], int | None]
 """Given a number of bits: the index of the first one that is disturbed, or None."""

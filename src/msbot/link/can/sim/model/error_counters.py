@@ -6,10 +6,10 @@ Pure rules of ISO 11898-1:2015 chapter 12 (fault confinement) and 10.4.4 (error 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from msbot.link.can.controller import BusState
 from msbot.link.can.protocol.bits import WireBit
+from msbot.runtime.lazy_dataclass import dataclass
 
 ERROR_FLAG = 6
 """Bits of an error flag: dominant when error-active, recessive when error-passive."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from msbot.link.can.controller import BusState
 from msbot.link.can.protocol.frames import Frame
+from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
 
 

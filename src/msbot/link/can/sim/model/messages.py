@@ -9,12 +9,12 @@ the computer's monotonic clock, in seconds.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import Final
 
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.link.can.controller import BusState
 from msbot.link.can.protocol.frames import Frame, check_frame
+from msbot.runtime.lazy_dataclass import dataclass
 
 VERSION: Final = 1
 MAX_MESSAGE: Final = 512
