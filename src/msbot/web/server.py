@@ -37,6 +37,7 @@ from msbot.web.access.cookies import cookie_names
 from msbot.web.access.guard import ANY_ADDRESS, AccessGuard
 from msbot.web.access.sign_in_pages import make_forms
 from msbot.web.api.late_routes import LateRoutes
+from msbot.web.api.operation_routes import STOP_PATH, make_stop_api
 from msbot.web.api.problems import tell_problems
 from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
 from msbot.web.open_pages import OpenPages
@@ -193,7 +194,8 @@ class WebServer:
         app = FastAPI(title="MsBOT", version="1", docs_url=None, redoc_url=None, openapi_url="/openapi.json")
         cookies = cookie_names(self.mark)
         app.include_router(make_forms(service.accounts, service.robot_name, cookies, service.pupils.passes))
-        app.add_middleware(LateRoutes, of=app, paths=LATE_PATHS, make=partial(_late_routes, service))
+        app.include_router(make_stop_api(service))
+        app.add_middleware(LateRoutes, of=app, paths=LATE_PATHS, make=partial(_late_routes, service), but=STOP_PATH)
         add_browser_files(app)
         app.router.routes.append(PartSocket(self.parts, service.accounts).route())
         tell_problems(app)

@@ -2,7 +2,8 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from threading import current_thread, main_thread
+from threading import Event, current_thread, main_thread
+from typing import cast
 
 import httpx
 from fastapi import FastAPI
@@ -11,6 +12,8 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from msbot.web.api.late_routes import LateRoutes
+from msbot.web.api.operation_routes import STOP_PATH, make_stop_api
+from msbot.web.service import Service
 
 
 async def _answer(request: Request) -> Response:
@@ -24,11 +27,15 @@ async def _page(_request: Request) -> Response:
 class _App:
     def __init__(self) -> None:
         self.made: list[bool] = []
+        self.may_go_on = Event()
+        self.may_go_on.set()
         self.app = FastAPI()
         self.app.router.routes.append(Route("/{rest:path}", _page))
-        self.app.add_middleware(LateRoutes, of=self.app, paths=("/api", "/metrics"), make=self._make)
+        self.app.router.routes.insert(0, Route(STOP_PATH, _answer, methods=["POST"]))
+        self.app.add_middleware(LateRoutes, of=self.app, paths=("/api", "/metrics"), make=self._make, but=STOP_PATH)
 
     def _make(self) -> list[BaseRoute]:
+        self.may_go_on.wait()
         self.made.append(current_thread() is main_thread())
         return [Route("/api/robot", _answer), Route("/metrics", _answer)]
 
@@ -64,3 +71,22 @@ def test_they_are_made_when_the_first_page_has_been_sent() -> None:
         assert app.made == [False]
 
     _run(steps)
+
+
+def test_stop_waits_for_nothing() -> None:
+    async def steps(app: _App, client: httpx.AsyncClient) -> None:
+        app.may_go_on.clear()
+        waiting = asyncio.create_task(client.get("/api/robot"))
+        assert (await client.get("/")).text == "page"
+        assert (await client.post("/api/stop")).text == "late /api/stop"
+        assert app.made == []
+        app.may_go_on.set()
+        assert (await waiting).text == "late /api/robot"
+
+    _run(steps)
+
+
+def test_the_call_of_stop_is_one_of_its_own() -> None:
+    (route,) = make_stop_api(cast("Service", None)).routes
+    assert isinstance(route, Route)
+    assert (route.path, route.methods) == (STOP_PATH, {"POST"}) == ("/api/stop", {"POST"})

@@ -8,8 +8,8 @@ from fastapi import APIRouter, Path, Request
 from fastapi.responses import Response, StreamingResponse
 
 from msbot.runtime.sentence import said
+from msbot.web.api.answers import PROBLEMS
 from msbot.web.api.models import Done, NewToken, NewUser, UserChange, UserLine, Words
-from msbot.web.api.routes import PROBLEMS
 from msbot.web.api.session import SignedIn
 from msbot.web.service import Service
 

@@ -15,3 +15,15 @@ class ProblemAnswer(Model):
     """What every refusal looks like."""
 
     error: str
+
+
+PROBLEMS: dict[int | str, dict[str, object]] = {
+    400: {"model": ProblemAnswer, "description": "It cannot be done; the sentence says why and what would be right."},
+    401: {"model": ProblemAnswer, "description": "Nobody is signed in."},
+    403: {"model": ProblemAnswer, "description": "The role does not allow it."},
+    404: {"model": ProblemAnswer, "description": "There is no such thing."},
+    409: {"model": ProblemAnswer, "description": "The database does not take it at the moment."},
+    413: {"model": ProblemAnswer, "description": "The body is too large."},
+    422: {"model": ProblemAnswer, "description": "The request does not fit the schema."},
+}
+"""What every call can answer besides its result."""

@@ -24,21 +24,23 @@ class LateRoutes:
         of: where the routes are put, before all others.
         paths: how the paths of these routes begin.
         make: makes them, in a thread.
+        but: the one path that begins like these and waits for nothing: its route is there already.
     """
 
     def __init__(
-        self, app: ASGIApp, of: FastAPI, paths: tuple[str, ...], make: Callable[[], Iterable[BaseRoute]]
+        self, app: ASGIApp, of: FastAPI, paths: tuple[str, ...], make: Callable[[], Iterable[BaseRoute]], but: str = ""
     ) -> None:
         self._app = app
         self._of = of
         self._paths = paths
+        self._but = but
         self._make = make
         self._making: asyncio.Task[None] | None = None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let a request through, once there is what it asks for."""
         if scope["type"] == "http":
-            if scope["path"].startswith(self._paths):
+            if scope["path"].startswith(self._paths) and scope["path"] != self._but:
                 await asyncio.shield(self._made())
             elif self._making is None and scope["path"] == FIRST_PAGE:
                 send = self._and_then_make(send)

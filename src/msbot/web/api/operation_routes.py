@@ -12,6 +12,7 @@ from pydantic import Field, create_model
 
 from msbot.operations.operation import Argument, ArgumentKind, Operation
 from msbot.operations.table import OPERATIONS
+from msbot.web.api.answers import PROBLEMS
 from msbot.web.api.models import Done, Model, Scalar
 from msbot.web.api.session import SignedIn
 from msbot.web.service import Service, done_of
@@ -26,14 +27,30 @@ _TYPES: dict[ArgumentKind, object] = {
 }
 
 
+STOP = OPERATIONS["stop"]
+PREFIX = "/api"
+STOP_PATH = PREFIX + STOP.call.split()[1]
+
+
+def make_stop_api(service: Service) -> APIRouter:
+    """The call of STOP alone: it is there before all others, and never waits until they are."""
+    router = APIRouter(prefix=PREFIX, responses=PROBLEMS)
+    _add(router, service, STOP)
+    return router
+
+
 def add_operations(router: APIRouter, service: Service) -> None:
-    """Add every operation that has a call: names in the path, the other arguments in the body."""
+    """Add every other operation that has a call: names in the path, the other arguments in the body."""
     for operation in OPERATIONS.values():
-        if operation.call:
-            method, path = operation.call.split()
-            router.add_api_route(
-                path, _call_of(operation, path, service), methods=[method], name=operation.name, response_model=Done
-            )
+        if operation.call and operation is not STOP:
+            _add(router, service, operation)
+
+
+def _add(router: APIRouter, service: Service, operation: Operation) -> None:
+    method, path = operation.call.split()
+    router.add_api_route(
+        path, _call_of(operation, path, service), methods=[method], name=operation.name, response_model=Done
+    )
 
 
 def _call_of(operation: Operation, path: str, service: Service) -> Callable[..., Awaitable[Done]]:

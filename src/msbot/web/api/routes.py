@@ -13,7 +13,7 @@ from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
 from msbot.lab.missions.played import grade_json, played_from_json
-from msbot.web.api.answers import Health, ProblemAnswer
+from msbot.web.api.answers import PROBLEMS, Health
 from msbot.web.api.bus_lines import BusFigures, FrameLine
 from msbot.web.api.class_models import RobotStatus, RobotTile
 from msbot.web.api.doctor_models import ExaminationState
@@ -35,26 +35,15 @@ from msbot.web.api.models import (
     Value,
     Wish,
 )
-from msbot.web.api.operation_routes import add_operations
+from msbot.web.api.operation_routes import PREFIX, add_operations
 from msbot.web.api.program_routes import add_programs
 from msbot.web.api.session import Name, SignedIn, journal_for, lanes_for, parts_for, slots_for, words_for
 from msbot.web.service import Service
 
-PROBLEMS: dict[int | str, dict[str, object]] = {
-    400: {"model": ProblemAnswer, "description": "It cannot be done; the sentence says why and what would be right."},
-    401: {"model": ProblemAnswer, "description": "Nobody is signed in."},
-    403: {"model": ProblemAnswer, "description": "The role does not allow it."},
-    404: {"model": ProblemAnswer, "description": "There is no such thing."},
-    409: {"model": ProblemAnswer, "description": "The database does not take it at the moment."},
-    413: {"model": ProblemAnswer, "description": "The body is too large."},
-    422: {"model": ProblemAnswer, "description": "The request does not fit the schema."},
-}
-"""What every call can answer besides its result."""
-
 
 def make_api(service: Service) -> APIRouter:
     """All calls of the API for one robot."""
-    router = APIRouter(prefix="/api", responses=PROBLEMS)
+    router = APIRouter(prefix=PREFIX, responses=PROBLEMS)
     _add_reads(router, service)
     _add_slots(router, service)
     add_operations(router, service)
