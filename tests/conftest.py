@@ -4,13 +4,14 @@ event loop waits for a database, and the order of the whole suite."""
 import logging
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.stop_datagram import GROUP_VARIABLE
 from tests.effort import THOROUGH
 from tests.loop_guard import guard
@@ -31,6 +32,14 @@ settings.register_profile("thorough", settings.get_profile("msbot"), max_example
 settings.load_profile("thorough" if THOROUGH else "msbot")
 
 guard()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """No garbage is looked for among ten thousand tests and all of MsBOT, neither now nor while they run."""
+    with made_to_stay():
+        return (yield)
+
 
 LOGGERS = ("", "msbot", "msbot.part")
 """Those whose levels commands change; the first is the root."""

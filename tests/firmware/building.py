@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from functools import cache
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
+
+from tests.kept import kept, said_once
 
 ROOT = Path(__file__).parents[2]
 SOURCES = ROOT / "firmware" / "c"
@@ -49,13 +51,31 @@ def run(*command: str | Path, timeout_s: float = 120.0) -> str:
     return result.stdout + result.stderr
 
 
-@cache
-def pipe_program(folder: Path) -> Path:
+def compiled(name: str, *command: str | Path) -> Path:
+    """The program that a compiler makes of the firmware: told everything but where to put it."""
+
+    def make(folder: Path) -> None:
+        run(*command, "-o", folder / name)
+
+    return kept(f"firmware-{name}", make, tools=(str(command[0]),), told=command, of=SOURCES) / name
+
+
+def judged(name: str, ask: Callable[[], str], *told: object, tools: Sequence[str]) -> str:
+    """What a checker says of the firmware, which has to content it: asked again only when something has changed."""
+    return said_once(f"firmware-{name}", ask, tools=tools, told=told, of=SOURCES)
+
+
+def pipe_program() -> Path:
     """The firmware on a pipe (`host/pipe.c`), with the sanitizers."""
-    program = folder / "pipe"
     modules = [*sorted(SOURCES.glob("msbot_*.c")), SOURCES / "host" / "pipe.c"]
-    run("gcc", *WARNINGS, *SANITIZERS, "-DMSBOT_CAN_DATA=64", "-I", SOURCES, *modules, "-o", program)
-    return program
+    return compiled("pipe", "gcc", *WARNINGS, *SANITIZERS, "-DMSBOT_CAN_DATA=64", "-I", SOURCES, *modules)
+
+
+def linux_board() -> Path:
+    """The example for Linux: a board that is a process."""
+    examples = SOURCES / "examples"
+    main = (examples / "pin_board.c", examples / "linux_socketcan" / "main.c")
+    return compiled("board", "gcc", *WARNINGS, "-O2", "-I", SOURCES, *sorted(SOURCES.glob("msbot_*.c")), *main)
 
 
 CORTEX_M4 = ("-mcpu=cortex-m4", "-mthumb", "-Os", "-ffunction-sections", "-fdata-sections")
@@ -68,12 +88,10 @@ DRIVERS = {EMULATED: "slcan.c", "stm32f4_bxcan": "bxcan.c", "stm32g4_fdcan": "fd
 FOR_EXAMPLE = {"stm32g4_fdcan": ("-DMSBOT_CAN_DATA=64", "-Wl,--defsym=ram_size=0x8000")}
 
 
-def link_example(example: str, folder: Path) -> Path:
+def link_example(example: str) -> Path:
     """An example as an ELF file for its microcontroller."""
-    program = folder / f"{example}.elf"
     examples = SOURCES / "examples"
     modules = sorted(SOURCES.glob("msbot_*.c"))
     more = (examples / "pin_board.c", examples / DRIVERS[example], examples / example / "main.c")
     options = (*CORTEX_M4, *WARNINGS, *LINK, *FOR_EXAMPLE.get(example, ()))
-    run("arm-none-eabi-gcc", *options, "-I", SOURCES, *modules, *more, "-o", program)
-    return program
+    return compiled(f"{example}.elf", "arm-none-eabi-gcc", *options, "-I", SOURCES, *modules, *more)

@@ -11,8 +11,8 @@ from tests.firmware.pipe import Firmware
 
 
 @pytest.fixture(scope="session")
-def firmware(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Firmware]:
+def firmware() -> Iterator[Firmware]:
     need("gcc")
-    running = Firmware(pipe_program(tmp_path_factory.mktemp("firmware")))
+    running = Firmware(pipe_program())
     yield running
     running.close()

@@ -39,7 +39,7 @@ def putting(hand: Part, level: bool) -> Callable[[], object]:
 
 def test_an_emulated_stm32_lives_in_a_robot(tmp_path: Path) -> None:
     need("arm-none-eabi-gcc", "qemu-system-arm")
-    board = Emulator(link_example(EMULATED, tmp_path))
+    board = Emulator(link_example(EMULATED))
     heard: list[bool] = []
 
     async def scene(robot: Robot) -> None:

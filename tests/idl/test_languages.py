@@ -15,6 +15,7 @@ from msbot import Message
 from msbot.idl import read_definitions, to_c, to_idl, to_python
 from msbot.idl.reader import common_ros_definitions
 from tests.idl.generated import messages, module_from
+from tests.kept import kept
 
 HERE = Path(__file__).parent
 ROBOT = read_definitions(HERE / "robot.idl")
@@ -55,19 +56,16 @@ def test_the_rewritten_idl_says_the_same(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+def library() -> ctypes.CDLL:
     """The generated C, compiled without a warning."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
         pytest.skip("no C compiler on this machine: apt-get install gcc")
-    folder: Path = tmp_path_factory.mktemp("c")
-    (folder / "ucdr").mkdir()
-    shutil.copy(HERE / "microcdr.h", folder / "ucdr/microcdr.h")
+    texts = {"ucdr/microcdr.h": (HERE / "microcdr.h").read_text()}
     calls = ['#include "robot.h"', '#include "ros2.h"']
     for stem, definitions in (("robot", ROBOT), ("ros2", ROS)):
         header, source = to_c(definitions, f"{stem}.idl", stem)
-        (folder / f"{stem}.h").write_text(header)
-        (folder / f"{stem}.c").write_text(source)
+        texts |= {f"{stem}.h": header, f"{stem}.c": source}
     for name in ("demo_inner_Thing", TWIST, SCAN, "sensor_msgs_msg_Imu", "std_msgs_msg_Header"):
         calls.append(
             f"int there_and_back_{name}(uint8_t* in, uint32_t size, uint8_t* out, uint32_t room) {{\n"
@@ -75,12 +73,17 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
             f"    if (!{name}_deserialize(&b, &message)) return -1;\n    ucdr_init_buffer(&b, out, room);\n"
             f"    if (!{name}_serialize(&b, &message)) return -2;\n    return (int)(b.at - b.init);\n}}"
         )
-    (folder / "calls.c").write_text("\n".join(calls) + "\n")
-    target = folder / "calls.so"
-    sources = [str(folder / f"{stem}.c") for stem in ("calls", "robot", "ros2")]
-    options = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-fPIC", "-shared", "-I", str(folder)]
-    subprocess.run([compiler, *options, "-o", str(target), *sources], check=True)
-    return ctypes.CDLL(str(target))
+    texts["calls.c"] = "\n".join(calls) + "\n"
+    options = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-fPIC", "-shared"]
+
+    def make(folder: Path) -> None:
+        (folder / "ucdr").mkdir()
+        for name, text in texts.items():
+            (folder / name).write_text(text)
+        sources = [str(folder / name) for name in texts if name.endswith(".c")]
+        subprocess.run([compiler, *options, "-I", str(folder), "-o", str(folder / "calls.so"), *sources], check=True)
+
+    return ctypes.CDLL(str(kept("idl", make, tools=[compiler], told=[texts, options], of=HERE) / "calls.so"))
 
 
 def through_c(library: ctypes.CDLL, name: str, octets: bytes) -> bytes:

@@ -15,8 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.processes import PATIENCE_S, run, running
-from tests.firmware.building import SOURCES, need
-from tests.firmware.building import run as build
+from tests.firmware.building import SOURCES, linux_board, need
 
 UID = "0000000000c0ffee"
 
@@ -76,12 +75,9 @@ def state_of(folder: Path, slot: str) -> str:
 
 
 @pytest.fixture
-def program(tmp_path: Path) -> Path:
+def program() -> Path:
     need("gcc")
-    examples = SOURCES / "examples"
-    modules = [*sorted(SOURCES.glob("msbot_*.c")), examples / "pin_board.c", examples / "linux_socketcan" / "main.c"]
-    build("gcc", "-std=c99", "-O0", "-Wall", "-Wextra", "-Werror", "-I", SOURCES, *modules, "-o", tmp_path / "board")
-    return tmp_path / "board"
+    return linux_board()
 
 
 def test_a_part_in_c_on_a_can_bus_of_the_kernel(program: Path, tmp_path: Path) -> None:

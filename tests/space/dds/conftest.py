@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -12,17 +10,6 @@ from msbot.errors import ConfigError
 from msbot.space.dds.library import load
 from tests.space.dds.foreign_programs import refuse
 from tests.space.own_network import own_network
-
-
-@pytest.fixture(scope="session")
-def build_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where programs of others are built, once for all workers of a run."""
-    run = os.environ.get("PYTEST_XDIST_TESTRUNUID")
-    if run is None:
-        return tmp_path_factory.mktemp("foreign")
-    folder = tmp_path_factory.getbasetemp().parent / f"foreign-{run}"
-    folder.mkdir(exist_ok=True)
-    return folder
 
 
 @pytest.fixture(autouse=True)

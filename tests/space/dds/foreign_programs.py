@@ -1,8 +1,7 @@
-"""Programs of others with a typed topic, built from `foreign/Hello.idl` by their own tools, once for a test run."""
+"""Programs of others with a typed topic, built from `foreign/Hello.idl` by their own tools, and kept."""
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import subprocess
@@ -12,6 +11,8 @@ from pathlib import Path
 from struct import pack
 
 import pytest
+
+from tests.kept import kept
 
 SOURCES = Path(__file__).with_name("foreign")
 TYPE = "HelloWorldData::Msg"
@@ -25,24 +26,22 @@ def message(number: int, text: str | None = None) -> bytes:
     return pack("<iI", number, len(words) + 1) + words.encode() + b"\0"
 
 
-def command_of(kind: str, folder: Path) -> Command:
+def command_of(kind: str) -> Command:
     """How to run the peer of that kind, built if need be; skips the test when a tool is missing."""
     if kind == "python":
         pytest.importorskip("cyclonedds", reason="the Python package cyclonedds is not installed")
         return (sys.executable, str(SOURCES / "typed_peer.py"))
-    build, tools, packages = BUILDS[kind]
+    build, tools, packages, library = BUILDS[kind]
     missing = [tool for tool in tools if shutil.which(tool) is None]
     if missing:
         refuse(f"{', '.join(missing)} are not installed: apt install {packages}")
-    target = folder / kind
-    target.mkdir(exist_ok=True)
-    with (target / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # another worker of the same run may be building it
-        if not (target / "peer").exists():
-            for source in SOURCES.glob("*.*"):
-                shutil.copy(source, target)
-            build(target)
-    return (str(target / "peer"),)
+
+    def make(folder: Path) -> None:
+        for source in SOURCES.glob("*.*"):
+            shutil.copy(source, folder)
+        build(folder)
+
+    return (str(kept(f"dds-{kind}", make, tools=(*tools, library), told=(), of=SOURCES) / "peer"),)
 
 
 def refuse(reason: str) -> None:
@@ -68,8 +67,10 @@ def _run(folder: Path, *command: str) -> None:
     assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}"
 
 
-BUILDS: dict[str, tuple[Callable[[Path], None], tuple[str, ...], str]] = {
-    "cyclone": (_build_cyclone, ("idlc", "gcc"), "cyclonedds-tools cyclonedds-dev gcc"),
-    "fast": (_build_fast, ("fastddsgen", "g++"), "fastddsgen libfastrtps-dev g++"),
+HEADERS = "/usr/include"
+BUILDS: dict[str, tuple[Callable[[Path], None], tuple[str, ...], str, str]] = {
+    "cyclone": (_build_cyclone, ("idlc", "gcc"), "cyclonedds-tools cyclonedds-dev gcc", f"{HEADERS}/dds/dds.h"),
+    "fast": (_build_fast, ("fastddsgen", "g++"), "fastddsgen libfastrtps-dev g++", f"{HEADERS}/fastrtps/config"),
 }
+"""How each is built, by which programs, from which packages, and a file of the library that is compiled in."""
 KINDS = ("cyclone", "python", "fast")

@@ -7,7 +7,6 @@ import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
-from pathlib import Path
 from random import Random
 
 from msbot import HelloWorld
@@ -38,8 +37,8 @@ async def client_on_can(space: Space) -> AsyncIterator[HearingClient]:
             task.cancel()
 
 
-async def test_a_client_on_can_publishes_and_a_dds_peer_in_another_process_receives_it(build_folder: Path) -> None:
-    peer = command_of("cyclone", build_folder)
+async def test_a_client_on_can_publishes_and_a_dds_peer_in_another_process_receives_it() -> None:
+    peer = command_of("cyclone")
     with DdsSpace() as space:
         async with (
             client_on_can(space) as client,
@@ -56,8 +55,8 @@ async def test_a_client_on_can_publishes_and_a_dds_peer_in_another_process_recei
         assert set(reader.heard) <= {f"got {number} hello {number}" for number in (1, 2, 3)}
 
 
-async def test_a_dds_peer_writes_and_a_client_on_can_receives_it(build_folder: Path) -> None:
-    peer = command_of("cyclone", build_folder)
+async def test_a_dds_peer_writes_and_a_client_on_can_receives_it() -> None:
+    peer = command_of("cyclone")
     seen: list[bytes] = []
     with DdsSpace() as space:
         async with client_on_can(space) as client:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from ctypes import byref
-from pathlib import Path
 
 import pytest
 
@@ -39,9 +38,9 @@ def knows_a_writer(reader: Reader) -> bool:
 
 
 @pytest.fixture(params=KINDS)
-def peer(request: pytest.FixtureRequest, build_folder: Path) -> Command:
+def peer(request: pytest.FixtureRequest) -> Command:
     """A program of others."""
-    return command_of(request.param, build_folder)
+    return command_of(request.param)
 
 
 @pytest.mark.parametrize("reliability", ["reliable", "best_effort"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from pathlib import Path
 from struct import pack, unpack
 
 import pytest
@@ -139,9 +138,9 @@ async def test_a_request_that_is_too_short_is_counted_and_told() -> None:
         assert inbox.samples == []
 
 
-async def test_a_request_of_fast_dds_is_not_taken_for_another_and_told(build_folder: Path) -> None:
+async def test_a_request_of_fast_dds_is_not_taken_for_another_and_told() -> None:
     """rmw_fastrtps puts nothing in front of the body, so that the first 16 octets would be cut off."""
-    peer = command_of("fast", build_folder)
+    peer = command_of("fast")
     inbox = Inbox()
     with DdsSpace() as here:
         reader = here.reader(Topic("rq/xRequest", TYPE), Qos(service=True), inbox)
