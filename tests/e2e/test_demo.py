@@ -12,10 +12,8 @@ import pytest
 from tests.e2e.processes import meanwhile, run, running
 
 Json = dict[str, object]
-
-
-def demo(*arguments: str) -> dict[str, list[Json]]:
-    return told(run("demo", "--robot", "thesis", "--json", *arguments))
+Ends = dict[tuple[str, str], Callable[[], CompletedProcess[str]]]
+LINKS = ("can", "fd", "udp")
 
 
 def told(done: CompletedProcess[str]) -> dict[str, list[Json]]:
@@ -25,57 +23,19 @@ def told(done: CompletedProcess[str]) -> dict[str, list[Json]]:
     return result
 
 
-@pytest.fixture(scope="module")
-def unplugged() -> Iterator[dict[str, Callable[[], CompletedProcess[str]]]]:
-    """The ends of two demos, by link, whose BB is pulled out and plugged in; meanwhile other tests have their turn."""
-    script = ("--seconds", "11", "--script", "1.5:unplug BB;9:plug BB")
+@pytest.fixture(scope="module", autouse=True)
+def ends() -> Iterator[Ends]:
+    """The ends of five demos, by what happens and link; all run at the same time, and other tests meanwhile."""
+    whole = ("--seconds", "10")
+    unplugged = ("--seconds", "11", "--script", "1.5:unplug BB;9:plug BB")
     with ExitStack() as stack:
         yield {
-            link: stack.enter_context(meanwhile("demo", "--robot", "thesis", "--json", "--link", link, *script))
-            for link in ("can", "udp")
+            (what, link): stack.enter_context(
+                meanwhile("demo", "--robot", "thesis", "--json", "--link", link, *options)
+            )
+            for what, options, links in (("unplugged", unplugged, ("can", "udp")), ("whole", whole, LINKS))
+            for link in links
         }
-
-
-@pytest.mark.usefixtures("unplugged")
-@pytest.mark.parametrize("link", ["can", "fd", "udp"])
-def test_three_parts_join_and_the_ring_runs(link: str) -> None:
-    result = demo("--seconds", "6", "--link", link)
-    assert [part["name"] for part in result["parts"]] == ["AA", "BB", "CC"]
-    for part in result["parts"]:
-        assert part["state"] == "active"
-        assert part["life"] == 3
-        assert 0 < float(str(part["plug_in_to_active_ms"])) < 5_000  # bench/can.py measures it
-        assert int(str(part["beats"])) >= 4
-    assert len(result["topics"]) == 3
-    for topic in result["topics"]:
-        assert int(str(topic["published"])) >= 4
-        assert int(str(topic["delivered"])) >= 0.95 * int(str(topic["published"]))
-    if link == "udp":
-        assert result["bus"] is None
-    else:
-        bus = result["bus"]
-        assert isinstance(bus, dict)
-        assert bus["bitrate"] == 500_000
-        assert bus["frames"] > 100
-        assert 0 < bus["load_percent"] < 30
-        assert bus["errors"] == 0
-
-
-@pytest.mark.parametrize("link", ["can", "udp"])
-def test_an_unplugged_part_is_lost_after_4_to_6_s_and_comes_back(
-    link: str, unplugged: dict[str, Callable[[], CompletedProcess[str]]]
-) -> None:
-    result = told(unplugged[link]())
-    changes = [
-        (float(str(event["at_s"])), event["from"], event["to"]) for event in result["events"] if event["part"] == "BB"
-    ]
-    lost = [at for at, _, after in changes if after == "lost"]
-    assert len(lost) == 1
-    assert 4.0 <= lost[0] - 1.5 <= 6.5
-    assert any(after == "active" and at > 9.0 for at, _, after in changes)
-    others = [event for event in result["events"] if event["part"] != "BB" and event["to"] in ("lost", "late")]
-    assert others == []
-    assert [part["state"] for part in result["parts"]] == ["active"] * 3
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -104,3 +64,42 @@ def test_wrong_options_are_one_message_and_status_2(arguments: list[str], words:
     assert words in done.stderr
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_three_parts_join_and_the_ring_runs(link: str, ends: Ends) -> None:
+    result = told(ends["whole", link]())
+    assert [part["name"] for part in result["parts"]] == ["AA", "BB", "CC"]
+    for part in result["parts"]:
+        assert part["state"] == "active"
+        assert part["life"] == 3
+        assert 0 < float(str(part["plug_in_to_active_ms"])) < 5_000  # bench/can.py measures it
+        assert int(str(part["beats"])) >= 4
+    assert len(result["topics"]) == 3
+    for topic in result["topics"]:
+        assert int(str(topic["published"])) >= 4
+        assert int(str(topic["delivered"])) >= 0.95 * int(str(topic["published"]))
+    if link == "udp":
+        assert result["bus"] is None
+    else:
+        bus = result["bus"]
+        assert isinstance(bus, dict)
+        assert bus["bitrate"] == 500_000
+        assert bus["frames"] > 100
+        assert 0 < bus["load_percent"] < 30
+        assert bus["errors"] == 0
+
+
+@pytest.mark.parametrize("link", ["can", "udp"])
+def test_an_unplugged_part_is_lost_after_4_to_6_s_and_comes_back(link: str, ends: Ends) -> None:
+    result = told(ends["unplugged", link]())
+    changes = [
+        (float(str(event["at_s"])), event["from"], event["to"]) for event in result["events"] if event["part"] == "BB"
+    ]
+    lost = [at for at, _, after in changes if after == "lost"]
+    assert len(lost) == 1
+    assert 4.0 <= lost[0] - 1.5 <= 6.5
+    assert any(after == "active" and at > 9.0 for at, _, after in changes)
+    others = [event for event in result["events"] if event["part"] != "BB" and event["to"] in ("lost", "late")]
+    assert others == []
+    assert [part["state"] for part in result["parts"]] == ["active"] * 3

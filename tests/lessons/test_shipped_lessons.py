@@ -106,14 +106,10 @@ def drive(old: str = "", new: str = "") -> Callable[[LessonStage], Awaitable[Non
     return do
 
 
-def drive_blocks(old: str = "", new: str = "") -> Callable[[LessonStage], Awaitable[None]]:
+async def drive_blocks(stage: LessonStage) -> None:
     """The same with the pilot that the handbook makes of blocks."""
-
-    async def do(stage: LessonStage) -> None:
-        await back_on_the_line(stage)
-        stage.run_text(blocks_of_the_handbook().replace(old, new), "blocks.py")
-
-    return do
+    await back_on_the_line(stage)
+    stage.run_text(blocks_of_the_handbook(), "blocks.py")
 
 
 async def back_on_the_line(stage: LessonStage) -> None:
@@ -208,7 +204,7 @@ SOLVED: dict[str, dict[str, Deed]] = {
         "1.1": Deed(nothing),
         "2.1": Deed(drive()),
         "3.1": Deed(drive("turn = 0", "turn = 30 * line.position"), drive("turn = 0", "turn = -30 * line.position")),
-        "4.1": Deed(nothing),
+        "4.1": Deed(several(drive_blocks, once_round)),
         "5.1": Deed(done("stop"), done("identify", part="wheels")),
     },
     "own_part_type": {
@@ -227,11 +223,6 @@ SOLVED: dict[str, dict[str, Deed]] = {
 """What is done for each check that is no question."""
 
 WITH_BLOCKS: dict[str, dict[str, Deed]] = {
-    "closing_the_loop": {
-        "2.1": Deed(drive_blocks("30 * line.position", "0")),
-        "3.1": Deed(drive_blocks(), drive_blocks("30 *", "-30 *")),
-        "4.1": Deed(once_round),
-    },
     "own_part_type": {"1.1": Deed(blink_blocks, in_program("BLINK-1"))},
 }
 """What is done otherwise by whoever puts blocks together where a lesson has one write a program."""

@@ -10,6 +10,7 @@ from msbot.part.join.joining import JoinState
 from msbot.part.messages.hello import HelloWorld
 from msbot.part.part import Part
 from msbot.runtime.virtual_time import run_virtual
+from tests.effort import tries
 from tests.part.wire import QuietLink, SmallMaster, publishes, subscribes
 
 NUMBERS = ("P1", "P2", "P3", "P4")
@@ -47,7 +48,7 @@ async def trouble(master: SmallMaster, links: list[QuietLink], random: Random) -
                 link.cut = False
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(tries(3, 60)))
 def test_after_any_trouble_all_parts_are_active_and_hear_each_other(seed: int) -> None:
     async def main() -> None:
         random = Random(seed)
