@@ -12,23 +12,18 @@ from playwright.sync_api import Page
 AXE = Path(__file__).parent / "axe-core" / "axe.min.js"
 COLOURS = ("color-contrast", "link-in-text-block")
 """The rules about colours; all others find in the dark what they find in the light."""
-_RUN = """async ([dark, colours]) => {
-  // Again until it holds: the page may be about to set what its visitor has chosen, also while axe looks. And on a busy
-  // machine the robot may answer late for a moment, which makes the page grey: nobody has to read it then.
-  const isDead = () => document.documentElement.classList.contains('ms-dead');
-  let found, wasDead;
-  const watch = new MutationObserver(() => { wasDead = wasDead || isDead(); });
-  watch.observe(document.documentElement, { attributeFilter: ['class'] });
-  do {
-    while (isDead()) await new Promise((done) => setTimeout(done, 50));
-    wasDead = false;
-    window.Quasar?.Dark.set(dark);
-    await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
-    found = await axe.run({ exclude: [['.cm-editor'], ['#popup'], ['.q-loading-bar']] }, {
+_LOOKS_SO = "(dark) => !window.Quasar || Quasar.Dark.isActive === dark"
+_RUN = """async (colours) => {
+  // The robot may answer late for a moment, which makes the page grey: nobody has to read it then. On a busy machine
+  // axe itself keeps the page from hearing the robot.
+  const awake = new CSSStyleSheet();
+  awake.replaceSync(
+    '.ms-dead #content, .ms-dead .q-dialog__inner { filter: none !important; opacity: 1 !important; }');
+  document.adoptedStyleSheets.push(awake);
+  const found = await axe.run({ exclude: [['.cm-editor'], ['#popup'], ['.q-loading-bar']] }, {
     rules: colours ? {} : { 'label-content-name-mismatch': { enabled: false } }, preload: false,
     runOnly: colours || ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa'], resultTypes: ['violations'] });
-  } while (wasDead || window.Quasar && document.body.classList.contains('body--dark') !== dark);
-  watch.disconnect();
+  document.adoptedStyleSheets.splice(document.adoptedStyleSheets.indexOf(awake), 1);
   return found.violations.flatMap((rule) => rule.nodes.map((node) =>
     [rule.id, node.target.join(' '), node.html.slice(0, 160),
      (node.any[0] || node.all[0] || node.none[0] || {}).message].join(': ')));
@@ -42,10 +37,12 @@ def hurdles_by_day_and_night(page: Page) -> list[str]:
 
 def hurdles(page: Page, *, dark: bool, rules: Sequence[str] | None = None) -> list[str]:
     """What of a page somebody could not see, hear or reach; ideally nothing. By all rules, or by these."""
-    page.emulate_media(reduced_motion="reduce")  # colours change at once then
-    if page.evaluate("typeof Quasar === 'undefined'"):  # a plain form, which follows what the browser prefers
-        page.emulate_media(color_scheme="dark" if dark else "light")
+    # Colours change at once then. The page follows what the browser prefers; set from here, its look would be set back
+    # at the page's next update, which is often before axe has come to its end.
+    page.emulate_media(reduced_motion="reduce", color_scheme="dark" if dark else "light")
+    page.wait_for_function(_LOOKS_SO, arg=dark)
     if not page.evaluate("typeof axe === 'object'"):
         page.evaluate(AXE.read_text("utf-8"))
-    found: list[str] = page.evaluate(_RUN, [dark, rules])
+    found: list[str] = page.evaluate(_RUN, rules)
+    assert page.evaluate(_LOOKS_SO, dark), "the page's look has changed meanwhile"
     return found

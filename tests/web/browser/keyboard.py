@@ -64,14 +64,14 @@ def tab_to(page: Page, target: Locator) -> None:
     """Press Tab until something has the focus."""
     target.wait_for(state="visible")
     one = target.element_handle()
-    for count in range(1, MOST_TABS + 1):
-        page.keyboard.press("Tab")
+    for count in range(MOST_TABS + 1):
         # To look something up by its name takes longer than a Tab. Pages are drawn anew while they are used: what is
         # gone is looked up again.
         has_focus = page.evaluate(_HAS_FOCUS, one)
-        if has_focus is None or count % _SEEN_AGAIN == 0:
+        if has_focus is None or count % _SEEN_AGAIN == _SEEN_AGAIN - 1:
             one = target.element_handle()
             has_focus = page.evaluate(_HAS_FOCUS, one)
         if has_focus:
             return
+        page.keyboard.press("Tab")
     raise AssertionError(f"Tab does not come to {target}")

@@ -187,7 +187,7 @@ def test_two_browsers_see_the_same_change_and_one_chooses_a_language(browser: Br
     page.get_by_role("button", name="Unplug horn").click()
     for visitor in (page, other):
         expect(visitor.get_by_role("button", name="Open slot horn")).to_contain_text("lost")
-    other.get_by_role("button", name="Plug horn in").click()
+    other.get_by_role("button", name="Plug horn in").press("Enter")  # what says the loss lies over it for a while
     for visitor in (page, other):
         expect(visitor.get_by_role("button", name="Open slot horn")).to_contain_text("active")
         expect(visitor.get_by_role("button", name="Unplug horn")).to_be_visible()
@@ -299,9 +299,10 @@ def test_the_keyboard_skips_the_menu_and_opens_a_slot(blank: Page, demo: Site) -
     page.keyboard.press("Tab")
     expect(page.get_by_role("link", name="Skip to the content")).to_be_focused()
     page.keyboard.press("Enter")
-    for _ in range(1 + page.get_by_role("note").get_by_role("button").count()):  # on a first visit a tour is offered
-        page.keyboard.press("Tab")
-    expect(page.get_by_role("button", name="Open slot knob")).to_be_focused()
+    knob = page.get_by_role("button", name="Open slot knob").element_handle()
+    while not page.evaluate("(knob) => document.activeElement === knob", knob):
+        page.keyboard.press("Tab")  # on a first visit a tour is offered before the cards
+        assert page.evaluate("document.activeElement.closest('main') !== null"), "the menu is skipped"
     page.keyboard.press("Space")
     expect(page.get_by_role("heading", name="knob")).to_be_visible()
 
