@@ -6,11 +6,10 @@ import re
 from itertools import islice
 from pathlib import Path
 
-import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from msbot.lab.explain.quiz import questions
-from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
+from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import Site, go, new_page
 
 PAGES = {
@@ -22,32 +21,13 @@ PAGES = {
     "/class": "Class", "/admin": "Admin", "/doctor": "Doctor",
     "/api-docs": "API",
 }  # fmt: skip
+"""Every page and its heading. `test_german` looks at them all, `test_hostile_names` at all in English."""
 
 
 DRAWN_ANEW = """new Promise((done) => new MutationObserver((_, itself) => { itself.disconnect(); done(); })
   .observe(document.querySelector(".place"), { childList: true, subtree: true }))"""
 """The first card is drawn anew, as with every beat."""
 FITS = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
-
-
-@pytest.mark.parametrize("path", PAGES)
-def test_every_page_opens_without_an_error_fits_and_can_be_read(blank: Page, demo: Site, path: str) -> None:
-    page = blank
-    errors: list[str] = []
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
-    go(page, demo.base + path)
-    expect(page.get_by_role("heading", level=1)).to_have_text(PAGES[path])
-    expect(page.locator("#ms-stop")).to_be_visible()
-    for width in (1280, 390):
-        page.set_viewport_size({"width": width, "height": 844})
-        page.wait_for_function(FITS)
-    assert "<style" not in page.locator("body").inner_text(), "nothing of the page's making is read out"
-    assert {url for url in asked if not url.startswith((demo.base, "data:", "blob:"))} == set(), "works offline"
-    assert hurdles_by_day_and_night(page) == []
-    assert errors == []
 
 
 def test_why_follows_in_an_open_drawer(blank: Page, demo: Site) -> None:

@@ -1,15 +1,21 @@
-"""The pages in German: nobody has to read an English sentence, and numbers have a decimal comma."""
+"""Every page, in German: it opens, fits and can be read by everybody, and by whoever knows no English.
+
+Numbers have a decimal comma.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from msbot.web.language import languages
+from tests.web.browser.accessible import hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, go
-from tests.web.browser.test_demo_pages import PAGES
+from tests.web.browser.test_demo_pages import FITS, PAGES
 
 ENGLISH = frozenset(
     [
@@ -83,6 +89,23 @@ def page(browser: Browser, demo: Site) -> Iterator[Page]:
     context.close()
 
 
+class Noticed(NamedTuple):
+    """What the tab has reported."""
+
+    errors: list[str]
+    asked: list[str]
+    """Addresses."""
+
+
+@pytest.fixture(scope="module")
+def noticed(page: Page) -> Noticed:
+    found = Noticed([], [])
+    page.on("request", lambda request: found.asked.append(request.url))
+    page.on("pageerror", lambda error: found.errors.append(str(error)))
+    page.on("console", lambda message: found.errors.append(message.text) if message.type == "error" else None)
+    return found
+
+
 def english_on(page: Page) -> list[str]:
     """The texts of a page that hold an English word, and numbers with a decimal point."""
     texts: list[str] = page.evaluate(VISIBLE_TEXTS)
@@ -104,12 +127,29 @@ FILLED = {
 
 
 @pytest.mark.parametrize("path", [*PAGES, "/?slot=fan", "/?slot=knob"])
-def test_no_page_holds_an_english_sentence(page: Page, demo: Site, path: str) -> None:
+def test_every_page_opens_without_an_error_fits_and_can_be_read(
+    page: Page, noticed: Noticed, demo: Site, path: str
+) -> None:
+    """In German, whose words are the longer ones."""
+    noticed.errors.clear()
+    noticed.asked.clear()
+    page.set_viewport_size({"width": 1280, "height": 900})
     go(page, demo.base + path)
     page.wait_for_function("document.documentElement.lang === 'de'")
+    heading = languages()["de"].say(PAGES[path.partition("?slot")[0]])
+    expect(page.get_by_role("heading", level=1)).to_have_text(heading)
     expect(page.locator("#ms-stop")).to_have_text("STOPP")
+    expect(page.locator("#ms-stop")).to_be_visible()
     expect(page.locator(FILLED.get(path, "h1")).first).to_be_attached()
     assert english_on(page) == []
+    if path in PAGES:
+        for width in (1280, 390):
+            page.set_viewport_size({"width": width, "height": 844})
+            page.wait_for_function(FITS)
+        assert "<style" not in page.locator("body").inner_text(), "nothing of the page's making is read out"
+        assert hurdles_by_day_and_night(page) == []
+    assert {url for url in noticed.asked if not url.startswith((demo.base, "data:", "blob:"))} == set(), "works offline"
+    assert noticed.errors == []
 
 
 def test_a_german_makes_a_slot_and_takes_none_out(page: Page, demo: Site) -> None:

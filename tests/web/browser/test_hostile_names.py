@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Dialog, expect
 
 from tests.e2e.processes import running
 from tests.web.browser.conftest import free_port, link_in, new_page
-from tests.web.browser.test_demo_pages import PAGES
+from tests.web.browser.test_demo_pages import FITS, PAGES
 
 PASSWORD = "correct horse"
 
@@ -122,11 +122,18 @@ def test_names_are_shown_as_text_on_every_page(browser: Browser, site: Site) -> 
     page.locator("[name=password]").fill(PASSWORD)
     page.locator("button").click()
     shown = ""
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
     instead = {"/library/SG90": "/library/EVIL", "/bus": f"/bus?find={quote(evil('x'))}"}
-    paths = [*(instead.get(path, path) for path in PAGES), f"/?slot={quote(evil('slot'))}"]
-    for path in paths:
+    headings = {instead.get(path, path): title for path, title in PAGES.items()}
+    for path, title in {**headings, f"/?slot={quote(evil('slot'))}": "Robot"}.items():
         page.goto(site.base + path)
-        expect(page.get_by_role("heading", level=1)).to_be_visible()
+        expect(page.get_by_role("heading", level=1)).to_have_text(title)
+        expect(page.locator("#ms-stop")).to_be_visible()
+        for width in (390, 1280):
+            page.set_viewport_size({"width": width, "height": 844})
+            page.wait_for_function(FITS)
         tabs = page.get_by_role("tab")
         for number in range(max(tabs.count(), 1)):
             if tabs.count():
@@ -142,6 +149,7 @@ def test_names_are_shown_as_text_on_every_page(browser: Browser, site: Site) -> 
     expect(page.get_by_role("alert").filter(has_text="<img class=evil")).to_be_visible()
     expect(page.locator(".evil")).to_have_count(0)
     assert scripts == []
+    assert errors == []
     page.context.close()
 
 
