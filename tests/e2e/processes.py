@@ -9,8 +9,7 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -108,10 +107,3 @@ def run(
             raise
         said = [(file.seek(0), file.read().decode())[1] for file in (out, error)]
     return subprocess.CompletedProcess(process.args, status, *said)
-
-
-@contextlib.contextmanager
-def meanwhile(*arguments: str, cwd: Path | None = None) -> Iterator[Callable[[], subprocess.CompletedProcess[str]]]:
-    """A command that ends by itself, after seconds that others can use: what this yields waits for its end."""
-    with ThreadPoolExecutor(1) as thread:
-        yield thread.submit(run, *arguments, cwd=cwd).result

@@ -3,37 +3,39 @@
 import json
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from subprocess import CompletedProcess
 
 import pytest
 
-from tests.e2e.processes import meanwhile, run, running
+from tests.e2e.processes import run, running
 
 Json = dict[str, object]
 Ends = dict[tuple[str, str], Callable[[], CompletedProcess[str]]]
 LINKS = ("can", "fd", "udp")
+PULLED_S, BACK_S = 3.0, 11.0
+"""When a part is pulled out and plugged in again: half-way between two of its beats (every 2 s)."""
 
 
-def told(done: CompletedProcess[str]) -> dict[str, list[Json]]:
+def told(done: CompletedProcess[str], *, beside: str = "") -> dict[str, list[Json]]:
     assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    assert done.stderr == beside
     result: dict[str, list[Json]] = json.loads(done.stdout)
     return result
 
 
 @pytest.fixture(scope="module", autouse=True)
 def ends() -> Iterator[Ends]:
-    """The ends of five demos, by what happens and link; all run at the same time, and other tests meanwhile."""
-    whole = ("--seconds", "10")
-    unplugged = ("--seconds", "11", "--script", "1.5:unplug BB;9:plug BB")
-    with ExitStack() as stack:
+    """The ends of six demos, by what happens and link: three run at a time, and other tests meanwhile."""
+    spare = ("--spare", "--seconds", "16", "--script", f"{PULLED_S}:unplug BB;{BACK_S}:plug BB;14:undo")
+    unplugged = ("--seconds", "14", "--script", f"{PULLED_S}:unplug BB;{BACK_S}:plug BB")
+    whole = ("--seconds", "8")
+    demos = (("spare", spare, ("udp",)), ("unplugged", unplugged, ("can", "udp")), ("whole", whole, LINKS))
+    with ThreadPoolExecutor(3) as threads:
         yield {
-            (what, link): stack.enter_context(
-                meanwhile("demo", "--robot", "thesis", "--json", "--link", link, *options)
-            )
-            for what, options, links in (("unplugged", unplugged, ("can", "udp")), ("whole", whole, LINKS))
+            (what, link): threads.submit(run, "demo", "--robot", "thesis", "--json", "--link", link, *options).result
+            for what, options, links in demos
             for link in links
         }
 
@@ -98,8 +100,21 @@ def test_an_unplugged_part_is_lost_after_4_to_6_s_and_comes_back(link: str, ends
     ]
     lost = [at for at, _, after in changes if after == "lost"]
     assert len(lost) == 1
-    assert 4.0 <= lost[0] - 1.5 <= 6.5
-    assert any(after == "active" and at > 9.0 for at, _, after in changes)
+    assert 4.0 <= lost[0] - PULLED_S <= 6.5
+    assert any(after == "active" and at > BACK_S for at, _, after in changes)
     others = [event for event in result["events"] if event["part"] != "BB" and event["to"] in ("lost", "late")]
     assert others == []
     assert [part["state"] for part in result["parts"]] == ["active"] * 3
+
+
+def test_a_spare_takes_over_within_one_tick_and_undo_brings_the_first_part_back(ends: Ends) -> None:
+    beside = "edit 1 undone: the spare DD has taken over slot BB from EFGH-local\n"
+    result = told(ends["spare", "udp"](), beside=beside)
+    (lost,) = [
+        float(str(event["at_s"])) for event in result["events"] if (event["part"], event["to"]) == ("BB", "lost")
+    ]
+    (over,) = [
+        float(str(event["at_s"])) for event in result["events"] if (event["part"], event["to"]) == ("DD", "active")
+    ]
+    assert 0 <= over - lost <= 2.0
+    assert {part["name"]: part["slot"] for part in result["parts"]} == {"AA": "AA", "BB": "BB", "CC": "CC", "DD": ""}

@@ -23,8 +23,9 @@ from msbot.runtime.virtual_time import VirtualTimeLoop
 from msbot.space import MemorySpace
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from msbot.xrce.objects import EndpointQos
+from tests.effort import tries
 
-EXAMPLES = int(os.environ.get("MSBOT_EXAMPLES", "100"))
+EXAMPLES = int(os.environ.get("MSBOT_EXAMPLES") or tries(50, 2000))
 NODES = 3
 HEALED_S = 40.0
 """Longer than anybody waits for anything: a stall is noticed after 5 s, a lost agent after 2.6 s, both may follow."""

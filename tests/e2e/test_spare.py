@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from random import Random
-from subprocess import CompletedProcess
 
 import pytest
 
@@ -16,20 +15,9 @@ from msbot.demo import DemoEvent, DemoRobot, DemoSnapshot, Wire
 from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry
 from msbot.runtime.virtual_time import run_virtual
-from tests.e2e.processes import meanwhile, run, running
+from tests.e2e.processes import run, running
 
 Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]
-End = Callable[[], CompletedProcess[str]]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def command(tmp_path_factory: pytest.TempPathFactory) -> Iterator[End]:
-    """What the command tells of a loss, who takes over, and an undo; meanwhile the other tests have their turn."""
-    with meanwhile(
-        "demo", "--robot", "thesis", "--spare", "--link", "udp", "--seconds", "16",
-        "--script", "4:unplug BB;12:plug BB;14:undo", "--json", cwd=tmp_path_factory.mktemp("command"),
-    ) as end:  # fmt: skip
-        yield end
 
 
 def play(
@@ -174,13 +162,3 @@ def test_the_commands_work_on_a_demo_that_runs_in_another_process(tmp_path: Path
         assert "STOP is over" in command("go", *own)
         assert "STOP by" in command("undo", "--list")
         assert demo.end() == 0
-
-
-def test_the_command_shows_it_in_its_events(command: End) -> None:
-    done = command()
-    assert done.returncode == 0, done.stderr
-    result = json.loads(done.stdout)
-    (lost,) = [event["at_s"] for event in result["events"] if (event["part"], event["to"]) == ("BB", "lost")]
-    (over,) = [event["at_s"] for event in result["events"] if (event["part"], event["to"]) == ("DD", "active")]
-    assert 0 <= over - lost <= 2.0
-    assert {part["name"]: part["slot"] for part in result["parts"]} == {"AA": "AA", "BB": "BB", "CC": "CC", "DD": ""}
