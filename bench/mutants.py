@@ -15,6 +15,7 @@ masters run, in a network of its own (`unshare -n`, `ip link set lo up`).
 from __future__ import annotations
 
 import argparse
+import ast
 import json
 import os
 import re
@@ -24,6 +25,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,6 +52,44 @@ MOST_S = 12.0
 """Processor seconds of tests for one mistake."""
 
 
+class Users:
+    """Which functions use a name that a file gives a value outside of all functions."""
+
+    def __init__(self) -> None:
+        self._words: dict[str, list[tuple[str, set[str]]]] = {}
+        """By file: its functions and the words in each; and, as function "", those outside."""
+        self._imports: dict[str, set[str]] = {}
+        for path in sorted((ROOT / "src/msbot").rglob("*.py")):
+            tree = ast.parse(path.read_text())
+            file = str(path.relative_to(ROOT / "src"))
+            self._words[file] = [*_functions(tree, [])]
+            self._imports[file] = {
+                (one.module or "").replace(".", "/") + ".py"
+                for one in ast.walk(tree)
+                if isinstance(one, ast.ImportFrom)
+            }
+
+    def of(self, path: str, name: str) -> list[str]:
+        """`msbot/xrce/....py Class.method` of each, in that file and those that import it."""
+        if not name:
+            return []
+        files = [path, *(file for file, imported in self._imports.items() if path in imported)]
+        return [
+            f"{file} {function}" for file in files for function, words in self._words[file] if name in words
+        ]  # fmt: skip
+
+
+def _functions(tree: ast.AST, names: list[str]) -> Iterator[tuple[str, set[str]]]:
+    """The functions and methods of a file, and the words in each; the methods of a class use the class."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.ClassDef):
+            yield from ((function, words | {node.name}) for function, words in _functions(node, [*names, node.name]))
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            inside = [*ast.walk(node)]
+            words = {one.id for one in inside if isinstance(one, ast.Name)}
+            yield ".".join([*names, node.name]), words | {one.attr for one in inside if isinstance(one, ast.Attribute)}
+
+
 @dataclass(frozen=True, slots=True)
 class Tests:
     """Which tests call what."""
@@ -57,11 +97,12 @@ class Tests:
     by_function: dict[str, list[str]]
     by_file: dict[str, list[str]]
     seconds: dict[str, float]
+    users: Users
 
     @classmethod
-    def read(cls, file: Path) -> Tests:
-        """What `--map` has written."""
-        found = json.loads(file.read_text())
+    def read(cls, files: Iterable[Path]) -> Tests:
+        """What `--map` has written; of a test that is in several files, what the last one says."""
+        found = {test: noted for file in files for test, noted in json.loads(file.read_text()).items()}
         by_function: dict[str, list[str]] = {}
         by_file: dict[str, list[str]] = {}
         for test, (_, functions) in found.items():
@@ -69,16 +110,27 @@ class Tests:
                 by_function.setdefault(function, []).append(test)
             for path in {function.partition(" ")[0] for function in functions}:
                 by_file.setdefault(path, []).append(test)
-        return cls(by_function, by_file, {test: seconds for test, (seconds, _) in found.items()})
+        return cls(by_function, by_file, {test: seconds for test, (seconds, _) in found.items()}, Users())
 
     def of(self, change: Change) -> list[str]:
         """The tests that may notice it, the best first: near by, and cheap."""
         of_file = self.by_file.get(change.path, [])
-        tests = self.by_function.get(f"{change.path} {change.function}", []) if change.function else of_file
-        # A property may reach the function only after more random cases than the map was made with.
-        also = [test for test in of_file if _is_mirror(change.path, test)]
-        return sorted({*tests, *also}, key=lambda test: (test not in tests, -_near(change.path, test),
-                                                         self.seconds[test], test))  # fmt: skip
+        if change.function:
+            tests = {*self.by_function.get(f"{change.path} {change.function}", [])}
+        else:
+            users = self.users.of(change.path, change.name)
+            tests = {test for user in users for test in self.by_function.get(user, [])}
+        # A property may reach the function only after more random cases than the map was made with; and a file without
+        # functions is called by nobody.
+        also = [test for test in of_file or self.seconds if _is_mirror(change.path, test)]
+        if not change.function and not tests:
+            also += of_file
+        near_first = not change.function  # for what acts when the file is imported, the users are many
+        order = {
+            test: (not near_first and test not in tests, -_near(change.path, test), self.seconds[test], test)
+            for test in {*tests, *also}
+        }
+        return sorted(order, key=order.__getitem__)
 
 
 def _mirrored(path: str) -> Path:
@@ -242,18 +294,26 @@ def table(verdicts: list[Verdict]) -> str:
     return "\n".join(lines)
 
 
-def make_map(file: Path) -> None:
+def make_map(file: Path, tests: Iterable[str]) -> None:
     """Run the tests once."""
     words = ["-m", "pytest", "-n0", "-q", "-p", "no:cacheprovider", "-p", "bench.mutating.called"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    subprocess.run([sys.executable, *words, "--called", str(file), *TESTS], cwd=ROOT, env=environment, check=False)
+    subprocess.run([sys.executable, *words, "--called", str(file), *tests], cwd=ROOT, env=environment, check=False)
 
 
 def main() -> None:
     """Make the map, or try mistakes out."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--map", type=Path, metavar="FILE", help="note which test calls what")
-    parser.add_argument("--with", type=Path, metavar="FILE", dest="noted", help="what --map has written")
+    parser.add_argument("--of", nargs="*", default=TESTS, metavar="TESTS", help="of these tests alone")
+    parser.add_argument(
+        "--with",
+        type=Path,
+        metavar="FILE",
+        dest="noted",
+        action="append",
+        help="what --map has written; may be repeated",
+    )
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
@@ -261,15 +321,17 @@ def main() -> None:
     parser.add_argument(
         "--keep", type=Path, metavar="FILE", help="what became of each, a line each; what is there is not tried again"
     )
-    parser.add_argument("--only", metavar="MISTAKE", help="the one that is printed so")
+    parser.add_argument(
+        "--only", metavar="MISTAKE", action="append", help="the one that is printed so; may be repeated"
+    )
     options = parser.parse_args()
     if options.map:
-        make_map(options.map)
+        make_map(options.map, options.of)
     if options.noted is None:
         return
     wanted = sample(options.seed, 10**9 if options.only else options.count)
     if options.only:
-        wanted = [one for one in wanted if str(one) == options.only]
+        wanted = [one for one in wanted if str(one) in options.only]
     verdicts = try_all(options, wanted)
     print(f"\n{table(verdicts)}\n\nSeed {options.seed}; {describe_machine()}.")
     for one in verdicts:

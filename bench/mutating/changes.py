@@ -25,7 +25,9 @@ class Change:
     path: str
     """From the folder above the package, as `msbot/xrce/...`."""
     function: str
-    """The qualified name of the function it is in; empty: outside of all, so it acts when the module is imported."""
+    """The qualified name of the function it is in, or whose default it is; empty: outside of all."""
+    name: str
+    """Outside of all: the name that is given a value there, or the class; else empty."""
     line: int
     begin: int
     """Octets in the file: what is replaced."""
@@ -59,12 +61,14 @@ class _Finder(ast.NodeVisitor):
             self._starts.append(self._starts[-1] + len(line))
         self._names: list[str] = []
         self._function = ""
+        self._is_default = False
+        self._assigned = ""
 
     # What is not changed.
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
         if node.value is not None:
-            self.visit(node.value)
+            self._visit_value([node.target], node.value)
 
     def visit_arg(self, node: ast.arg) -> None: ...
 
@@ -78,6 +82,19 @@ class _Finder(ast.NodeVisitor):
 
     # Names.
 
+    def visit_Assign(self, node: ast.Assign) -> None:
+        for target in node.targets:
+            self.visit(target)
+        self._visit_value(node.targets, node.value)
+
+    def _visit_value(self, targets: list[ast.expr], value: ast.expr) -> None:
+        outer = self._assigned
+        names = [one.id for one in targets if isinstance(one, ast.Name)]
+        if names and not self._function:
+            self._assigned = self._names[0] if self._names else names[0]
+        self.visit(value)
+        self._assigned = outer
+
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
         self._names.append(node.name)
         for one in node.body:
@@ -85,11 +102,13 @@ class _Finder(ast.NodeVisitor):
         self._names.pop()
 
     def visit_FunctionDef(self, node: ast.FunctionDef | ast.AsyncFunctionDef) -> None:
-        for default in [*node.args.defaults, *(one for one in node.args.kw_defaults if one)]:
-            self.visit(default)
         outer = self._function
         self._names.append(node.name)
         self._function = ".".join(self._names)
+        self._is_default = not outer
+        for default in [*node.args.defaults, *(one for one in node.args.kw_defaults if one)]:
+            self.visit(default)
+        self._is_default = False
         self._names.append("<locals>")
         for one in node.body:
             self.visit(one)
@@ -120,7 +139,7 @@ class _Finder(ast.NodeVisitor):
     def visit_BinOp(self, node: ast.BinOp) -> None:
         is_text = any((isinstance(one, ast.Constant) and not isinstance(one.value, int | float | bytes))
                       or isinstance(one, ast.JoinedStr) for one in (node.left, node.right))  # fmt: skip
-        if type(node.op) in _BINARY and not is_text and self._function:
+        if type(node.op) in _BINARY and not is_text and self._function and not self._is_default:
             self._add(node, ast.BinOp(node.left, _BINARY[type(node.op)](), node.right))
         self.generic_visit(node)
 
@@ -182,7 +201,8 @@ class _Finder(ast.NodeVisitor):
         if isinstance(old, ast.expr):
             text = f"({text})"
         was = self._source[begin:end].decode()
-        self.found.append(Change(self._path, self._function, old.lineno, begin, end, was, text))
+        name = "" if self._function else self._assigned
+        self.found.append(Change(self._path, self._function, name, old.lineno, begin, end, was, text))
 
 
 def _short(text: str) -> str:

@@ -13,6 +13,7 @@ import os
 import resource
 import signal
 import sys
+import time
 import traceback
 from pathlib import Path
 
@@ -25,6 +26,8 @@ FLAGS = ("-n0", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:schemathesis", "
          "-W", "ignore::pytest.PytestAssertRewriteWarning")  # fmt: skip
 PATIENCE_S = 600.0
 """Real seconds after which a run counts as one that never ends."""
+IDLE_S = 60.0
+"""The same for a run that does nothing at all."""
 
 
 def main() -> None:
@@ -38,11 +41,30 @@ def main() -> None:
         child = os.fork()
         if child == 0:
             _run(request)
-        if signal.sigtimedwait([signal.SIGCHLD], PATIENCE_S) is None:
+        if not _ends(child):
             os.killpg(child, signal.SIGKILL)
         _, status = os.waitpid(child, 0)
         answers.write(f"{os.waitstatus_to_exitcode(status)}\n")
         answers.flush()
+
+
+def _ends(child: int) -> bool:
+    """Wait for its end, as long as it does something."""
+    end = time.monotonic() + PATIENCE_S
+    used = -1.0
+    while time.monotonic() < end:
+        if signal.sigtimedwait([signal.SIGCHLD], IDLE_S) is not None:
+            return True
+        before, used = used, _used_s(child)
+        if used - before < IDLE_S / 1000:
+            return False
+    return False
+
+
+def _used_s(process: int) -> float:
+    """Its processor seconds so far, with those of its own that have ended."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
 def _run(request: dict[str, object]) -> None:

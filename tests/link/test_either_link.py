@@ -140,6 +140,18 @@ def test_all_are_tried_in_turn_until_one_answers() -> None:
     play(scene)
 
 
+def test_what_breaks_at_a_master_that_is_not_in_use_is_not_told() -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.ask(b"?")
+        stage.two._signal_handler(Signal.LINK_DOWN, None, "closed", 0.1)
+        assert stage.signals == [(Signal.LINK_UP, "one")]
+        assert stage.link.in_use is stage.one
+        stage.one._signal_handler(Signal.LINK_DOWN, None, "closed", 0.2)
+        assert stage.signals[1:] == [(Signal.LINK_DOWN, "closed")]
+
+    play(scene)
+
+
 def test_one_that_cannot_be_opened_is_no_reason_to_give_up_unless_none_can() -> None:
     async def main(one: bool, two: bool) -> list[bytes]:
         stage = Stage()

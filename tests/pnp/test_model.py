@@ -49,6 +49,19 @@ def test_a_timing_that_delists_healthy_parts_is_refused(timing: dict[str, float]
         LifeTiming(**timing)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    "timing",
+    [
+        LifeTiming(beat_s=0.02),
+        LifeTiming(beat_s=65.0, tick_s=65.0),
+        LifeTiming(life=255),
+        LifeTiming(beat_s=1.0, tick_s=2.0, life=2, late_after_beats=2.0),
+    ],
+)
+def test_the_limits_themselves_are_allowed(timing: LifeTiming) -> None:
+    assert timing.shortest_detection_s >= timing.late_s
+
+
 def test_registered_are_active_and_late_and_over_are_lost_and_left() -> None:
     assert {state for state in PartState if state.is_registered} == {PartState.ACTIVE, PartState.LATE}
     assert {state for state in PartState if state.is_over} == {PartState.LOST, PartState.LEFT}

@@ -179,6 +179,15 @@ def test_an_answer_that_finds_no_room_is_counted_and_the_part_asks_again() -> No
     run_virtual(scene())
 
 
+def test_without_an_agent_the_inventory_says_that_there_is_no_session() -> None:
+    async def scene() -> None:
+        robot = Robot(sample_store())
+        with pytest.raises(RequestError, match="no session on "):
+            await robot.service.until_ready(0.5)
+
+    run_virtual(scene())
+
+
 def test_a_master_that_the_agent_has_forgotten_publishes_again_as_soon_as_it_is_back() -> None:
     async def scene() -> None:
         robot = Robot(sample_store())

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from msbot.part.join import plug
-from msbot.pnp import PartState
+from msbot.pnp import Configuration, PartState, SlotBinding
 from msbot.pnp import thesis_programs as compat
 from msbot.runtime.virtual_time import run_virtual
 from tests.pnp.robot import configuration, sample_store, uid
@@ -110,6 +110,78 @@ def test_a_part_hears_when_its_partner_is_lost_and_when_one_is_back() -> None:
             ]
 
         await with_robot(robot, sender, receiver, play=play)
+
+    run_virtual(scene())
+
+
+def test_a_part_hears_only_of_the_port_whose_partner_is_lost() -> None:
+    async def scene() -> None:
+        store = sample_store()
+        ports = (
+            SlotBinding("other", "HelloWorldTopic_3_to_1", "HelloWorld", publishes=False),
+            SlotBinding("echo", "HelloWorldTopic_1_to_2", "HelloWorld", publishes=True),
+            SlotBinding("light", "HelloWorldTopic_1_to_2", "HelloWorld", publishes=False),
+        )
+        store.configurations["BB"] = Configuration(7, "BB", ports)
+        robot = Robot(store)
+        part = Visitor(robot, 0xB1)
+
+        async def play() -> None:
+            await part.claim("EFGH", 2)
+            part.replies.clear()
+            robot.service._partner_changed(0xB1, "HelloWorldTopic_1_to_2", is_there=False)
+            assert await told(part) == [plug.Notice(number=7, binding=2, kind=plug.NoticeKind.PARTNER_LOST)]
+
+        await with_robot(robot, part, play=play)
+
+    run_virtual(scene())
+
+
+class Elsewhere:
+    """An agent elsewhere, with one of the parts: keeps what it is told."""
+
+    def __init__(self, key: int) -> None:
+        self.key = key
+        self.told: list[str] = []
+
+    def has(self, key: int) -> bool:
+        return key == self.key
+
+    def answer(self, key: int, *, in_compat: bool, identity: bytes, body: bytes) -> bool:
+        if key == self.key:
+            self.told.append("answer")
+        return key == self.key
+
+    def tell_stop(self) -> None:
+        self.told.append("stop")
+
+
+def test_parts_at_an_agent_elsewhere_hear_of_stop_by_that_agent_and_the_rest_by_that_way() -> None:
+    async def scene() -> None:
+        robot = Robot(sample_store())
+        there, here = Visitor(robot, 0xA1), Visitor(robot, 0xB1)
+
+        async def play() -> None:
+            await there.claim("ABCD", 1)
+            await here.claim("EFGH", 2)
+            elsewhere = Elsewhere(0xA1)
+            robot.service.use_elsewhere(elsewhere)
+            robot.service.stop_all("ada", "", 0)
+            (stop,) = await told(here)
+            assert isinstance(stop, plug.Notice)
+            assert stop.kind == plug.NoticeKind.STOP
+            assert await told(there) == []
+            assert elsewhere.told == ["stop"]
+            assert robot.service.identify(0xA1)
+            assert elsewhere.told == ["stop", "answer"]
+            assert await told(there) == []
+            assert robot.service.identify(0xB1)
+            assert len(await told(here)) == 1
+            assert robot.service.go_all("ada") == 2
+            assert elsewhere.told == ["stop", "answer", "stop"]
+            assert await told(there) == []
+
+        await with_robot(robot, there, here, play=play)
 
     run_virtual(scene())
 

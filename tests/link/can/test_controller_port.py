@@ -216,6 +216,17 @@ def test_bus_off_is_left_with_pauses_that_double_until_a_frame_gets_through() ->
     with_port(scene)
 
 
+def test_a_controller_that_came_back_by_itself_is_not_restarted() -> None:
+    async def scene(port: CanPort, bus: FakeBus, owner: Owner) -> None:
+        bus.state(BusState.OFF, "short circuit", 0.0)
+        bus.state(BusState.ACTIVE, "back", 0.0)
+        assert port.is_up
+        await asyncio.sleep(1.0)
+        assert bus.restarts == 0
+
+    with_port(scene)
+
+
 def test_a_vanished_adapter_is_down_and_not_restarted() -> None:
     async def scene(port: CanPort, bus: FakeBus, owner: Owner) -> None:
         bus.state(BusState.GONE, "the adapter was pulled out", 0.0)

@@ -305,6 +305,14 @@ def test_other_identifiers_can_be_chosen() -> None:
     play(scene)
 
 
+@pytest.mark.parametrize("can_id", [0, 0x7FF])
+def test_all_other_identifiers_of_eleven_bits_can_be_used(can_id: int) -> None:
+    async def main() -> None:
+        CanLegacyLink(Bus().driver.attach("master"), is_whole=is_whole, up=can_id)
+
+    run_virtual(main())
+
+
 @pytest.mark.parametrize("can_id", [0x800, -1, CanIds().stop])
 def test_identifiers_that_cannot_be_used_are_refused(can_id: int) -> None:
     async def main() -> None:

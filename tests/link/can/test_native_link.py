@@ -13,12 +13,15 @@ from hypothesis import strategies as st
 from msbot.errors import ConfigError
 from msbot.link import Signal
 from msbot.link.can.native_link import MASTER, MASTERS_TOLD, NO_ADDRESS, CanMasterLink, CanPartLink
+from msbot.link.can.peer_framing import Codec
 from msbot.link.can.protocol.bits import frame_bits
 from msbot.link.can.protocol.frames import FIRST, LAST, Frame
-from msbot.link.can.protocol.ids import Beacon, CanIds, beacon_frame
+from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION, Beacon, CanIds, beacon_frame, read_join
 from msbot.link.can.protocol.join_master import HEARD_S, LISTEN_S
 from msbot.link.can.protocol.node_ids import MemoryNodeIds
+from msbot.link.can.sim.driver import SimBusDriver
 from msbot.link.can.sim.model.bus import SimBus
+from msbot.xrce import compress, decompress
 from tests.link.can_robot import End, Robot, node_of, play
 
 
@@ -542,6 +545,16 @@ def test_frames_of_an_fd_bus_are_long_and_fast_and_a_classic_part_still_joins() 
         assert [(len(frame.data), frame.fd, frame.brs) for frame in seen] == [(64, True, True)] * 6 + [(48, True, True)]
 
     play(scene, fd=True)
+
+
+@pytest.mark.parametrize("fd", [False, True])
+def test_a_part_offers_what_its_controller_and_its_link_can_do(fd: bool) -> None:
+    for codec, caps in ((None, 0), (Codec(compress, decompress), COMPRESSION)):
+        bus = SimBusDriver(SimBus(500_000, 2_000_000 if fd else None, fd=fd)).attach("part", fd=fd)
+        link = CanPartLink(bus, uid=b"uid.0001", random=Random(1), codec=codec)
+        link._join.start(0.0)
+        (join,) = link._join.take_frames()
+        assert read_join(join, CanIds()) == (b"uid.0001", caps | (CAN_FD if fd else 0))
 
 
 def test_fd_needs_a_controller_that_bears_it() -> None:

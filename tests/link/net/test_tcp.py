@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from msbot.errors import LinkDown, LinkFull
 from msbot.link import Link, Signal
 from msbot.link.byte_frames import MAX_PACKET, encode_tcp
-from msbot.link.net import TcpClientLink, TcpServerLink, tcp
+from msbot.link.net import TcpClientLink, TcpServerLink, connection_budget, tcp
 from msbot.link.net.tcp import BROKEN_AT_ONCE, MADE_ROOM, SILENT, TOO_MANY, WRITE_LIMIT, TcpStream
 from tests.link.ends import End, running
 from tests.link.net.test_udp import has_ipv6
@@ -177,6 +177,30 @@ async def test_a_connection_that_never_said_anything_makes_room_for_another() ->
             await at_server.told(Signal.PEER_JOINED)
         pairs.append(await asyncio.open_connection("127.0.0.1", server.port))
         await at_server.told(Signal.PEER_JOINED)
+        with pytest.raises((ConnectionResetError, asyncio.IncompleteReadError)):
+            await pairs[0][0].readexactly(1)
+        assert server.counters.dropped == {MADE_ROOM: 1}
+        for _, each in pairs:
+            each.close()
+
+
+async def test_what_a_connection_took_to_be_opened_is_given_back() -> None:
+    server = TcpServerLink("127.0.0.1", 0)
+    async with running(server) as (at_server,):
+        writers = [(await asyncio.open_connection("127.0.0.1", server.port))[1] for _ in range(3)]
+        peers = [(await at_server.told(Signal.PEER_JOINED))[0] for _ in writers]
+        assert [peer[2] for peer in peers if isinstance(peer, tuple)] == [1, 2, 3]
+        await asyncio.sleep(0)
+        assert not server._opening
+        for each in writers:
+            each.close()
+
+
+async def test_one_computer_has_a_share_of_the_connections(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection_budget, "MAX_OF_ADDRESS", 2)
+    server = TcpServerLink("127.0.0.1", 0)
+    async with running(server):
+        pairs = [await asyncio.open_connection("127.0.0.1", server.port) for _ in range(3)]
         with pytest.raises((ConnectionResetError, asyncio.IncompleteReadError)):
             await pairs[0][0].readexactly(1)
         assert server.counters.dropped == {MADE_ROOM: 1}

@@ -157,6 +157,16 @@ def test_a_part_has_a_place_in_words_until_the_master_has_answered_it() -> None:
     assert [message.words for message in drain(made) if isinstance(message, Up)] == [""]
 
 
+def test_a_master_that_is_new_to_the_relay_is_told_the_place_of_every_part_again() -> None:
+    made = welcomed()
+    made.from_part(b"login", 5)
+    (up,) = [message for message in drain(made) if isinstance(message, Up)]
+    made.from_master(encode(Down(up.number, 1, b"yes")), 0.1)
+    made.from_master(encode(Welcome(BOOT, 7, 0)), 0.2)
+    made.from_part(b"next", 5)
+    assert [message.words for message in drain(made) if isinstance(message, Up)] == ["CAN node 5"]
+
+
 def test_packets_for_a_part_wait_while_its_bus_is_full_and_are_reported_when_they_went() -> None:
     made = welcomed()
     for peer in (1, 2):

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from msbot.errors import ConfigError
-from msbot.link import BaseLink, LinkInfo
+from msbot.link import BaseLink, LinkInfo, Signal
 from msbot.link.relay import PartsRelay
 from msbot.part import HelloWorld
 from msbot.part.join.joining import JoinState
@@ -134,6 +134,17 @@ def test_a_relay_that_ends_says_so_and_its_parts_are_lost_at_once() -> None:
 
     stage = play(scene)
     assert "behind relay pi has ended" in stage.events[-1].reason
+
+
+def test_what_the_relays_own_link_says_of_a_part_reaches_the_master_at_once() -> None:
+    async def scene(stage: Stage) -> None:
+        for peer in list(stage.relay.forwarder._by_peer):
+            stage.relay._parts_signalled(Signal.PEER_GONE, peer, "pulled out", asyncio.get_running_loop().time())
+        await asyncio.sleep(0.05)
+        assert stage.states() == {"MOUTH": "lost", "EAR": "lost"}
+        assert "pulled out" in stage.events[-1].reason
+
+    assert sum(words.startswith("the master on ") and "takes the parts of" in words for words in play(scene).said) == 1
 
 
 class NarrowLink(BaseLink):

@@ -15,7 +15,7 @@ from msbot.errors import ConfigError, LinkDown
 from msbot.link import Signal
 from msbot.link.serial import SerialClientLink, SerialServerLink
 from msbot.link.serial import port as serial
-from msbot.link.serial.port import OTHER_SOURCE, why_not
+from msbot.link.serial.port import OTHER_SOURCE, check_baudrate, why_not
 from tests.link.ends import End, running
 from tests.link.ports import Board
 
@@ -206,6 +206,11 @@ async def test_a_port_in_use_is_explained(board: Board) -> None:
 )
 def test_other_troubles_are_explained(number: int, words: str) -> None:
     assert why_not("p", OSError(number, os.strerror(number))).startswith(words)
+
+
+@pytest.mark.parametrize("baudrate", [50, 115_200, 20_000_000])
+def test_a_baud_rate_within_the_limits_is_taken(baudrate: int) -> None:
+    assert check_baudrate(baudrate) == baudrate
 
 
 @pytest.mark.parametrize("baudrate", [0, 49, 20_000_001])

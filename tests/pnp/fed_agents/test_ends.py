@@ -22,6 +22,18 @@ SLOTS = tuple(Slot(f"slot{number}", "PART") for number in range(4))
 TIMING = LifeTiming(beat_s=60.0, tick_s=60.0)  # no part is lost for its beats here
 
 
+def sample_slots() -> MemoryStore:
+    """A robot of four slots, each with a port that publishes."""
+    return MemoryStore(
+        types=(PartType("PART", "a part"),),
+        slots=SLOTS,
+        configurations=tuple(
+            Configuration(1, slot.name, (SlotBinding("port", f"{slot.name}_topic", "Level", publishes=True),))
+            for slot in SLOTS
+        ),
+    )
+
+
 @dataclass
 class Scene:
     """Both ends, and the way between them."""
@@ -39,15 +51,7 @@ class Scene:
     said: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        store = MemoryStore(
-            types=(PartType("PART", "a part"),),
-            slots=SLOTS,
-            configurations=tuple(
-                Configuration(1, slot.name, (SlotBinding("port", f"{slot.name}_topic", "Level", publishes=True),))
-                for slot in SLOTS
-            ),
-        )
-        self.inventory = Inventory(store, random=Random(1), now=self.now, timing=TIMING)
+        self.inventory = Inventory(sample_slots(), random=Random(1), now=self.now, timing=TIMING)
         self.access = Access(self.inventory, clock=lambda: self.now)
         self.master = MasterEnd(self.access, self.inventory, Profile(), MasterAround(self), random=Random(2))
         self.access.use_agents(self.master, lambda _: None)
@@ -205,6 +209,20 @@ def act(scene: Scene, what: str, value: float) -> None:
             scene.settle()
         case _:
             getattr(scene, what)(int(value))
+
+
+def test_a_verdict_that_was_lost_on_the_way_is_said_again() -> None:
+    scene = Scene(Random(1))
+    scene.live(1.0)
+    scene.open(1)
+    scene.agent.ask(2, in_compat=False, identity=bytes(24), body=b"1")
+    scene.settle()
+    scene.drop = 1.0
+    scene.inventory.claim(Claim("PART", "slot1", b"a part 1"), scene.asked[0][0], scene.now)
+    scene.drop = 0.0
+    assert scene.rights_here() == {1: set()}
+    scene.live(1.0)
+    assert scene.rights_here() == scene.rights_there() == {1: {("slot1_topic", True)}}
 
 
 @given(st.lists(DONE, max_size=16), st.randoms(use_true_random=False), st.sampled_from([0.0, 0.3]))

@@ -9,6 +9,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, closing
 from functools import partial
@@ -16,15 +17,17 @@ from pathlib import Path
 from time import monotonic
 
 import pytest
+from sqlalchemy import Connection
 
 from msbot.config import Blueprint, Library
 from msbot.errors import RegistryError
+from msbot.pnp import PartState
 from msbot.registry import Registry, RobotRecord, RobotStore, open_registry
 from msbot.registry.database import storage
 from msbot.registry.edits import slot_values
 from msbot.registry.maintenance import upkeep
 from tests.registry.blueprint.test_blueprint_store import LIBRARY, ROBOT
-from tests.registry.events import CLAIM, UID
+from tests.registry.events import CLAIM, UID, changed
 from tests.registry.postgres import MISSING, NEEDED, find_server, running_server
 
 PERIOD = partial(slot_values.set_value, slot="left", name="period_s")
@@ -225,6 +228,45 @@ async def test_a_change_that_nobody_waits_for_any_more_is_not_made(
     registry.storage.flush()
     await registry.edits.make_soon(robot, "Bob", partial(PERIOD, value=4))
     assert _period(registry, robot) == 4
+
+
+def test_who_reads_after_something_was_noted_finds_it(running: Running, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Notes are stored by a thread of their own; readers of a running robot give it a moment."""
+    registry, _robot, store = running
+    monkeypatch.setattr(storage, "CATCH_UP_S", 60.0)  # be this machine ever so busy
+    release = threading.Event()
+
+    def hold(_: Connection) -> None:
+        release.wait(30)
+
+    registry.storage.writer.put(hold)
+    store.journal(changed(PartState.ACTIVE))
+    threading.Timer(0.05, release.set).start()
+    (look,) = registry.robots.in_class()
+    assert look.newest is not None
+    assert look.newest.event.reason == "because"
+
+
+def test_how_long_a_change_waits_for_another_program(running: Running, path: Path) -> None:
+    """People wait for a robot that runs, a command for itself."""
+    registry, _robot, _store = running
+    assert (registry.storage.patience_s, registry.storage.limit_s) == (0.4, 5.4)
+    with open_registry(path, busy_timeout_s=0.1) as other:
+        assert (other.storage.patience_s, other.storage.limit_s) == (0.1, 60.1)
+    with open_registry(path, busy_timeout_s=3.0) as other:
+        assert (other.storage.patience_s, other.storage.limit_s) == (3.0, 63.0)
+
+
+async def test_so_many_readers_are_served_and_wait_and_the_next_is_turned_away(running: Running) -> None:
+    registry, _robot, _store = running
+    release = threading.Event()
+    asking = [asyncio.create_task(registry.storage.in_time(release.wait, 30)) for _ in range(4 + 64)]
+    await asyncio.sleep(0)
+    with pytest.raises(RegistryError, match="does not answer: try again in a moment"):
+        await registry.storage.in_time(lambda: True)
+    release.set()
+    assert all(await asyncio.gather(*asking))
+    assert await registry.storage.in_time(lambda: True)
 
 
 LOOK = """

@@ -3,6 +3,7 @@
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from msbot.config import Library, Scalar, Slot, SlotPort
 from msbot.errors import ConfigError, RegistryError
 from msbot.pnp import Claim
 from msbot.registry import EditRecord, Registry, RobotRecord, RobotStore
+from msbot.registry.edits import wires
 from tests.registry.blueprint.test_blueprint_store import LIBRARY, ROBOT, WIRE
 from tests.registry.hand import Hand
 
@@ -249,6 +251,25 @@ def test_a_whole_topic_is_taken_away_and_made_anew(registry: Registry, robot: Ro
     assert [binding.reliable for binding in store.configuration("leg").bindings] == [False]
 
 
+def test_a_wire_is_moved_and_who_publishes_there_stays(
+    registry: Registry, robot: RobotRecord, store: RobotStore
+) -> None:
+    making = partial(
+        wires.bind, topic="other", type_name="Light", source=SlotPort("right", "light"),
+        targets=[SlotPort("leg", "goal")], move=True,
+    )  # fmt: skip
+    edit = registry.edits.make(robot, "Ann", making)
+    assert sorted(edit.slots) == ["leg", "right"]
+    assert _topics(store, "leg") == [("goal", "other")]
+    assert _topics(store, "left") == [("light", "brightness")]
+    assert _topics(store, "right") == [("light", "other")]
+    registry.robots.apply_blueprint(ROBOT, LIBRARY)
+    assert _topics(store, "leg") == [("goal", "other")]  # what the blueprint asks for does not come back beside it
+    Hand(registry).undo(robot, None, "Ann")
+    assert _topics(store, "leg") == [("goal", "brightness")]
+    assert _topics(store, "right") == []
+
+
 def test_the_blueprint_wins_where_a_wire_made_by_hand_contradicts_it(
     registry: Registry, robot: RobotRecord, store: RobotStore
 ) -> None:
@@ -325,6 +346,14 @@ def test_an_applied_blueprint_is_undone(registry: Registry, robot: RobotRecord, 
     assert all(new.version > old.version for old, new in zip(before[:1], after[:1], strict=True))
     Hand(registry).undo(robot, edit.id + 1, "Ann")
     assert [slot.name for slot in store.slots()] == ["left", "arm"]
+
+
+def test_a_blueprint_with_another_description_of_the_robot_alone_says_so(
+    registry: Registry, robot: RobotRecord
+) -> None:
+    registry.robots.apply_blueprint(replace(ROBOT, robot=replace(ROBOT.robot, released="yesterday")), LIBRARY, "Bob")
+    (edit,) = registry.edits.latest(robot)
+    assert edit.words.endswith("profile, timing, options or descriptions")
 
 
 def test_applying_the_same_is_no_edit(registry: Registry, robot: RobotRecord) -> None:

@@ -3,6 +3,7 @@
 import logging
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -155,6 +156,24 @@ def test_a_contradiction_is_found(full: Registry, address: str, statement: str, 
     full.storage.write(lambda connection: connection.execute(text(statement)))
     (finding,) = upkeep.check(address)
     assert finding.startswith(f"robot MSBOT_MASTER: {sentence}")
+
+
+@pytest.mark.parametrize("column", ["slot_id", "placed_slot_id"])
+def test_a_part_in_a_slot_of_another_robot_is_found(
+    full: Registry, address: str, blueprint: Blueprint, library: Library, column: str
+) -> None:
+    full.robots.apply_blueprint(replace(blueprint, robot=replace(blueprint.robot, name="OTHER")), library)
+    assert upkeep.check(address) == []
+    full.storage.write(
+        lambda connection: connection.execute(
+            text(
+                f"UPDATE parts SET {column} = (SELECT max(slots.id) FROM slots JOIN robots ON robots.id = "
+                "slots.robot_id WHERE robots.name = 'OTHER')"
+            )
+        )
+    )
+    (finding,) = upkeep.check(address)
+    assert finding == f"robot MSBOT_MASTER: part {UID.hex()} is in a slot of another robot"
 
 
 def test_edits_and_journal_are_looked_at(full: Registry, address: str) -> None:

@@ -129,6 +129,25 @@ def test_a_renewed_lease_lasts(opened: Callable[[], Registry], blueprint: Bluepr
     assert lasts(lease)
 
 
+def test_a_master_whose_loop_stood_still_renews_again_when_it_goes_on(
+    opened: Callable[[], Registry], blueprint: Blueprint, library: Library
+) -> None:
+    registry = opened()
+    lease = registry.runs.wait_for_lease(registry.robots.apply_blueprint(blueprint, library), nobody_waits)
+    lease._loop_at = monotonic() - master_lease.STILL_S - 1
+    until = monotonic() + PATIENCE_S
+    while lease._trouble != "the master stood still":
+        assert not lease._ended.wait(0.05)
+        assert monotonic() < until
+    before = lease._valid_until
+    lease.left_s()  # the loop turns again
+    while lease._valid_until == before:
+        assert not lease._ended.wait(0.05)
+        assert monotonic() < until
+    assert lasts(lease)
+    assert lease._trouble == ""
+
+
 def test_a_master_without_standby_is_refused_while_one_with_it_serves_and_the_other_way_round(
     opened: Callable[[], Registry], blueprint: Blueprint, library: Library
 ) -> None:

@@ -112,6 +112,8 @@ class _Agent:
     stops_taken: int = 0
     topics: frozenset[tuple[str, bool]] = frozenset()
     """What its clients may write (True) and read (False)."""
+    said_again: int = 0
+    """The session whose rights were repeated last."""
 
 
 class MasterEnd:
@@ -179,9 +181,8 @@ class MasterEnd:
         place = self._places.get(key)
         if place is None:
             return False
-        self._around.send(
-            place[0].key, Answer(number=place[1], compat=int(in_compat), identity=identity, body=body)
-        )  # fmt: skip
+        answer = Answer(number=place[1], compat=int(in_compat), identity=identity, body=body)
+        self._around.send(place[0].key, answer)
         return True
 
     def tell_stop(self) -> None:
@@ -249,6 +250,7 @@ class MasterEnd:
                     agent.stops_taken = said_there
                     self._around.stop_said(agent.name, words)
                 self._say_heard(agent, count)
+                self._say_again(agent)
             case Ask() | Sign() | Remark():
                 session = agent.sessions.get(message.number)
                 if session is None:
@@ -368,14 +370,18 @@ class MasterEnd:
             ),
         )
 
+    def _say_again(self, agent: _Agent) -> None:
+        """The rights of one session in turn, because nobody confirms a change of them, and it may have been lost."""
+        numbers = sorted(agent.sessions)
+        if numbers:
+            later = [number for number in numbers if number > agent.said_again]
+            agent.said_again = (later or numbers)[0]
+            self._say_rights(agent, agent.said_again)
+
     def _topics_changed(self, agent: _Agent) -> None:
         configurations = [self._inventory.configuration_of(one.client.key) for one in agent.sessions.values()]
-        topics = frozenset(
-            (binding.topic, binding.publishes)
-            for configuration in configurations
-            if configuration is not None
-            for binding in configuration.bindings
-        )
+        bindings = (binding for one in configurations if one is not None for binding in one.bindings)
+        topics = frozenset((binding.topic, binding.publishes) for binding in bindings)
         if topics != agent.topics:
             agent.topics = topics
             self._around.recheck(agent.key)
@@ -384,14 +390,8 @@ class MasterEnd:
 def _topics_of(configuration: Configuration | None) -> list[OpenTopic]:
     if configuration is None:
         return []
-    found = {(binding.topic, binding.publishes): binding for binding in configuration.bindings}
+    found = {(one.topic, one.publishes): one for one in configuration.bindings if one.topic}
     return [
-        OpenTopic(
-            topic=binding.topic,
-            topic_type=binding.type_name,
-            publishes=int(binding.publishes),
-            reliable=int(binding.reliable),
-        )
-        for binding in found.values()
-        if binding.topic
+        OpenTopic(topic=topic, topic_type=one.type_name, publishes=int(publishes), reliable=int(one.reliable))
+        for (topic, publishes), one in found.items()
     ]

@@ -11,7 +11,8 @@ from the agent      means                                       answered by
 `SessionOpen`       a client has opened a session               `Rights`, again with each change of them
 `SessionOver`       a session has ended                         `Forgotten`
 `Ask`               a part asks the inventory something         `Answer`, or silence
-`AgentBeat`         it is alive; STOP said on its links         `MasterHeard`, or `WhoIsThat` to a stranger
+`AgentBeat`         it is alive; STOP said on its links         `MasterHeard`, and the `Rights` of one session in turn;
+                                                                `WhoIsThat` to a stranger
 `Sign`              how long ago a client was heard             nothing
 `Remark`            something about a part for the journal      nothing
 ==================  ==========================================  =====================================================

@@ -184,13 +184,17 @@ def _put_bindings(connection: Connection, robot_id: int, slot_ids: Mapping[str, 
                 "in_use": True,
             }
     here = select(bindings).where(bindings.c.robot_id == robot_id).order_by(bindings.c.id)
-    by_hand: list[dict[str, object]] = []
+    others: list[Mapping[str, object]] = []
     for row in connection.execute(here).all():
         end = (row.slot_id, row.port, row.topic, row.publishes)
         if end in wanted:
             wanted[end]["in_use"] = row.in_use
-        elif row.origin == "hand" and row.slot_id in slot_ids.values() and not _contradicts(row._asdict(), wanted):
-            by_hand.append({name: value for name, value in row._asdict().items() if name != "id"})
+        elif row.origin == "hand" and row.slot_id in slot_ids.values():
+            others.append(row._asdict())
+    held = [one for one in wanted.values() if one["in_use"]]
+    by_hand = [
+        {name: value for name, value in row.items() if name != "id"} for row in others if not _contradicts(row, held)
+    ]
     connection.execute(delete(bindings).where(bindings.c.robot_id == robot_id))
     if wanted or by_hand:
         connection.execute(insert(bindings), [*wanted.values(), *by_hand])
@@ -200,12 +204,15 @@ _End = tuple[int, str, str, bool]
 """Slot, port, topic, whether it publishes: what identifies a row of `bindings`."""
 
 
-def _contradicts(row: Mapping[str, object], wanted: Mapping[_End, Mapping[str, object]]) -> bool:
-    """Whether the blueprint has the topic with another type or reliability, or the port on another topic."""
+def _contradicts(row: Mapping[str, object], held: Sequence[Mapping[str, object]]) -> bool:
+    """Whether the blueprint has the topic with another type or reliability, or the port on another topic.
+
+    Only what is in use of it counts: a wire that was moved by hand has taken the place of the blueprint's own.
+    """
     return any(
         (other["topic"] == row["topic"] and any(other[key] != row[key] for key in ("type_name", "reliable")))
         or (other["slot_id"] == row["slot_id"] and other["port"] == row["port"])
-        for other in wanted.values()
+        for other in held
     )
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.errors import RemoteProtocolError
-from msbot.link.can.protocol.decoder import CanDecoder, LegacyDecoder
+from msbot.link.can.protocol.decoder import CanDecoder, LegacyDecoder, report_words
 from msbot.link.can.protocol.frames import Frame, split
 from msbot.link.can.protocol.ids import (
     CAN_FD,
@@ -108,6 +108,27 @@ def test_nodes_and_directions_are_kept_apart() -> None:
         f"1 down 82{'00' * 10}",
         f"2 up 83{'00' * 10}",
     ]
+
+
+@pytest.mark.parametrize(
+    ("bits", "words"),
+    [
+        (0x001, "a frame was not sent in time"),
+        (0x002, "arbitration lost"),
+        (0x004, "controller problem"),
+        (0x008, "protocol violation"),
+        (0x010, "transceiver problem"),
+        (0x020, "nobody acknowledged"),
+        (0x040, "bus-off"),
+        (0x080, "bus error"),
+        (0x100, "restarted"),
+        (0x200, "error counters changed"),
+        (0x088, "protocol violation, bus error"),
+        (0x400, "unknown"),
+    ],
+)
+def test_an_error_report_says_what_linux_means_by_its_bits(bits: int, words: str) -> None:
+    assert report_words(Frame(bits, bytes(8), error=True)) == f"error report: {words}"
 
 
 def test_a_lost_frame_is_named_and_the_packet_not_explained() -> None:

@@ -291,6 +291,14 @@ def test_impossible_frames_are_refused(bad: Frame) -> None:
         check_frame(bad)
 
 
+@pytest.mark.parametrize(
+    ("size", "length"),
+    [(0, 0), (8, 8), (9, 12), (12, 12), (13, 16), (17, 20), (21, 24), (25, 32), (33, 48), (49, 64), (64, 64)],
+)
+def test_an_fd_frame_has_one_of_the_lengths_of_iso_11898(size: int, length: int) -> None:
+    assert len(pad_fd(bytes(size))) == length
+
+
 def test_padding_to_an_fd_length() -> None:
     assert pad_fd(b"123456789", b"\xcc") == b"123456789\xcc\xcc\xcc"
     assert pad_fd(b"12345678") == b"12345678"

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.link.can.protocol.frames import Frame, check_frame
 from msbot.link.can.protocol.ids import (
+    EPOCHS,
     NOBODY,
     Assign,
     Beacon,
@@ -47,6 +48,13 @@ def test_join_on_the_wire() -> None:
     # CRC-32 of 01..08 is 3fca88c5; its low 22 bits are 0a88c5; caps 3 stand at bits 22 and 23.
     assert frame == Frame(0x1E000000 | 3 << 22 | 0x0A88C5, UID, extended=True)
     assert read_join(frame, IDS) == (UID, 3)
+
+
+def test_every_epoch_that_a_master_draws_fits_into_an_assign_and_a_beacon() -> None:
+    last = EPOCHS - 1
+    assert read_assign(assign_frame(Assign(UID, 120, last, 3), IDS), IDS) == Assign(UID, 120, last, 3)
+    assert assign_frame(Assign(UID, 120, last, 3), IDS).can_id & ~0xFFFFFF == IDS.assign
+    assert read_beacon(beacon_frame(Beacon(0, last, 0), IDS), IDS) == Beacon(0, last, 0)
 
 
 def test_assign_on_the_wire() -> None:

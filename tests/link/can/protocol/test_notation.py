@@ -62,6 +62,15 @@ def test_a_can_fd_frame_takes_64_octets() -> None:
     assert parse_frame("123##0" + "5A" * 64).data == b"Z" * 64
 
 
+def test_a_hint_is_given_where_it_helps() -> None:
+    with pytest.raises(ConfigError, match="CAN FD is written with two #"):
+        parse_frame("123#001122334455667788")
+    for text in ("123#0011223344556677_8", "800#0011223344556677"):
+        with pytest.raises(ConfigError) as refused:
+            parse_frame(text)
+        assert "two #" not in str(refused.value)
+
+
 @given(st.binary(max_size=64))
 def test_fd_data_is_padded_with_cc_to_the_next_length(data: bytes) -> None:
     padded = parse_frame(f"123##0{data.hex()}").data

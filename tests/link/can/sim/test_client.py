@@ -157,6 +157,14 @@ async def test_a_master_serves_the_bus_itself_when_nobody_does(folder: Path) -> 
     assert find_bus("classroom", folder) is None
 
 
+async def test_a_bus_that_cannot_be_served_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    adapter = SimAdapter(WISH, node="master", absent=WhenAbsent.SERVE, folder=tmp_path / "file")
+    with pytest.raises((ConfigError, LinkDown)):
+        async with running(adapter):
+            pass
+
+
 async def test_a_master_off_its_own_bus_comes_back(folder: Path) -> None:
     adapter = SimAdapter(WISH, absent=WhenAbsent.SERVE, folder=folder)
     async with running(adapter) as master:

@@ -18,6 +18,7 @@ import pytest
 
 import can
 from msbot.link.can.adapters.python_can import message_of
+from msbot.link.can.controller import BusState
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.protocol.notation import parse_log_line
 from msbot.link.can.sim import python_can_interface as sim_interface
@@ -196,6 +197,24 @@ def test_a_bus_that_ends_is_an_error(server: Server) -> None:
         bus.send(message())
     bus.shutdown()
     bus.shutdown()
+
+
+def test_nobody_waits_for_room_on_a_bus_that_has_ended_or_in_a_controller_that_is_off(server: Server) -> None:
+    lonely = MsbotBus()
+    for number in range(3):
+        lonely.send(message(number))
+    server.do(server.driver.short_circuit)
+    with lonely._news:
+        assert lonely._news.wait_for(lambda: lonely.state is can.BusState.ERROR, PATIENCE_S)
+        assert lonely._is_settled()
+    with pytest.raises(can.CanOperationError, match="bus-off"):
+        lonely.send(message())
+    server.do(server.end.set)
+    with lonely._news:
+        assert lonely._news.wait_for(lambda: bool(lonely._ended), PATIENCE_S)
+        lonely._bus_state = BusState.ACTIVE  # whatever was heard last
+        assert lonely._is_settled()
+    lonely.shutdown()
 
 
 @pytest.mark.parametrize(
